@@ -1,0 +1,28 @@
+"""Names and orders of joints, drives and coordinates, used by every package.
+
+Orders are fixed once: left before right, and along a leg from hip to toe.
+"""
+
+from __future__ import annotations
+
+LEGS = ("left", "right")
+LEG_JOINTS = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "shin", "tarsus", "toe")
+LEG_DRIVES = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "toe")
+LEG_SENSED_JOINTS = ("shin", "tarsus", "toe")
+
+BASE_COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")
+
+JOINTS = tuple(f"{leg}_{joint}" for leg in LEGS for joint in LEG_JOINTS)
+"""The 14 joints of eq:qbody."""
+
+DRIVES = tuple(f"{leg}_{drive}" for leg in LEGS for drive in LEG_DRIVES)
+"""The 10 drives in the order of every command and sensor sample."""
+
+SENSED_JOINTS = tuple(f"{leg}_{joint}" for leg in LEGS for joint in LEG_SENSED_JOINTS)
+"""The 6 joints that carry an encoder of their own."""
+
+COORDINATES = BASE_COORDINATES + JOINTS
+"""The 20 coordinates of eq:qdef."""
+
+DRIVE_IN_Q = tuple(COORDINATES.index(name) for name in DRIVES)
+"""Index in q of each drive's joint. Length 10."""

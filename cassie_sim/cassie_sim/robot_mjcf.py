@@ -1,0 +1,224 @@
+"""The MuJoCo model of Cassie, made from the numbers in `cassie_gaits.robot`.
+
+20 coordinates of the paper plus what closes the loops: each leg keeps its achilles rod, heel
+spring, foot crank and plantar rod as bodies, and the rods' far ends are pinned by stiff
+equality constraints. Leaf springs are joint springs. Drives are plain joint torques here; gear,
+torque-speed bound and delay are in `cassie_sim.drives`.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from cassie_gaits import robot
+from cassie_gaits.names import LEG_DRIVES, LEGS
+
+PHYSICS_PERIOD = 0.0005
+"""Length of a physics step. In s."""
+
+# Softer closures let the pins separate by millimetres and swallow half of the heel spring's
+# deflection.
+_LOOP_SOLREF = (0.002, 1.0)
+_LOOP_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
+
+_GROUND, _LEFT, _RIGHT, _TORSO = 1, 2, 4, 8
+_COLLIDES_WITH = {"left": _GROUND | _RIGHT, "right": _GROUND | _LEFT, "pelvis": _GROUND}
+_IS = {"left": _LEFT, "right": _RIGHT, "pelvis": _TORSO}
+
+_BODY_COLOUR = (0.92, 0.55, 0.16, 1.0)
+_SHAPE_COLOUR = (0.35, 0.40, 0.46, 1.0)
+
+
+def mesh_folder() -> Path | None:
+    """Folder of the meshes that `example-robot-data` installs, or None without that package."""
+    try:
+        import cmeel
+    except ImportError:
+        return None
+    prefix = Path(cmeel.__file__).parents[1] / "cmeel.prefix"
+    folder = prefix / "share/example-robot-data/robots/cassie_description/meshes"
+    return folder if folder.is_dir() else None
+
+
+def robot_spec(*, meshes: bool = False, gravity: float = 9.81) -> mujoco.MjSpec:
+    """Cassie on a free base, above an empty world.
+
+    Args:
+        meshes: Add the visual meshes. They make compiling slow and change no physics.
+        gravity: In m/s^2.
+
+    Returns:
+        An editable model; scenes add ground and obstacles to it.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = "cassie"
+    spec.compiler.degree = False
+    spec.option.timestep = PHYSICS_PERIOD
+    spec.option.gravity = [0.0, 0.0, -gravity]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.iterations = 30
+    folder = mesh_folder() if meshes else None
+    pelvis = _add_body(spec, spec.worldbody, robot.PELVIS, "pelvis", folder)
+    pelvis.add_freejoint(name="pelvis")
+    pelvis.add_site(name="imu", pos=robot.IMU_POSITION, size=[0.01, 0.01, 0.01])
+    # The pelvis is a ball to the ground, its mesh is for looks.
+    _add_shape(pelvis, "pelvis", folder is None, sphere=(0.15, (0.02, 0.0, 0.02)))
+    for leg in LEGS:
+        _add_leg(spec, pelvis, leg, folder)
+    return spec
+
+
+def _add_leg(
+    spec: mujoco.MjSpec, pelvis: mujoco.MjsBody, leg: str, folder: Path | None
+) -> None:
+    bodies = {"pelvis": pelvis}
+    for link in robot.leg_links(leg):
+        body = _add_body(spec, bodies[link.parent], link, f"{leg}_{link.name}", folder)
+        _add_joint(body, link, leg)
+        bodies[link.name] = body
+        if link.capsule is not None:
+            _add_shape(body, leg, folder is None, capsule=link.capsule)
+    for end, point in zip(("heel", "toe"), robot.FOOT_CONTACTS, strict=True):
+        geom = bodies["toe"].add_geom(
+            name=f"{leg}_{end}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[robot.SOLE_RADIUS, 0.0, 0.0],
+            pos=point,
+            contype=_IS[leg],
+            conaffinity=_GROUND,
+            rgba=_SHAPE_COLOUR,
+            mass=0.0,
+        )
+        geom.condim = 3
+    bodies["toe"].add_site(name=f"{leg}_foot", pos=np.mean(robot.FOOT_CONTACTS, axis=0))
+    for rod in robot.RODS:
+        spec.add_equality(
+            name=f"{leg}_{rod.rod}",
+            type=mujoco.mjtEq.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            name1=f"{leg}_{rod.rod}",
+            name2=f"{leg}_{rod.target}",
+            data=[rod.length] + [0.0] * 11,
+            solref=_LOOP_SOLREF,
+            solimp=_LOOP_SOLIMP,
+        )
+    for name in LEG_DRIVES:
+        spec.add_actuator(
+            name=f"{leg}_{name}",
+            target=f"{leg}_{name}",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        )
+
+
+def _add_body(
+    spec: mujoco.MjSpec,
+    parent: mujoco.MjsBody,
+    link: robot.Link,
+    name: str,
+    folder: Path | None,
+) -> mujoco.MjsBody:
+    body = parent.add_body(name=name, pos=link.position, quat=_quaternion(link))
+    body.mass = link.mass
+    body.ipos = link.com
+    body.fullinertia = link.inertia
+    body.explicitinertial = True
+    if folder is not None and link.mesh is not None:
+        _add_mesh(spec, body, link, name, folder)
+    return body
+
+
+def _quaternion(link: robot.Link) -> np.ndarray:
+    x_axis = np.asarray(link.x_axis) / np.linalg.norm(link.x_axis)
+    z_axis = np.cross(x_axis, link.y_axis)
+    z_axis /= np.linalg.norm(z_axis)
+    rotation = np.column_stack([x_axis, np.cross(z_axis, x_axis), z_axis])
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion
+
+
+def _add_joint(body: mujoco.MjsBody, link: robot.Link, leg: str) -> None:
+    joint = link.joint
+    if joint.kind == "fixed":
+        return
+    ball = joint.kind == "ball"
+    added = body.add_joint(
+        name=f"{leg}_{link.name}",
+        type=mujoco.mjtJoint.mjJNT_BALL if ball else mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[0.0, 0.0, 1.0],
+    )
+    added.damping = _as_field(added.damping, joint.damping)
+    added.stiffness = _as_field(added.stiffness, joint.stiffness)
+    added.armature = joint.armature
+    if ball:
+        return
+    added.ref = joint.zero
+    if joint.limits is not None:
+        added.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        added.range = joint.limits
+
+
+def _as_field(present: object, value: float) -> object:
+    """The value in the shape that this version of MuJoCo gives the field (scalar or polynomial)."""
+    if np.ndim(present) == 0:  # type: ignore[arg-type]
+        return value
+    field = np.zeros(np.shape(present))  # type: ignore[arg-type]
+    field[0] = value
+    return field
+
+
+def _add_shape(
+    body: mujoco.MjsBody,
+    owner: str,
+    visible: bool,
+    *,
+    sphere: tuple[float, robot.Vector] | None = None,
+    capsule: tuple[float, robot.Vector, robot.Vector] | None = None,
+) -> None:
+    geom = body.add_geom(
+        contype=_IS[owner],
+        conaffinity=_COLLIDES_WITH[owner],
+        condim=3,
+        mass=0.0,
+        group=0 if visible else 3,
+        rgba=_SHAPE_COLOUR,
+    )
+    if sphere is not None:
+        geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
+        geom.size = [sphere[0], 0.0, 0.0]
+        geom.pos = sphere[1]
+    elif capsule is not None:
+        geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+        geom.size = [capsule[0], 0.0, 0.0]
+        geom.fromto = [*capsule[1], *capsule[2]]
+
+
+def _add_mesh(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, link: robot.Link, name: str, folder: Path
+) -> None:
+    # Only the left meshes exist; the right ones are their mirror images.
+    scale = [1.0, 1.0, 1.0]
+    if name.startswith("right"):
+        scale[link.mirror_axis] = -1.0
+    spec.add_mesh(name=name, file=str(folder / f"{link.mesh}.stl"), scale=scale)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=name,
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+        group=1,
+        rgba=_BODY_COLOUR if link.name in ("pelvis", "hip_pitch", "shin") else _SHAPE_COLOUR,
+    )
+
+
+@functools.cache
+def robot_model() -> mujoco.MjModel:
+    """The compiled robot alone, for kinematics. Do not change it."""
+    return robot_spec().compile()
