@@ -1,0 +1,231 @@
+"""The messages of the control lane, field by field in the order of their .msg files.
+
+Units and the order within arrays stand there. See `cassie_msgs.sample` for what a
+`Sample` is; a test holds that these tables give the bytes ROS itself would send.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_msgs.sample import LayoutError, Sample, header
+
+__all__ = [
+    "SAMPLE_TYPES",
+    "ControllerStatus",
+    "LayoutError",
+    "Mode",
+    "MotorCommand",
+    "OperatorCommand",
+    "RobotMode",
+    "RobotState",
+    "Sample",
+    "Sensors",
+    "header",
+]
+
+FloatArray = npt.NDArray[np.float64]
+UInt64Array = npt.NDArray[np.uint64]
+UInt8Array = npt.NDArray[np.uint8]
+BoolArray = npt.NDArray[np.bool_]
+
+F8, U8, U1, B1 = np.float64, np.uint64, np.uint8, np.bool_
+
+
+class RobotMode(IntEnum):
+    """Modes of the robot, the constants of Mode.msg."""
+
+    OFF = 0
+    DAMP = 1
+    STAND = 2
+    WALK = 3
+    SEGWAY = 4
+
+
+class Sensors(Sample):
+    """Sensors.msg: one sample of the robot's sensors, per control tick."""
+
+    TOPIC = "/cassie/sensors"
+    LAYOUT = (
+        ("orientation", F8, 4),
+        ("angular_velocity", F8, 3),
+        ("linear_acceleration", F8, 3),
+        ("drive_position", F8, 10),
+        ("drive_velocity", F8, 10),
+        ("drive_torque", F8, 10),
+        ("joint_position", F8, 6),
+        ("joint_velocity", F8, 6),
+        ("battery", F8, 2),
+        ("power", F8, 1),
+        ("damping", F8, 1),
+    )
+    orientation: FloatArray
+    angular_velocity: FloatArray
+    linear_acceleration: FloatArray
+    drive_position: FloatArray
+    drive_velocity: FloatArray
+    drive_torque: FloatArray
+    joint_position: FloatArray
+    joint_velocity: FloatArray
+    battery: FloatArray
+    power: FloatArray
+    damping: FloatArray
+
+
+class RobotState(Sample):
+    """RobotState.msg: state estimate, per sensor sample."""
+
+    TOPIC = "/cassie/state"
+    LAYOUT = (
+        ("q", F8, 20),
+        ("v", F8, 20),
+        ("com_position", F8, 3),
+        ("com_velocity", F8, 3),
+        ("foot_force", F8, 2),
+        ("foot_load", F8, 2),
+        ("contact_probability", F8, 2),
+        ("angular_velocity", F8, 3),
+        ("covariance", F8, 12),
+        ("power", F8, 1),
+    )
+    q: FloatArray
+    v: FloatArray
+    com_position: FloatArray
+    com_velocity: FloatArray
+    foot_force: FloatArray
+    foot_load: FloatArray
+    contact_probability: FloatArray
+    angular_velocity: FloatArray
+    covariance: FloatArray
+    power: FloatArray
+
+
+class Mode(Sample):
+    """Mode.msg: what the controller shall do, for every 10th state."""
+
+    TOPIC = "/cassie/mode"
+    LAYOUT = (
+        ("effective_seq", U8, 1),
+        ("mode", U8, 1),
+        ("transition", F8, 1),
+        ("vx", F8, 1),
+        ("vy", F8, 1),
+        ("yaw_rate", F8, 1),
+        ("height", F8, 1),
+        ("com_x", F8, 1),
+        ("com_y", F8, 1),
+        ("roll", F8, 1),
+        ("pitch", F8, 1),
+        ("trims", F8, 4),
+    )
+    effective_seq: UInt64Array
+    mode: UInt64Array
+    transition: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    yaw_rate: FloatArray
+    height: FloatArray
+    com_x: FloatArray
+    com_y: FloatArray
+    roll: FloatArray
+    pitch: FloatArray
+    trims: FloatArray
+
+
+class MotorCommand(Sample):
+    """MotorCommand.msg: set-points of the ten drives, per state."""
+
+    TOPIC = "/cassie/motor_command"
+    LAYOUT = (
+        ("torque", F8, 10),
+        ("position", F8, 10),
+        ("velocity", F8, 10),
+        ("kp", F8, 10),
+        ("kd", F8, 10),
+    )
+    torque: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    kp: FloatArray
+    kd: FloatArray
+
+
+class ControllerStatus(Sample):
+    """ControllerStatus.msg: what the controller is doing."""
+
+    TOPIC = "/cassie/controller_status"
+    LAYOUT = (
+        ("mode_seq", U8, 1),
+        ("mode", U8, 1),
+        ("phase", F8, 1),
+        ("stance_leg", F8, 1),
+        ("step_count", F8, 1),
+        ("gait_speed", F8, 1),
+        ("step_time", F8, 1),
+        ("velocity", F8, 2),
+        ("y", F8, 9),
+        ("dy", F8, 9),
+        ("saturation", F8, 1),
+        ("supervisor_lost", F8, 1),
+    )
+    mode_seq: UInt64Array
+    mode: UInt64Array
+    phase: FloatArray
+    stance_leg: FloatArray
+    step_count: FloatArray
+    gait_speed: FloatArray
+    step_time: FloatArray
+    velocity: FloatArray
+    y: FloatArray
+    dy: FloatArray
+    saturation: FloatArray
+    supervisor_lost: FloatArray
+
+
+class OperatorCommand(Sample):
+    """OperatorCommand.msg: what the operator wants, 50 Hz."""
+
+    TOPIC = "/cassie/operator_command"
+    LAYOUT = (
+        ("effective_seq", U8, 1),
+        ("vx", F8, 1),
+        ("vy", F8, 1),
+        ("yaw_rate", F8, 1),
+        ("height", F8, 1),
+        ("com_x", F8, 1),
+        ("com_y", F8, 1),
+        ("roll", F8, 1),
+        ("pitch", F8, 1),
+        ("trims", F8, 4),
+        ("mode", U1, 1),
+        ("power", B1, 1),
+        ("link", B1, 1),
+        ("scripted", B1, 1),
+    )
+    effective_seq: UInt64Array
+    vx: FloatArray
+    vy: FloatArray
+    yaw_rate: FloatArray
+    height: FloatArray
+    com_x: FloatArray
+    com_y: FloatArray
+    roll: FloatArray
+    pitch: FloatArray
+    trims: FloatArray
+    mode: UInt8Array
+    power: BoolArray
+    link: BoolArray
+    scripted: BoolArray
+
+
+SAMPLE_TYPES: tuple[type[Sample], ...] = (
+    Sensors,
+    RobotState,
+    Mode,
+    MotorCommand,
+    ControllerStatus,
+    OperatorCommand,
+)

@@ -1,0 +1,165 @@
+"""A message as its CDR bytes, with numpy views of each field.
+
+A ROS message object costs 15 to 40 us to fill, serialize and read in Python. Every
+message of the control lane has a fixed size, so its serialized form is a fixed table
+of offsets: a `Sample` holds that form and hands out views into it. Publishing is then
+`publisher.publish(sample.to_bytes())`, receiving is `sample.load(raw)`.
+
+Source:
+    OMG DDS-XTypes 1.3, 7.4.3 (plain CDR, XCDR1): four bytes of encapsulation header,
+    then each primitive aligned to its own size, counted from the end of that header.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Field = tuple[str, type[np.generic], int]
+
+ENCAPSULATION = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
+_HEADER = struct.Struct("<4xiII4xQ")
+_STAMP = struct.Struct("<iI")
+_STAMP_OFFSET = 4
+_MAX_PADDING = 3  # RTPS pads a payload to a multiple of four bytes
+
+_COMMON: tuple[Field, ...] = (
+    ("sec", np.int32, 1),
+    ("nanosec", np.uint32, 1),
+    ("episode", np.uint32, 1),
+    ("seq", np.uint64, 1),
+)
+
+SampleT = TypeVar("SampleT", bound="Sample")
+
+
+class LayoutError(ValueError):
+    """Received bytes do not fit the message they are said to be."""
+
+
+def header(raw: bytes) -> tuple[int, int, int, int]:
+    """Stamp, episode and seq of any control-lane message, without loading it.
+
+    Args:
+        raw: Serialized message, at least 28 bytes.
+
+    Returns:
+        (sec, nanosec, episode, seq).
+
+    Raises:
+        LayoutError: if `raw` is shorter than that.
+    """
+    if len(raw) < _HEADER.size:
+        raise LayoutError(f"{len(raw)} bytes are too few for a header of {_HEADER.size} bytes")
+    sec, nanosec, episode, seq = _HEADER.unpack_from(raw)
+    return sec, nanosec, episode, seq
+
+
+class Sample:
+    """One message as its CDR bytes; each field is a numpy view into them.
+
+    Fields are written in place: `sample.q[:] = q`, `sample.phase[...] = 0.5`. Scalars
+    are 0-d views (`float(sample.phase)`, `int(sample.seq)`). A fresh sample is all zero.
+
+    Attributes:
+        LAYOUT: (name, numpy type, count) of each field after the common header, in
+            message order; count 1 is a scalar.
+        TYPE: ROS name of the message type.
+        TOPIC: Topic it travels on.
+        DTYPE: Structured type of the whole serialized message, for reading bags.
+        SIZE: Its size, in bytes.
+    """
+
+    LAYOUT: ClassVar[tuple[Field, ...]] = ()
+    TYPE: ClassVar[str]
+    TOPIC: ClassVar[str]
+    DTYPE: ClassVar[np.dtype[Any]]
+    SIZE: ClassVar[int]
+
+    episode: npt.NDArray[np.uint32]
+    seq: npt.NDArray[np.uint64]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.TYPE = f"cassie_msgs/msg/{cls.__name__}"
+        cls.DTYPE = _cdr_dtype(_COMMON + cls.LAYOUT)
+        cls.SIZE = cls.DTYPE.itemsize
+
+    def __init__(self) -> None:
+        storage = np.zeros(self.SIZE + 8, np.uint8)
+        start = (4 - storage.ctypes.data) % 8  # the body, four bytes on, lies on 8 bytes
+        buffer = storage[start : start + self.SIZE]
+        buffer[:4] = tuple(ENCAPSULATION)
+        attributes = self.__dict__  # `__setattr__` guards the fields from here on
+        attributes["_memory"] = buffer.data
+        for name in self.DTYPE.names or ():
+            attributes[name] = buffer.view(self.DTYPE)[name].reshape(self.DTYPE[name].shape)
+
+    _memory: memoryview
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in self.__dict__:
+            raise AttributeError(
+                f"{type(self).__name__}.{name} is a view into the message: "
+                f"write sample.{name}[...] = value"
+            )
+        object.__setattr__(self, name, value)
+
+    def load(self, raw: bytes) -> None:
+        """Copy a received message in.
+
+        Raises:
+            LayoutError: if its size or encoding is not that of this message type.
+        """
+        if not 0 <= len(raw) - self.SIZE <= _MAX_PADDING:
+            raise LayoutError(f"{self.TYPE} has {self.SIZE} bytes, received {len(raw)}")
+        if raw[:2] != ENCAPSULATION[:2]:
+            raise LayoutError(
+                f"{self.TYPE} in encoding {raw[:2].hex()}, expected 0001 (plain CDR, little endian)"
+            )
+        self._memory[:] = raw[: self.SIZE]
+
+    def to_bytes(self) -> bytes:
+        """The serialized message, ready to be published."""
+        return self._memory.tobytes()
+
+    def copy_from(self: SampleT, other: SampleT) -> None:
+        """Take over the content of another sample of the same type.
+
+        Raises:
+            LayoutError: if `other` is of another type.
+        """
+        if type(other) is not type(self):
+            raise LayoutError(f"{self.TYPE} cannot take over a {other.TYPE}")
+        self._memory[:] = other._memory
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp, in ns."""
+        sec, nanosec = _STAMP.unpack_from(self._memory, _STAMP_OFFSET)
+        return int(sec * 1_000_000_000 + nanosec)
+
+    @stamp_ns.setter
+    def stamp_ns(self, value: int) -> None:
+        _STAMP.pack_into(self._memory, _STAMP_OFFSET, *divmod(value, 1_000_000_000))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(episode={self.episode}, seq={self.seq})"
+
+
+def _cdr_dtype(layout: tuple[Field, ...]) -> np.dtype[Any]:
+    """Structured type whose bytes are the CDR form of `layout`, header included."""
+    names, formats, offsets = [], [], []
+    end = 0  # counted from the end of the encapsulation header
+    for name, scalar, count in layout:
+        size = np.dtype(scalar).itemsize
+        start = -(-end // size) * size
+        names.append(name)
+        formats.append((scalar, (count,)) if count > 1 else (scalar, ()))
+        offsets.append(len(ENCAPSULATION) + start)
+        end = start + size * count
+    itemsize = len(ENCAPSULATION) + end
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
