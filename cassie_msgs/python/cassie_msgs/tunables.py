@@ -92,7 +92,8 @@ def tunable(
 
 def entries(instance: Any, prefix: str = "") -> Iterator[Entry]:
     """Every tunable field of a dataclass instance, nested ones with dotted names."""
-    for field, hint in _fields(type(instance)):
+    cls: Any = type(instance)
+    for field, hint in _fields(cls):
         value = getattr(instance, field.name)
         if dataclasses.is_dataclass(hint):
             yield from entries(value, f"{prefix}{field.name}.")
@@ -233,7 +234,8 @@ def _check_number(name: str, value: Any, kind: type, spec: Tunable) -> None:
 
 def _replace(instance: Any, changes: Mapping[str, Any]) -> Any:
     own: dict[str, Any] = {}
-    for field, hint in _fields(type(instance)):
+    cls: Any = type(instance)
+    for field, hint in _fields(cls):
         if dataclasses.is_dataclass(hint):
             prefix = f"{field.name}."
             inner = {k[len(prefix) :]: v for k, v in changes.items() if k.startswith(prefix)}

@@ -1,0 +1,1 @@
+"""Recording, recovery, replay and experiments with Cassie."""

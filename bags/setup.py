@@ -1,0 +1,32 @@
+"""Build of cassie_bags by colcon (ament_python)."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "cassie_bags"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Recording, recovery, replay and experiments with Cassie",
+    license="Apache-2.0",
+    maintainer="Cassie for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["*.json", "*.yaml", "*.md", "**/*.json", "**/*.yaml", "**/*.md"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/experiments", sorted(glob("experiments/*.yaml"))),
+    ],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "record = cassie_bags.ros.record:main",
+            "replay = cassie_bags.ros.replay:main",
+            "recover = cassie_bags.ros.recover:main",
+            "experiment = cassie_bags.ros.experiment:main",
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""State estimator, gait-library controller and mode supervisor of Cassie."""

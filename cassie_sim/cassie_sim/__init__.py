@@ -1,0 +1,1 @@
+"""Cassie in MuJoCo: robot, drives, sensors, grounds and gantry."""

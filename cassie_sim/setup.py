@@ -1,0 +1,26 @@
+"""Build of cassie_sim by colcon (ament_python)."""
+
+from setuptools import find_packages, setup
+
+NAME = "cassie_sim"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Cassie in MuJoCo: robot, drives, sensors, grounds and gantry",
+    license="Apache-2.0",
+    maintainer="Cassie for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["*.json", "*.yaml", "*.md", "*.xml", "**/*.json", "**/*.yaml", "**/*.md", "**/*.xml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "simulator = cassie_sim.ros.simulator:main",
+        ],
+    },
+)

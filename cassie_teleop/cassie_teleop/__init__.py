@@ -1,0 +1,1 @@
+"""Driving Cassie by radio, gamepad, keyboard or script."""

@@ -1,0 +1,32 @@
+"""Build of cassie_teleop by colcon (ament_python)."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "cassie_teleop"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Driving Cassie by radio, gamepad, keyboard or script",
+    license="Apache-2.0",
+    maintainer="Cassie for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["*.yaml", "*.md", "**/*.yaml", "**/*.md"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
+    ],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "rc_teleop = cassie_teleop.ros.rc_teleop:main",
+            "joystick = cassie_teleop.ros.joystick:main",
+            "keyboard_teleop = cassie_teleop.ros.keyboard_teleop:main",
+            "scripted_operator = cassie_teleop.ros.scripted_operator:main",
+        ],
+    },
+)
