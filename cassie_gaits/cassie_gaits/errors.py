@@ -1,0 +1,28 @@
+"""Errors that the project's cores raise for input they cannot use."""
+
+from __future__ import annotations
+
+
+class CassieError(ValueError):
+    """Base of every error of gaits, control, simulation and bags.
+
+    The message is one line that names the thing, the value it got and what it expected.
+    """
+
+
+class KinematicsError(CassieError):
+    """Joint angles or outputs that the leg's geometry does not allow."""
+
+
+class LegLengthError(KinematicsError):
+    """No knee angle gives the requested leg length."""
+
+    @classmethod
+    def outside(cls, length: float, low: float, high: float, leg: str = "") -> LegLengthError:
+        """The error for a length that is not in `low` .. `high` (m) of "left", "right" or a leg."""
+        which = f"{leg} leg" if leg else "leg"
+        return cls(f"{which} length {length:.4f} m is outside {low:.4f} .. {high:.4f} m")
+
+
+class GaitLibraryError(CassieError):
+    """A gait library, or the file of one, that cannot be used."""
