@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+
 from cassie_gaits import leg_kinematics as legs
 from cassie_gaits import virtual_leg
 from cassie_gaits.errors import CassieError, KinematicsError, LegLengthError
