@@ -1,0 +1,31 @@
+# Cassie for ROS 2. `make demo` and `make test` work from a fresh clone.
+SHELL := /bin/bash
+.DEFAULT_GOAL := build
+.PHONY: build test demo bench lint format clean distclean help
+
+build: ## environment and workspace; does nothing where nothing changed
+	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
+
+test: build ## lint, unit tests of each package, bring-up tests
+	@.workspace/test.sh
+
+demo: build ## stand up, walk, turn, squat: each node a process; results in build/demo
+	@. ./env.sh && ros2 run cassie_bags experiment bags/experiments/demo.yaml --out build/demo
+
+bench: build ## speed of the loop, side by side; also in build/bench.json
+	@. ./env.sh && python3 -m cassie_bags.bench --out build/bench.json
+
+lint: build ## ruff, and mypy (strict on the cores)
+	@.workspace/lint.sh
+
+format: build ## let ruff lay out the code
+	@.venv/bin/ruff check --fix-only --quiet . && .venv/bin/ruff format .
+
+clean: ## remove what was built, keep the environment
+	rm -rf build install log
+
+distclean: clean ## remove the environment too
+	rm -rf .venv
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | expand -t 12

@@ -1,0 +1,43 @@
+# A shell in which `ros2 run <package> <executable>` works:   source env.sh
+# Reads the workspace that `make build` made. Without .venv it falls back on a system ROS 2.
+
+if [ -n "${BASH_SOURCE:-}" ]; then
+    _cassie_root=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+elif [ -n "${ZSH_VERSION:-}" ]; then
+    eval '_cassie_root=$(cd "$(dirname "${(%):-%x}")" && pwd)'
+else
+    _cassie_root=$(pwd) # a plain sh does not say which file it reads
+fi
+
+if [ -f "$_cassie_root/.venv/made_from" ] && [ -f "$_cassie_root/install/local_setup.sh" ]; then
+    _cassie_venv=$_cassie_root/.venv
+    # Nothing of another ROS may shine through.
+    unset PYTHONPATH PYTHONHOME COLCON_PREFIX_PATH COLCON_CURRENT_PREFIX
+    export AMENT_PREFIX_PATH="$_cassie_venv" CMAKE_PREFIX_PATH="$_cassie_venv"
+    export VIRTUAL_ENV="$_cassie_venv"
+    export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
+    # The wheels keep their libraries here; with the path set at once, Python need not start twice.
+    LD_LIBRARY_PATH=$_cassie_venv/lib
+    for _cassie_libs in "$_cassie_venv"/lib/python3.*/site-packages/ros_*.libs; do
+        [ -d "$_cassie_libs" ] && LD_LIBRARY_PATH=$LD_LIBRARY_PATH:$_cassie_libs
+    done
+    export LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+    # Ahead of everything, and not once more in a shell that sources this again.
+    case ":$PATH:" in
+    *":$_cassie_root/.workspace/bin:$_cassie_venv/bin:"*) ;;
+    *) export PATH="$_cassie_root/.workspace/bin:$_cassie_venv/bin:$PATH" ;;
+    esac
+    . "$_cassie_root/install/local_setup.sh"
+elif [ "${ROS_DISTRO:-}" = jazzy ] && [ -f "$_cassie_root/install/local_setup.sh" ]; then
+    . "$_cassie_root/install/local_setup.sh"
+else
+    echo "env.sh: nothing is built in $_cassie_root yet: run make build there first" >&2
+    unset _cassie_root
+    return 1 2>/dev/null || exit 1
+fi
+
+export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+export ROS_LOG_DIR="${ROS_LOG_DIR:-$_cassie_root/build/ros_log}"
+# The matrices here are small: more than one thread costs time and the order of sums.
+export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
+unset _cassie_root _cassie_venv _cassie_libs
