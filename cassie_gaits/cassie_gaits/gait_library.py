@@ -1,0 +1,210 @@
+"""A library of gaits for a range of sagittal speeds, read by the filtered speed.
+
+The file that holds one is in `gait_library_file`.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.bezier import COEFFICIENTS
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.names import DRIVES
+
+FloatArray = npt.NDArray[np.float64]
+
+OUTPUTS = (
+    "torso_roll",
+    "stance_hip_yaw",
+    "torso_pitch",
+    "stance_leg_length",
+    "swing_leg_roll",
+    "swing_hip_yaw",
+    "swing_leg_pitch",
+    "swing_leg_length",
+    "swing_foot_pitch",
+)
+"""The nine outputs of eq:h0, the rows of every coefficient matrix."""
+
+STANCES = ("right_stance", "left_stance")
+"""The two domains, in the order in which arrays and files hold them."""
+
+KINDS = ("optimized", "provisional", "imported")
+
+_CHANGE_SIGN = ("torso_roll", "stance_hip_yaw", "swing_leg_roll", "swing_hip_yaw")
+_MIRROR_SIGN = np.array([-1.0 if name in _CHANGE_SIGN else 1.0 for name in OUTPUTS])[:, np.newaxis]
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """One periodic gait: a step on the right leg, then one on the left.
+
+    Attributes:
+        vx: Mean sagittal speed. In m/s.
+        vy: Mean speed to the left. In m/s.
+        yaw_rate: Mean turning rate to the left. In rad/s.
+        step_time: Duration of a step. In s.
+        coefficients: Bezier coefficients of the outputs, right stance then left stance. Shape
+            (2, 9, 6), in rad and m, read-only.
+        torques: Bezier coefficients of the ten drives' torques in the order of `names.DRIVES`,
+            right stance then left stance, or None. Shape (2, 10, 6), in Nm, read-only.
+        cost: Value of the optimized cost, or None.
+        solver: What the solver reported.
+        certificate: What an independent check found, or None.
+    """
+
+    vx: float
+    vy: float
+    yaw_rate: float
+    step_time: float
+    coefficients: FloatArray
+    torques: FloatArray | None = None
+    cost: float | None = None
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    certificate: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("vx", "vy", "yaw_rate", "step_time"):
+            if not np.isfinite(getattr(self, name)):
+                raise GaitLibraryError(f"{name} is {getattr(self, name)}, expected a finite number")
+        if not 0.05 <= self.step_time <= 5.0:
+            raise GaitLibraryError(f"step_time is {self.step_time} s, expected 0.05 .. 5 s")
+        shape = (2, len(OUTPUTS), COEFFICIENTS)
+        object.__setattr__(self, "coefficients", _frozen(self.coefficients, shape, "coefficients"))
+        if self.torques is not None:
+            shape = (2, len(DRIVES), COEFFICIENTS)
+            object.__setattr__(self, "torques", _frozen(self.torques, shape, "torques"))
+        object.__setattr__(self, "solver", MappingProxyType(dict(self.solver)))
+        if self.certificate is not None:
+            object.__setattr__(self, "certificate", MappingProxyType(dict(self.certificate)))
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a library comes from.
+
+    Attributes:
+        tool: What made it.
+        version: Of the tool.
+        date: Of its making, as the maker gave it; YYYY-MM-DD.
+        settings: What the tool was asked for.
+    """
+
+    tool: str
+    version: str
+    date: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class GaitLibrary:
+    """Gaits of rising speed with linear interpolation between them.
+
+    Attributes:
+        gaits: In order of rising vx.
+        kind: One of `KINDS`.
+        model_hash: `model_hash.model_hash()` of the robot that the gaits are made for.
+        provenance: Where the gaits come from.
+        robot: Name of the robot.
+        path: File that it was loaded from, or None.
+
+    Raises:
+        GaitLibraryError: if there is no gait, the speeds do not rise, or `kind` is unknown.
+
+    Source:
+        Da et al. 2016, Eqs. (8)-(10), which the paper cites: coefficients and step frequency
+        are linear in the speed between two gaits; the speed is clamped to the library's range.
+    """
+
+    gaits: tuple[Gait, ...]
+    kind: str
+    model_hash: str
+    provenance: Provenance
+    robot: str = "cassie"
+    path: Path | None = None
+    _speeds: list[float] = field(init=False, repr=False)
+    _frequencies: list[float] = field(init=False, repr=False)
+    _changes: list[FloatArray] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise GaitLibraryError(f"kind is {self.kind!r}, expected one of {', '.join(KINDS)}")
+        if not self.gaits:
+            raise GaitLibraryError("the library has no gait")
+        pairs = list(pairwise(self.gaits))
+        for before, after in pairs:
+            if not after.vx > before.vx:
+                raise GaitLibraryError(f"vx {after.vx} follows {before.vx}, expected rising speeds")
+        changes = [after.coefficients - before.coefficients for before, after in pairs]
+        object.__setattr__(self, "_speeds", [gait.vx for gait in self.gaits])
+        object.__setattr__(self, "_frequencies", [1.0 / gait.step_time for gait in self.gaits])
+        object.__setattr__(self, "_changes", changes)
+
+    @property
+    def speed_range(self) -> tuple[float, float]:
+        """Lowest and highest vx. In m/s."""
+        return self._speeds[0], self._speeds[-1]
+
+    def interpolate(
+        self, speed: float, out: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Gait at a speed.
+
+        Args:
+            speed: Filtered sagittal speed, clamped to `speed_range`. In m/s.
+            out: Where to write the coefficients, to save an allocation. Shape (2, 9, 6).
+
+        Returns:
+            Coefficients for right stance and for left stance, each of shape (9, 6) in rad and
+            m, and the step time in s. The arrays are views of `out` if that is given.
+
+        Raises:
+            GaitLibraryError: if `speed` is not finite.
+        """
+        if out is None:
+            out = np.empty((2, len(OUTPUTS), COEFFICIENTS))
+        if not -math.inf < speed < math.inf:
+            raise GaitLibraryError(f"gait speed is {speed}, expected a finite number")
+        speeds = self._speeds
+        if speed <= speeds[0] or speed >= speeds[-1]:
+            end = self.gaits[0 if speed <= speeds[0] else -1]
+            out[:] = end.coefficients
+            return out[0], out[1], end.step_time
+        i = bisect_right(speeds, speed) - 1
+        share = (speed - speeds[i]) / (speeds[i + 1] - speeds[i])
+        np.multiply(self._changes[i], share, out=out)
+        np.add(out, self.gaits[i].coefficients, out=out)
+        low, high = self._frequencies[i], self._frequencies[i + 1]
+        return out[0], out[1], 1.0 / (low + share * (high - low))
+
+
+def mirror(coefficients: FloatArray) -> FloatArray:
+    """Coefficients of the same step with left and right exchanged.
+
+    Torso roll, both hip yaws and swing leg roll change their sign; pitches and lengths do not.
+
+    Args:
+        coefficients: Rows in the order of `OUTPUTS`. Shape (9, n).
+    """
+    result: FloatArray = coefficients * _MIRROR_SIGN
+    return result
+
+
+def _frozen(values: FloatArray, shape: tuple[int, ...], name: str) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape:
+        raise GaitLibraryError(f"{name} have shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise GaitLibraryError(f"{name} hold a number that is not finite")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,219 @@
+"""The gait library's file: JSON, written whole or not at all, refused unless it is right.
+
+    {"schema_version": 1, "kind": "provisional", "robot": "cassie", "model_hash": "...",
+     "provenance": {"tool": "...", "version": "...", "date": "2025-01-31", "settings": {...}},
+     "outputs": ["torso_roll", ...],
+     "gaits": [{"vx": 0.5, "vy": 0.0, "yaw_rate": 0.0, "step_time": 0.4,
+                "coefficients": {"right_stance": 9 rows of 6, "left_stance": 9 rows of 6},
+                "torques": null or {"right_stance": 10 rows of 6, "left_stance": ...},
+                "cost": null or a number, "solver": {...}, "certificate": null or {...}}]}
+
+Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import reprlib
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
+
+SCHEMA_VERSION = 1
+
+_TOP = {"schema_version", "kind", "robot", "model_hash", "provenance", "outputs", "gaits"}
+_PROVENANCE = {"tool", "version", "date", "settings"}
+_GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"} | {
+    "solver",
+    "certificate",
+}
+
+
+def default_library_path() -> Path:
+    """The library that comes with this package."""
+    return Path(__file__).parent / "libraries" / "provisional.json"
+
+
+def load_library(path: str | Path) -> GaitLibrary:
+    """Read a gait library.
+
+    Raises:
+        GaitLibraryError: if the file is missing, damaged or of another schema; one line with
+            the file's name and the reason.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        return _library(json.loads(text, parse_constant=_refuse_constant), path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except UnicodeDecodeError:
+        reason = "it is not UTF-8 text"
+    except json.JSONDecodeError as error:
+        reason = f"line {error.lineno} column {error.colno}: {error.msg}"
+    except RecursionError:
+        reason = "it is nested too deeply"
+    except ValueError as error:  # ours, and integers with too many digits
+        reason = str(error)
+    raise GaitLibraryError(f"gait library {path}: {reason}")
+
+
+def save_library(library: GaitLibrary, path: str | Path) -> None:
+    """Write a gait library; a reader sees the old file or the whole new one.
+
+    Raises:
+        GaitLibraryError: if the file cannot be written, or an entry is no JSON.
+    """
+    path = Path(path)
+    temporary = ""
+    try:
+        text = _text(library)
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            os.fchmod(file.fileno(), 0o644)
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(temporary).replace(path)
+    except (OSError, TypeError, ValueError) as error:
+        if temporary:
+            with contextlib.suppress(OSError):
+                Path(temporary).unlink()
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise GaitLibraryError(f"gait library {path}: {reason}") from error
+
+
+def _text(library: GaitLibrary) -> str:
+    document = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": library.kind,
+        "robot": library.robot,
+        "model_hash": library.model_hash,
+        "provenance": {
+            "tool": library.provenance.tool,
+            "version": library.provenance.version,
+            "date": library.provenance.date,
+            "settings": dict(library.provenance.settings),
+        },
+        "outputs": list(OUTPUTS),
+        "gaits": [_gait_document(gait) for gait in library.gaits],
+    }
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def _gait_document(gait: Gait) -> dict[str, Any]:
+    return {
+        "vx": gait.vx,
+        "vy": gait.vy,
+        "yaw_rate": gait.yaw_rate,
+        "step_time": gait.step_time,
+        "coefficients": dict(zip(STANCES, gait.coefficients.tolist(), strict=True)),
+        "torques": None
+        if gait.torques is None
+        else dict(zip(STANCES, gait.torques.tolist(), strict=True)),
+        "cost": gait.cost,
+        "solver": dict(gait.solver),
+        "certificate": None if gait.certificate is None else dict(gait.certificate),
+    }
+
+
+def _library(document: object, path: Path) -> GaitLibrary:
+    if isinstance(document, dict) and "schema_version" in document:
+        version = document["schema_version"]
+        if isinstance(version, bool) or version != SCHEMA_VERSION:
+            raise GaitLibraryError(
+                f"schema_version is {reprlib.repr(version)}, expected {SCHEMA_VERSION}"
+            )
+    top = _object(document, "the file", _TOP)
+    if top["outputs"] != list(OUTPUTS):
+        raise GaitLibraryError(
+            f"outputs are {reprlib.repr(top['outputs'])}, expected {list(OUTPUTS)}"
+        )
+    provenance = _object(top["provenance"], "provenance", _PROVENANCE)
+    if not isinstance(top["gaits"], list):
+        raise GaitLibraryError("gaits is no list")
+    return GaitLibrary(
+        tuple(_gait(entry, i) for i, entry in enumerate(top["gaits"])),
+        kind=_string(top, "kind"),
+        model_hash=_string(top, "model_hash"),
+        robot=_string(top, "robot"),
+        provenance=Provenance(
+            _string(provenance, "tool"),
+            _string(provenance, "version"),
+            _string(provenance, "date"),
+            _object(provenance["settings"], "provenance.settings"),
+        ),
+        path=path,
+    )
+
+
+def _gait(document: object, index: int) -> Gait:
+    try:
+        entry = _object(document, "the entry", _GAIT)
+        certificate = entry["certificate"]
+        return Gait(
+            vx=_number(entry, "vx"),
+            vy=_number(entry, "vy"),
+            yaw_rate=_number(entry, "yaw_rate"),
+            step_time=_number(entry, "step_time"),
+            coefficients=_matrices(entry["coefficients"], "coefficients"),
+            torques=None if entry["torques"] is None else _matrices(entry["torques"], "torques"),
+            cost=None if entry["cost"] is None else _number(entry, "cost"),
+            solver=_object(entry["solver"], "solver"),
+            certificate=None if certificate is None else _object(certificate, "certificate"),
+        )
+    except GaitLibraryError as error:
+        raise GaitLibraryError(f"gaits[{index}]: {error}") from None
+
+
+def _object(value: object, name: str, keys: set[str] | None = None) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise GaitLibraryError(f"{name} is no JSON object")
+    if keys is not None and set(value) != keys:
+        missing, unknown = sorted(keys - set(value)), sorted(set(value) - keys)
+        problem = f"lacks {', '.join(missing)}" if missing else f"has unknown {', '.join(unknown)}"
+        raise GaitLibraryError(f"{name} {problem}")
+    return value
+
+
+def _string(entry: Mapping[str, Any], key: str) -> str:
+    value = entry[key]
+    if not isinstance(value, str) or not value:
+        raise GaitLibraryError(f"{key} is {reprlib.repr(value)}, expected text")
+    return value
+
+
+def _number(entry: Mapping[str, Any], key: str) -> float:
+    value = entry[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise GaitLibraryError(f"{key} is {reprlib.repr(value)}, expected a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise GaitLibraryError(f"{key} is too large for a number") from None
+
+
+def _matrices(value: object, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    stances = _object(value, name, set(STANCES))
+    for stance in STANCES:
+        rows = stances[stance]
+        if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+            raise GaitLibraryError(f"{name}.{stance} is no list of rows")
+        if not all(type(item) in (int, float) for row in rows for item in row):
+            raise GaitLibraryError(f"{name}.{stance} holds something that is not a number")
+    try:
+        return np.array([stances[stance] for stance in STANCES], dtype=np.float64)
+    except (ValueError, OverflowError):
+        raise GaitLibraryError(f"{name} have rows of unequal length") from None
+
+
+def _refuse_constant(name: str) -> float:
+    raise GaitLibraryError(f"it holds {name}, which is not a number")
