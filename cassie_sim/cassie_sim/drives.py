@@ -1,0 +1,134 @@
+"""The ten drives: impedance law, torque-speed bound, delay, watchdog and power switch."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.names import DRIVES, LEG_DRIVES
+from cassie_msgs.layout import MotorCommand
+from cassie_sim.errors import CommandError
+from cassie_sim.kernels import drive_torques
+
+FloatArray = npt.NDArray[np.float64]
+
+GAIN_LIMITS = {"kp": 5000.0, "kd": 500.0}
+"""Largest gains that a drive accepts. In Nm/rad and Nms/rad."""
+
+DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
+"""Damping that the drives apply on their own when they get no valid command. In Nms/rad."""
+
+
+_FIELDS = ("torque", "position", "velocity", "kp", "kd")
+
+
+class Drives:
+    """Set-points in, joint torques out, at the rate of the physics.
+
+    Each drive runs u = torque + kp (position - q) + kd (velocity - v). The motor bounds it to
+    min(u_max, 2 u_max (1 - |v| / v_max)), never below 0, and it takes effect `delay` later.
+    Without power the torque is zero at once. While damped (no command for too long, or a
+    refused one) the drives run u = -DAMPING v.
+
+    Args:
+        period: Length of a physics step. In s.
+        delay: From a set torque to its effect. In s, rounded to physics steps.
+        torque_constant: Ratio of real to nominal torque of each drive. Shape (10,).
+
+    Source:
+        Torque-speed bound and 3 ms delay of the public Cassie simulators.
+    """
+
+    def __init__(self, period: float, delay: float, torque_constant: FloatArray) -> None:
+        drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
+        self._torque_limit = np.array([drive.torque_limit for drive in drives])
+        self._speed_limit = np.array([drive.speed_limit for drive in drives])
+        self._torque_constant = np.array(torque_constant, dtype=float)
+        self._pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
+        self._head = 0
+        self._set_points = np.zeros((5, 10))
+        self.applied = np.zeros(10)
+        self.powered = False
+        self.damped = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to no power, no set-points and nothing under way."""
+        self._pipeline[:] = 0.0
+        self.applied[:] = 0.0
+        self.powered = False
+        self.damp()
+
+    def damp(self) -> None:
+        """Replace the set-points by pure damping until the next valid command."""
+        self._set_points[:] = 0.0
+        self._set_points[4] = DAMPING
+        self.damped = True
+
+    def set_points(self, command: MotorCommand) -> None:
+        """Take over the set-points of a command.
+
+        Raises:
+            CommandError: if a value is not finite or a gain is out of range; the set-points
+                stay as they were.
+        """
+        check_command(command)
+        for row, field in enumerate(_FIELDS):
+            self._set_points[row] = getattr(command, field)
+        self.damped = False
+
+    def step(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Torques that act in this physics step.
+
+        Args:
+            position: Measured drive positions. Shape (10,), in rad.
+            velocity: Measured drive velocities. Shape (10,), in rad/s.
+
+        Returns:
+            Joint torques. Shape (10,), in Nm. The array is reused.
+        """
+        self._head = drive_torques(
+            self._set_points,
+            position,
+            velocity,
+            self._torque_limit,
+            self._speed_limit,
+            self._pipeline,
+            self._head,
+            self._torque_constant,
+            self.applied,
+        )
+        if not self.powered:
+            self._pipeline[:] = 0.0
+            self.applied[:] = 0.0
+        return self.applied
+
+
+def check_command(command: MotorCommand) -> None:
+    """Hold a command against what a drive accepts.
+
+    Raises:
+        CommandError: naming the field, the drive, the value and what is accepted.
+    """
+    total = sum(getattr(command, field).sum() for field in _FIELDS)
+    usable = np.isfinite(total) and all(
+        getattr(command, field).min() >= 0.0 and getattr(command, field).max() <= limit
+        for field, limit in GAIN_LIMITS.items()
+    )
+    if not usable:
+        raise CommandError(_refusal(command))
+
+
+def _refusal(command: MotorCommand) -> str:
+    for field in _FIELDS:
+        for name, value in zip(DRIVES, getattr(command, field), strict=True):
+            if not np.isfinite(value):
+                return f"motor command refused: {field} of {name} is {value}, must be finite"
+            limit = GAIN_LIMITS.get(field)
+            if limit is not None and not 0.0 <= value <= limit:
+                return (
+                    f"motor command refused: {field} of {name} is {value:g}, "
+                    f"must be 0 .. {limit:g}"
+                )
+    return "motor command refused: its values overflow"

@@ -1,0 +1,152 @@
+"""Events of a scenario on the simulator's clock: gantry moves, pushes, sensor faults, delays."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from cassie_msgs.layout import MotorCommand, Sensors
+from cassie_sim.errors import SimulationError
+from cassie_sim.gantry import Gantry
+from cassie_sim.scenario import GantryMove, Push, Scenario, SensorFault
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Events:
+    """What a scenario does to the robot, and pushes that come in while it runs.
+
+    Args:
+        scenario: Its events; times in s of robot time.
+        model: To find bodies by name.
+        physics_rate: In Hz.
+
+    Raises:
+        SimulationError: if a push names an unknown body or a fault an unknown channel.
+    """
+
+    def __init__(self, scenario: Scenario, model: mujoco.MjModel, physics_rate: int) -> None:
+        self._rate = physics_rate
+        self._model = model
+        self._moves = scenario.gantry
+        self._pushes = tuple(self._timed(push) for push in scenario.pushes)
+        self._faults = tuple(_ActiveFault(fault, physics_rate) for fault in scenario.faults)
+        self._delay = round(scenario.delays.set_point * physics_rate)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to time 0; pushes that came in are forgotten."""
+        self._next_move = 0
+        self._live: list[tuple[int, int, int, FloatArray]] = list(self._pushes)
+        self._pushed: set[int] = set()
+        self._queue: deque[tuple[int, MotorCommand]] = deque()
+        self._step = 0
+        for fault in self._faults:
+            fault.reset()
+
+    def push(self, push: Push, now: int) -> None:
+        """Add a push that begins at physics step `now` plus its time."""
+        start, end, body, force = self._timed(push)
+        self._live.append((now + start, now + end, body, force))
+
+    def apply(
+        self, step: int, data: mujoco.MjData, gantry: Gantry, position: FloatArray
+    ) -> None:
+        """Set the external forces of a physics step and give the gantry its orders."""
+        self._step = step
+        while (
+            self._next_move < len(self._moves)
+            and step >= self._moves[self._next_move].t * self._rate
+        ):
+            _order(gantry, self._moves[self._next_move], position)
+            self._next_move += 1
+        if self._live or self._pushed:
+            self._apply_pushes(step, data, gantry)
+
+    def _apply_pushes(self, step: int, data: mujoco.MjData, gantry: Gantry) -> None:
+        pelvis = self._model.body("pelvis").id
+        for body in self._pushed:
+            data.xfrc_applied[body] = gantry.wrench if body == pelvis else 0.0
+        self._pushed.clear()
+        for start, end, body, force in self._live:
+            if start <= step < end:
+                data.xfrc_applied[body, :3] += force
+                self._pushed.add(body)
+        self._live = [push for push in self._live if step < push[1]]
+
+    def spoil(self, step: int, sample: Sensors) -> None:
+        """Let faulty channels of a sample fail."""
+        for fault in self._faults:
+            fault.spoil(step, sample)
+
+    def delayed(self, command: MotorCommand) -> MotorCommand | None:
+        """The command that arrives now, when set-points are delayed; else the given one."""
+        if self._delay == 0:
+            return command
+        copy = MotorCommand()
+        copy.copy_from(command)
+        self._queue.append((self._step + self._delay, copy))
+        arrived = None
+        while self._queue and self._queue[0][0] <= self._step:
+            arrived = self._queue.popleft()[1]
+        return arrived
+
+    def _timed(self, push: Push) -> tuple[int, int, int, FloatArray]:
+        body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, push.body)
+        if body < 0:
+            names = ", ".join(self._model.body(i).name for i in range(1, self._model.nbody))
+            raise SimulationError(f"push on unknown body {push.body}; known: {names}")
+        start = round(push.t * self._rate)
+        return start, start + max(1, round(push.duration * self._rate)), body, np.array(push.force)
+
+
+class _ActiveFault:
+    """One faulty channel."""
+
+    def __init__(self, fault: SensorFault, physics_rate: int) -> None:
+        field, _, index = fault.channel.partition(".")
+        probe = Sensors()
+        values = getattr(probe, field, None)
+        if not isinstance(values, np.ndarray) or field in ("seq", "episode"):
+            raise SimulationError(f"fault on unknown channel {fault.channel}")
+        if index and not (index.isdigit() and int(index) < values.size):
+            raise SimulationError(
+                f"fault on channel {fault.channel}: index must be 0 .. {values.size - 1}"
+            )
+        self._field = field
+        self._index = slice(int(index), int(index) + 1) if index else slice(None)
+        self._kind = fault.kind
+        self._size = fault.size
+        self._start = round(fault.t * physics_rate)
+        self._end = self._start + fault.duration * physics_rate
+        self._held: FloatArray | None = None
+
+    def reset(self) -> None:
+        self._held = None
+
+    def spoil(self, step: int, sample: Sensors) -> None:
+        if not self._start <= step < self._end:
+            return
+        values = getattr(sample, self._field).reshape(-1)[self._index]
+        if self._held is None:
+            self._held = values.copy()
+        if self._kind == "off":
+            values[:] = 0.0
+        elif self._kind == "nan":
+            values[:] = np.nan
+        elif self._kind == "stuck":
+            values[:] = self._held
+        elif step % 20 == 0:
+            values += self._size
+
+
+def _order(gantry: Gantry, move: GantryMove, position: FloatArray) -> None:
+    if move.action == "hold":
+        gantry.hold(position, move.height, move.speed)
+    elif move.action == "lower":
+        gantry.lower(move.height, move.speed)
+    else:
+        gantry.release()

@@ -1,0 +1,123 @@
+"""The overhead gantry: a harness that holds the pelvis, lowers it and lets go."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+
+FloatArray = npt.NDArray[np.float64]
+
+SPEED = 0.1
+"""Speed of the winch where none is asked for. In m/s."""
+
+STIFFNESS = 12000.0
+"""Of the straps, upwards only: they go slack. In N/m."""
+
+_DAMPING = 900.0
+_SWAY_STIFFNESS = 1500.0
+_SWAY_DAMPING = 250.0
+_TILT_STIFFNESS = 400.0
+_TILT_DAMPING = 40.0
+_WEIGHT = robot.total_mass() * 9.81
+
+
+class Gantry:
+    """Straps from a winch to the pelvis.
+
+    The straps pull upwards like a damped spring and go slack when the pelvis is above the
+    winch's height. As far as they carry the weight they also centre the pelvis below the winch,
+    keep it upright and damp its turning.
+    """
+
+    def __init__(self) -> None:
+        self.attached = False
+        self.height = 0.0
+        self._target = 0.0
+        self._speed = SPEED
+        self._release_when_slack = False
+        self._anchor = np.zeros(2)
+        self.wrench = np.zeros(6)
+        """Force and torque on the pelvis in world axes. Shape (6,), in N and Nm."""
+
+    def hold(self, position: FloatArray, height: float, speed: float = SPEED) -> None:
+        """Take the pelvis where it is and move it to a height.
+
+        Args:
+            position: Of the pelvis in the world. Shape (3,), in m.
+            height: Of the pelvis. In m.
+            speed: Of the winch. In m/s.
+        """
+        if not self.attached:
+            self.height = min(float(position[2]), height)
+        self.attached = True
+        self._anchor[:] = position[:2]
+        self._target = height
+        self._speed = speed
+        self._release_when_slack = False
+
+    def lower(self, height: float, speed: float = SPEED) -> None:
+        """Move the winch to a height and let go once there."""
+        self._target = height
+        self._speed = speed
+        self._release_when_slack = True
+
+    def release(self) -> None:
+        """Let go at once."""
+        self.attached = False
+        self.wrench[:] = 0.0
+
+    def step(
+        self, period: float, position: FloatArray, rotation: FloatArray, twist: FloatArray
+    ) -> FloatArray:
+        """Move the winch and pull.
+
+        Args:
+            period: In s.
+            position: Of the pelvis. Shape (3,), in m.
+            rotation: Pelvis to world. Shape (9,), row by row.
+            twist: Linear velocity in the world, angular velocity in the pelvis. Shape (6,).
+
+        Returns:
+            `wrench`.
+        """
+        change = self._target - self.height
+        limit = self._speed * period
+        self.height += max(-limit, min(limit, change))
+        if self._release_when_slack and abs(change) < 1e-9:
+            self.release()
+            return self.wrench
+        x, y, z = position.tolist()
+        vx, vy, vz, wx, wy, wz = twist.tolist()
+        tension = max(0.0, STIFFNESS * (self.height - z) - _DAMPING * vz)
+        if self.height <= z:
+            tension = 0.0
+        share = min(1.0, tension / _WEIGHT)
+        self.wrench[0] = share * (_SWAY_STIFFNESS * (self._anchor[0] - x) - _SWAY_DAMPING * vx)
+        self.wrench[1] = share * (_SWAY_STIFFNESS * (self._anchor[1] - y) - _SWAY_DAMPING * vy)
+        self.wrench[2] = tension
+        self._set_torque(share, rotation.tolist(), (wx, wy, wz))
+        return self.wrench
+
+    def _set_torque(
+        self, share: float, r: list[float], rate: tuple[float, float, float]
+    ) -> None:
+        wx, wy, wz = rate
+        # Tilt is the cross product of the pelvis's z axis with the vertical.
+        up_x, up_y = r[2], r[5]
+        world = (
+            r[0] * wx + r[1] * wy + r[2] * wz,
+            r[3] * wx + r[4] * wy + r[5] * wz,
+            r[6] * wx + r[7] * wy + r[8] * wz,
+        )
+        self.wrench[3] = share * (_TILT_STIFFNESS * up_y - _TILT_DAMPING * world[0])
+        self.wrench[4] = share * (-_TILT_STIFFNESS * up_x - _TILT_DAMPING * world[1])
+        self.wrench[5] = -share * _TILT_DAMPING * world[2]
+
+
+def height_is_usable(height: float) -> bool:
+    """Whether the gantry reaches a pelvis height. In m."""
+    return math.isfinite(height) and 0.2 <= height <= 2.0

@@ -1,0 +1,178 @@
+"""What an experiment fixes about the plant: scene, start, events, delays and the robot drawn.
+
+A seed draws one robot out of many (`Draw.from_seed`). The drawn values stand in the scenario,
+so that nothing is drawn twice and a recording tells which robot it was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
+
+STARTS = ("gantry", "standing", "segway")
+FAULT_KINDS = ("off", "stuck", "nan", "spike")
+
+_NO3 = (0.0, 0.0, 0.0)
+_ZERO10 = (0.0,) * 10
+_ONE10 = (1.0,) * 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """The robot that a seed stands for."""
+
+    initial_yaw: float = tunable(0.0, "rad", -math.pi, math.pi, "Heading at the start")
+    joint_offset: tuple[float, ...] = tunable(
+        _ZERO10, "rad", -0.2, 0.2, "Offset of each drive at the start"
+    )
+    torque_constant: tuple[float, ...] = tunable(
+        _ONE10, "", 0.5, 1.5, "Real to nominal torque of each drive"
+    )
+    mass: float = tunable(1.0, "", 0.5, 1.5, "Real to nominal mass of every link")
+    friction: float = tunable(1.0, "", 0.1, 2.0, "Real to nominal friction of the ground")
+    attitude_bias: tuple[float, ...] = tunable(
+        (0.0, 0.0), "rad", -0.1, 0.1, "Constant roll and pitch error of the IMU"
+    )
+    gyro_bias: tuple[float, ...] = tunable(_NO3, "rad/s", -0.1, 0.1, "Constant gyro error")
+    accelerometer_bias: tuple[float, ...] = tunable(
+        _NO3, "m/s^2", -1.0, 1.0, "Constant accelerometer error"
+    )
+    yaw_drift: float = tunable(0.0, "rad/s", -0.01, 0.01, "Drift of the IMU's heading")
+    sensor_seed: int = tunable(0, "", 0, None, "Seed of the sensor noise")
+
+    @staticmethod
+    def from_seed(seed: int) -> Draw:
+        """One robot out of many.
+
+        Initial yaw and joints within 2 degrees, torque constants 3 %, mass 2 %, friction 10 %
+        (uniform); IMU errors as in `cassie_sim.sensors.ImuErrors` (normal).
+        """
+        rng = np.random.default_rng(seed)
+        two_degrees = math.radians(2.0)
+        gyro = math.radians(10.0) / 3600.0
+        milli_g = 9.81e-3
+        return Draw(
+            initial_yaw=float(rng.uniform(-two_degrees, two_degrees)),
+            joint_offset=tuple(rng.uniform(-two_degrees, two_degrees, 10).tolist()),
+            torque_constant=tuple(rng.uniform(0.97, 1.03, 10).tolist()),
+            mass=float(rng.uniform(0.98, 1.02)),
+            friction=float(rng.uniform(0.9, 1.1)),
+            attitude_bias=tuple(rng.normal(0.0, math.radians(0.3), 2).clip(-0.02, 0.02).tolist()),
+            gyro_bias=tuple(rng.uniform(-gyro, gyro, 3).tolist()),
+            accelerometer_bias=tuple(rng.uniform(-0.04 * milli_g, 0.04 * milli_g, 3).tolist()),
+            yaw_drift=float(rng.uniform(-gyro, gyro)),
+            sensor_seed=int(rng.integers(2**31)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delays:
+    """Delays beyond those of the drives."""
+
+    torque: float = tunable(0.0, "s", 0.0, 0.1, "From a set torque to its effect, beyond 3 ms")
+    set_point: float = tunable(0.0, "s", 0.0, 0.2, "From a motor command to the drives")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelScale:
+    """Factors on the model, on top of what a seed draws."""
+
+    mass: float = tunable(1.0, "", 0.5, 2.0, "Mass and inertia of every link")
+    spring: float = tunable(1.0, "", 0.2, 5.0, "Stiffness of shin and heel springs")
+    friction: float = tunable(1.0, "", 0.05, 3.0, "Friction of the ground")
+    damping: float = tunable(1.0, "", 0.0, 10.0, "Viscous friction of the joints")
+    armature: float = tunable(1.0, "", 0.2, 5.0, "Reflected inertia of the drives")
+    torque: float = tunable(1.0, "", 0.3, 2.0, "Torque constants of the drives")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """A constant force for a while."""
+
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
+    duration: float = tunable(0.1, "s", 0.0005, 100.0, "How long it lasts")
+    force: tuple[float, float, float] = tunable(
+        dataclasses.MISSING, "N", -5000.0, 5000.0, "In world axes"
+    )
+    body: str = tunable("pelvis", description="Name of the body")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GantryMove:
+    """One order to the gantry: hold at a height, lower to a height and let go, or release."""
+
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
+    action: str = tunable("lower", choices=("hold", "lower", "release"), description="What to do")
+    height: float = tunable(0.9, "m", 0.2, 2.0, "Pelvis height to reach")
+    speed: float = tunable(0.1, "m/s", 0.01, 1.0, "Of the winch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorFault:
+    """A sensor channel that fails for a while."""
+
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
+    duration: float = tunable(1e9, "s", 0.0, None, "How long it lasts")
+    channel: str = tunable(
+        dataclasses.MISSING, description="Field of Sensors, with an index: drive_position.3"
+    )
+    kind: str = tunable(dataclasses.MISSING, choices=FAULT_KINDS, description="How it fails")
+    size: float = tunable(1.0, "", description="Height of spikes, in the channel's unit")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything about the plant that an experiment fixes. See the fields' classes."""
+
+    scene: str = "flat"
+    scene_parameters: Mapping[str, Any] = field(default_factory=dict)
+    start: str = "gantry"
+    draw: Draw = field(default_factory=Draw)
+    gantry: tuple[GantryMove, ...] = ()
+    pushes: tuple[Push, ...] = ()
+    faults: tuple[SensorFault, ...] = ()
+    delays: Delays = field(default_factory=Delays)
+    model: ModelScale = field(default_factory=ModelScale)
+
+    @staticmethod
+    def from_mapping(mapping: Mapping[str, Any]) -> Scenario:
+        """A scenario from a mapping as YAML gives it.
+
+        Raises:
+            ParameterError: naming the key, its value and what is permitted.
+        """
+        known = [entry.name for entry in dataclasses.fields(Scenario)]
+        for key in mapping:
+            if key not in known:
+                raise ParameterError(unknown_name(key, known, "scenario key"))
+        start = mapping.get("start", "gantry")
+        if start not in STARTS:
+            raise ParameterError(unknown_name(str(start), STARTS, "start"))
+        return Scenario(
+            scene=str(mapping.get("scene", "flat")),
+            scene_parameters=dict(mapping.get("scene_parameters") or {}),
+            start=start,
+            draw=from_mapping(Draw, mapping.get("draw") or {}),
+            gantry=_events(GantryMove, mapping, "gantry"),
+            pushes=_events(Push, mapping, "pushes"),
+            faults=_events(SensorFault, mapping, "faults"),
+            delays=from_mapping(Delays, mapping.get("delays") or {}),
+            model=from_mapping(ModelScale, mapping.get("model") or {}),
+        )
+
+
+def _events(cls: type, mapping: Mapping[str, Any], key: str) -> tuple[Any, ...]:
+    events = []
+    for index, entry in enumerate(mapping.get(key) or ()):
+        try:
+            events.append(from_mapping(cls, entry))
+        except ParameterError as error:
+            raise ParameterError(f"{key}[{index}]: {error}") from None
+    return tuple(sorted(events, key=lambda event: float(event.t)))

@@ -1,0 +1,136 @@
+"""What can be set on the simulator node, and the scenario that follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cassie_msgs.tunables import ParameterError, tunable, unknown_name
+from cassie_sim.plant import PlantConfig
+from cassie_sim.scenario import STARTS, Draw, Scenario
+
+PACINGS = ("lockstep", "realtime", "fixed_lag")
+
+_SCENARIO_KEYS = tuple(entry.name for entry in fields(Scenario))
+_OTHER_KEYS = (
+    "name",
+    "seed",
+    "duration",
+    "operator",
+    "gait_library",
+    "simulator",
+    "estimator",
+    "controller",
+    "supervisor",
+    "expect",
+)
+"""Keys of an experiment that other nodes read."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatorConfig(PlantConfig):
+    """Parameters of the simulator node."""
+
+    scene: str = tunable("flat", description="Ground under the robot: flat, slope", live=False)
+    scene_parameters: str = tunable(
+        "", description="Parameters of the scene, as YAML: {angle: 5.0}", live=False
+    )
+    start: str = tunable(
+        "gantry", choices=STARTS, description="Pose at the start of an episode", live=False
+    )
+    seed: int = tunable(
+        0, "", 0, None, "Robot and noise drawn; 0 is the nominal robot", live=False
+    )
+    scenario: str = tunable(
+        "",
+        description="YAML file with scene, start, draw and events, in place of the four above",
+        live=False,
+    )
+    pacing: str = tunable(
+        "lockstep",
+        choices=PACINGS,
+        description="Who sets the pace: the commands (lockstep, fixed_lag) or the wall clock",
+        live=False,
+    )
+    max_rate: float = tunable(
+        1.0, "", 0.0, 1000.0, "Robot time per wall time, at most; 0 is as fast as it goes"
+    )
+    command_timeout: float = tunable(
+        5.0, "s", 0.1, 1e6, "Wall time without a command after which the drives damp"
+    )
+    start_timeout: float = tunable(
+        10.0, "s", 0.0, 1e6, "Wall time in which the other nodes may join at the start", live=False
+    )
+    scripted_operator: bool = tunable(
+        False, description="The operator is a script that answers every 10th state", live=False
+    )
+    headless: bool = tunable(True, description="Run without a window", live=False)
+    video: str = tunable("", description="File to film into (.mp4 or .gif)", live=False)
+    video_fps: float = tunable(25.0, "Hz", 1.0, 100.0, "Pictures per robot second", live=False)
+    duration: float = tunable(
+        0.0, "s", 0.0, 1e9, "Robot time after which the simulator ends; 0 is never", live=False
+    )
+
+
+def scenario_of(config: SimulatorConfig) -> Scenario:
+    """The scenario that the parameters ask for.
+
+    Raises:
+        ParameterError: if a file cannot be read, a key is unknown or a value does not fit.
+    """
+    if config.scenario:
+        return load_scenario(Path(config.scenario))
+    return Scenario.from_mapping(
+        {
+            "scene": config.scene,
+            "scene_parameters": _mapping(config.scene_parameters, "scene_parameters"),
+            "start": config.start,
+            "draw": _drawn(config.seed),
+        }
+    )
+
+
+def load_scenario(path: Path) -> Scenario:
+    """The scenario in an experiment file; what other nodes read from the file is left out.
+
+    Without `draw` in it, its `seed` draws the robot.
+
+    Raises:
+        ParameterError: if the file cannot be read, a key is unknown or a value does not fit.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ParameterError(f"scenario = {path} cannot be read: {error.strerror}") from None
+    content = _mapping(text, f"scenario {path}")
+    for key in content:
+        if key not in _SCENARIO_KEYS + _OTHER_KEYS:
+            known = _SCENARIO_KEYS + _OTHER_KEYS
+            raise ParameterError(f"{path}: {unknown_name(str(key), known, 'key')}")
+    mapping = {key: value for key, value in content.items() if key in _SCENARIO_KEYS}
+    if "draw" not in mapping:
+        mapping["draw"] = _drawn(int(content.get("seed") or 0))
+    return Scenario.from_mapping(mapping)
+
+
+def _drawn(seed: int) -> Mapping[str, Any]:
+    """Draws of a seed as a mapping; none for 0, the nominal robot."""
+    draw = Draw.from_seed(seed) if seed else Draw()
+    return {entry.name: getattr(draw, entry.name) for entry in fields(Draw)}
+
+
+def _mapping(text: str, what: str) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(text) if text else {}
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise ParameterError(f"{what} is not YAML: {reason}") from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise ParameterError(f"{what} = {text!r} is not a mapping of names to values")
+    return content
