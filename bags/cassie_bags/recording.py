@@ -1,0 +1,101 @@
+"""What a run recorded, as arrays: the same from a bag and from a run in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag_reader import BagIndex, read_messages
+from cassie_bags.errors import BagError
+from cassie_bags.odometry import GROUND_TRUTH_TOPIC, read_odometry
+from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+Rows = npt.NDArray[Any]
+"""Structured array of a message type: `rows["q"]` is of shape (n, 20)."""
+
+LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
+"""Sample type of each topic of the control lane."""
+
+RECORDED_TOPICS = (*LANE_TOPICS, GROUND_TRUTH_TOPIC)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Messages of one run, by topic, in the order they were published.
+
+    Attributes:
+        lane: Rows of each topic of the control lane.
+        truth: Rows of `/cassie/ground_truth`: sec, nanosec, position (m, world), orientation
+            (x, y, z, w, pelvis to world), linear and angular velocity (m/s and rad/s, pelvis
+            axes).
+        wall_time: Wall time that the run took, from the first sensor sample to the last. In s.
+        metadata: Named records of words: seed, what it drew, versions, the experiment's file.
+    """
+
+    lane: Mapping[str, Rows]
+    truth: Rows
+    wall_time: float
+    metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def rows(self, kind: type[Sample]) -> Rows:
+        """Rows of one message type, `recording.rows(RobotState)["q"]`."""
+        return self.lane[kind.TOPIC]
+
+
+def from_messages(
+    messages: Mapping[str, list[bytes]],
+    wall_time: float,
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+) -> Recording:
+    """A recording from serialized messages, by topic.
+
+    Raises:
+        BagError: if a message does not have the size of its type.
+    """
+    lane = {topic: _rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
+    truth = read_odometry(messages.get(GROUND_TRUTH_TOPIC, []))
+    return Recording(lane, truth, wall_time, metadata or {})
+
+
+def read_recording(path: Path) -> Recording:
+    """A recording from a bag.
+
+    Raises:
+        BagError: if the file is not a bag, or its messages are not of our types.
+    """
+    messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+    first = last = None
+    index = BagIndex()
+    for topic, _, wall, data in read_messages(path, RECORDED_TOPICS, index):
+        messages[topic].append(data)
+        if topic == Sensors.TOPIC:
+            first = wall if first is None else first
+            last = wall
+    span = (last - first) * 1e-9 if first is not None and last is not None else 0.0
+    return from_messages(messages, span, index.metadata)
+
+
+def stamps(rows: Rows) -> FloatArray:
+    """Robot time of each row. Shape (n,), in s."""
+    return rows["sec"].astype(np.float64) + rows["nanosec"] * 1e-9
+
+
+def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
+    """Robot time of each row. Shape (n,), in ns."""
+    return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
+
+
+def _rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
+    size = kind.SIZE
+    trimmed = []
+    for raw in messages:
+        if not 0 <= len(raw) - size <= 3:
+            raise BagError(f"{kind.TYPE} has {size} bytes, the bag holds one of {len(raw)}")
+        trimmed.append(raw[:size])
+    return np.frombuffer(b"".join(trimmed), kind.DTYPE)

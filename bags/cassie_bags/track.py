@@ -1,0 +1,162 @@
+"""A recording as signals over time: what was commanded and what the robot truly did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.continuity import first_occurrences
+from cassie_bags.errors import BagError
+from cassie_bags.leg_geometry import euler_angles, leg_points, rotation_matrices, to_world
+from cassie_bags.recording import Recording, Rows, stamps, stamps_ns
+from cassie_gaits.robot import SOLE_RADIUS
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+TRACKED = ("vx", "vy", "yaw_rate", "height")
+"""Quantities that an operator commands and a run is judged by. In m/s, m/s, rad/s, m."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Signals of one episode on the ticks that have a true pose, a sample and a state.
+
+    Attributes:
+        time: Robot time. Shape (n,), in s.
+        position: True pelvis origin in the world. Shape (n, 3), in m.
+        orientation: True pelvis to world, x y z w. Shape (n, 4).
+        angles: True yaw (unwrapped), pitch, roll. Shape (n, 3), in rad.
+        achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame,
+            yaw rate, pelvis height above the loaded soles. Each of shape (n,).
+        commanded: The same as the operator asked for.
+        mode: Mode that the supervisor set. Shape (n,).
+        legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
+        foot_load: Share of the load threshold on each foot. Shape (n, 2).
+        carries: Whether the robot stands or walks on its own legs. Shape (n,).
+        sensors: Rows of `Sensors` on these ticks.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    orientation: FloatArray
+    angles: FloatArray
+    achieved: dict[str, FloatArray]
+    commanded: dict[str, FloatArray]
+    mode: npt.NDArray[np.int64]
+    legs: FloatArray
+    foot_load: FloatArray
+    carries: BoolArray
+    sensors: Rows
+
+    @property
+    def sole_height(self) -> FloatArray:
+        """Height of the middle of each sole in the world. Shape (n, 2), in m."""
+        heights: FloatArray = self.legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+        return heights
+
+
+def make_track(recording: Recording) -> Track:
+    """Signals of the last episode of a recording.
+
+    Raises:
+        BagError: if it holds no tick with sensors, state and true pose.
+    """
+    sensors, state, truth = _aligned(recording)
+    orientation = truth["orientation"]
+    legs = to_world(leg_points(state["q"][:, 6:]), truth["position"], orientation)
+    angles = euler_angles(orientation)
+    seq = sensors["seq"].astype(np.int64)
+    mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
+    load = state["foot_load"]
+    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK]) & (load.sum(axis=1) > 0.5)
+    achieved = _velocities(truth, angles)
+    achieved["height"] = truth["position"][:, 2] - _ground(legs, load)
+    return Track(
+        time=stamps(sensors),
+        position=truth["position"],
+        orientation=orientation,
+        angles=angles,
+        achieved=achieved,
+        commanded=_commanded(recording, sensors, seq),
+        mode=mode,
+        legs=legs,
+        foot_load=load,
+        carries=own,
+        sensors=sensors,
+    )
+
+
+def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
+    """Rows of sensors, state and truth on the ticks that have all three."""
+    sensors = first_occurrences(recording.rows(Sensors))
+    state = first_occurrences(recording.rows(RobotState))
+    if not len(sensors):
+        raise BagError("the recording holds no sample of /cassie/sensors")
+    episode = sensors["episode"].max()
+    sensors, state = (rows[rows["episode"] == episode] for rows in (sensors, state))
+    truth = recording.truth[_last_rise(stamps_ns(recording.truth)) :]
+    ticks = np.intersect1d(stamps_ns(sensors), stamps_ns(state))
+    ticks = np.intersect1d(ticks, stamps_ns(truth))
+    if not len(ticks):
+        raise BagError("the recording holds no tick with sensors, state and true pose")
+    sensors, state, truth = (
+        rows[np.unique(stamps_ns(rows), return_index=True)[1]] for rows in (sensors, state, truth)
+    )
+    return (
+        sensors[np.isin(stamps_ns(sensors), ticks)],
+        state[np.isin(stamps_ns(state), ticks)],
+        truth[np.isin(stamps_ns(truth), ticks)],
+    )
+
+
+def _last_rise(times: npt.NDArray[np.int64]) -> int:
+    """Index after the last step back in time, where the last episode begins."""
+    back = np.flatnonzero(np.diff(times) < 0)
+    return int(back[-1]) + 1 if len(back) else 0
+
+
+def _velocities(truth: Rows, angles: FloatArray) -> dict[str, FloatArray]:
+    world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
+    yaw, pitch, roll = angles.T
+    rate = truth["angular"]
+    return {
+        "vx": np.cos(yaw) * world[:, 0] + np.sin(yaw) * world[:, 1],
+        "vy": -np.sin(yaw) * world[:, 0] + np.cos(yaw) * world[:, 1],
+        "yaw_rate": (np.sin(roll) * rate[:, 1] + np.cos(roll) * rate[:, 2]) / np.cos(pitch),
+    }
+
+
+def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
+    """Height of the ground under the robot: of the soles, weighted by their load."""
+    soles = legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+    weight = load.clip(0.0, 1.0)
+    total = weight.sum(axis=1)
+    loaded = (soles * weight).sum(axis=1) / np.where(total > 0.0, total, 1.0)
+    ground: FloatArray = np.where(total > 0.05, loaded, soles.min(axis=1))
+    return ground
+
+
+def _commanded(
+    recording: Recording, sensors: Rows, seq: npt.NDArray[np.int64]
+) -> dict[str, FloatArray]:
+    """Set-points of a scripted operator, else those that the supervisor passed on."""
+    operator = recording.rows(OperatorCommand)
+    scripted = operator[operator["scripted"]]
+    source = scripted if len(scripted) else recording.rows(Mode)
+    return _held(source, sensors, TRACKED)
+
+
+def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Fields of a scheduled message on each tick, held from `effective_seq` on; 0 before."""
+    rows = rows[rows["episode"] == sensors["episode"][0]] if len(rows) else rows
+    rows = rows[np.argsort(rows["effective_seq"], kind="stable")]
+    index = np.searchsorted(rows["effective_seq"], sensors["seq"], side="right") - 1
+    held = {}
+    for name in names:
+        values = np.concatenate([np.zeros(1), rows[name].astype(np.float64)])
+        held[name] = values[index + 1]
+    return held
