@@ -1,0 +1,1 @@
+"""Walking and standing: outputs, gait library, leg-angle adjustment, drive set-points."""

@@ -1,0 +1,1 @@
+"""State estimation from joint encoders and the IMU."""

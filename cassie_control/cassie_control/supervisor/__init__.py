@@ -1,0 +1,1 @@
+"""Mode supervision: which mode the robot may be in, and with which set-points."""
