@@ -60,7 +60,7 @@ def check_tools() -> None:
     if not header.is_file():
         raise BuildError(f"{header} is missing: apt install python{version}-dev")
     try:
-        import ensurepip  # noqa: F401, PLC0415
+        import ensurepip  # noqa: F401
     except ImportError:
         raise BuildError(f"Python's venv is missing: apt install python{version}-venv") from None
 
@@ -96,10 +96,13 @@ def bring_up_workspace(venv_stamp: str) -> bool:
     print("make build: building the packages with colcon")
     python = str(VENV / "bin/python")
     call(
-        [python, "-m", "colcon", "--log-base", "build/log", "build", "--symlink-install"]
-        + ["--base-paths", *PACKAGES, "--event-handlers", "console_cohesion-"]
-        + ["--cmake-args", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
-        + [f"-DPython3_EXECUTABLE={python}", f"-DPYTHON_EXECUTABLE={python}", "--no-warn-unused-cli"],
+        [
+            *(python, "-m", "colcon", "--log-base", "build/log", "build", "--symlink-install"),
+            *("--base-paths", *PACKAGES),
+            *("--cmake-args", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"),
+            *(f"-DPython3_EXECUTABLE={python}", f"-DPYTHON_EXECUTABLE={python}"),
+            "--no-warn-unused-cli",
+        ],
         environment(),
     )
     record.write_text(f"{venv_stamp} {stamp}")

@@ -12,7 +12,7 @@ setup(
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["*.json", "*.yaml", "*.md", "**/*.json", "**/*.yaml", "**/*.md"]},
+    package_data={NAME: ["**/*.json", "**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -12,7 +12,7 @@ setup(
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["*.json", "*.yaml", "*.md", "*.xml", "**/*.json", "**/*.yaml", "**/*.md", "**/*.xml"]},
+    package_data={NAME: ["**/*.json", "**/*.yaml", "**/*.md", "**/*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

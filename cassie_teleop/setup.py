@@ -1,6 +1,6 @@
 """Build of cassie_teleop by colcon (ament_python)."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -14,11 +14,11 @@ setup(
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["*.yaml", "*.md", "**/*.yaml", "**/*.md"]},
+    package_data={NAME: ["**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{NAME}/config", sorted(map(str, Path("config").glob("*.yaml")))),
     ],
     zip_safe=False,
     entry_points={

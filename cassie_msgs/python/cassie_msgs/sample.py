@@ -62,7 +62,8 @@ class Sample:
     """One message as its CDR bytes; each field is a numpy view into them.
 
     Fields are written in place: `sample.q[:] = q`, `sample.phase[...] = 0.5`. Scalars
-    are 0-d views (`float(sample.phase)`, `int(sample.seq)`). A fresh sample is all zero.
+    are 0-d views (`float(sample.phase)`, `int(sample.seq)`). A fresh sample is all zero,
+    and so are its four bytes of padding before `seq`, which ROS itself leaves undefined.
 
     Attributes:
         LAYOUT: (name, numpy type, count) of each field after the common header, in

@@ -1,0 +1,122 @@
+"""ROS parameters out of tunable dataclasses, declared once, with one check for both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.node import Node
+
+from cassie_msgs.tunables import (
+    Entry,
+    ParameterError,
+    entries,
+    names,
+    replace_checked,
+    unknown_name,
+)
+
+ConfigT = TypeVar("ConfigT")
+_HUGE = 1e300  # stands for an open end, a range has no other way to say it
+_HUGE_INT = 2**62
+
+
+def descriptor(entry: Entry) -> ParameterDescriptor:
+    """What `ros2 param describe` tells of a tunable: description, unit, range."""
+    spec = entry.spec
+    text = f"{spec.description} ({spec.range_text})" if spec.range_text else spec.description
+    # Dynamic typing lets a whole number stand for a float; the check of tunables holds types.
+    result = ParameterDescriptor(
+        name=entry.name, description=text, read_only=not spec.live, dynamic_typing=True
+    )
+    bounded = spec.low is not None or spec.high is not None
+    if bounded and entry.kind is float:
+        low = -_HUGE if spec.low is None else float(spec.low)
+        high = _HUGE if spec.high is None else float(spec.high)
+        result.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif bounded and entry.kind is int:
+        low_int = -_HUGE_INT if spec.low is None else int(spec.low)
+        high_int = _HUGE_INT if spec.high is None else int(spec.high)
+        result.integer_range = [IntegerRange(from_value=low_int, to_value=high_int, step=1)]
+    elif spec.choices:
+        result.additional_constraints = spec.range_text
+    return result
+
+
+def declare(node: Node, config: ConfigT) -> ConfigT:
+    """Declare every tunable of `config` and read what the user set.
+
+    Args:
+        node: Node that gets the parameters.
+        config: Instance of a tunable dataclass, the defaults.
+
+    Returns:
+        A copy with the user's values.
+
+    Raises:
+        ParameterError: naming parameter, value and range, if a value does not fit.
+    """
+    given: dict[str, Any] = {}
+    for entry in entries(config):
+        default = list(entry.value) if entry.kind is tuple else entry.value
+        try:
+            parameter = node.declare_parameter(entry.name, default, descriptor(entry))
+        except InvalidParameterValueException as error:
+            value = node._parameter_overrides[entry.name].value
+            replace_checked(config, **{entry.name: value})
+            raise ParameterError(f"{entry.name} = {value}: {error}") from None
+        given[entry.name] = _plain(parameter.value)
+    return replace_checked(config, **given)
+
+
+def on_change(node: Node, get: Callable[[], ConfigT], put: Callable[[ConfigT], None]) -> None:
+    """Follow changes of the parameters `declare` made, while the node runs.
+
+    A change that does not fit is refused with the reason; of several in one call none
+    holds then.
+
+    Args:
+        node: Node with the parameters.
+        get: Returns the configuration in force.
+        put: Takes the changed one; called on the executor's thread. A ValueError it
+            raises refuses the change.
+    """
+    known = set(names(type(get())))
+
+    def follow(parameters: list[Any]) -> SetParametersResult:
+        changes = {p.name: _plain(p.value) for p in parameters if p.name in known}
+        if not changes:
+            return SetParametersResult(successful=True)
+        try:
+            put(replace_checked(get(), **changes))
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(follow)
+
+
+def refuse_unknown(node: Node) -> None:
+    """Hold that every parameter the user gave is one the node has.
+
+    Raises:
+        ParameterError: naming the first that is not, and the nearest known one.
+    """
+    known = [name for name in node._parameters if not name.startswith("qos_overrides.")]
+    for name in node._parameter_overrides:
+        if name not in node._parameters and not name.startswith("qos_overrides."):
+            raise ParameterError(unknown_name(name, known, "parameter"))
+
+
+def _plain(value: Any) -> Any:
+    """A ROS array as a tuple, everything else as it is."""
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+        return value
+    return tuple(value)

@@ -1,0 +1,155 @@
+"""A node as a process: started, stopped and refused in the same way everywhere."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from cassie_msgs.ros.parameters import refuse_unknown
+
+_SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
+_SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
+
+
+class Stop:
+    """Whether the process shall end, and whom to wake when it shall."""
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        self._wakers: list[Callable[[], None]] = []
+        self.exit_code = 0
+
+    @property
+    def requested(self) -> bool:
+        """True once the process shall end."""
+        return self._event.is_set()
+
+    def request(self, exit_code: int = 0) -> None:
+        """Ask the process to end, from any thread; the first exit code above 0 stays."""
+        self.exit_code = self.exit_code or exit_code
+        self._event.set()
+        for wake in self._wakers:
+            with contextlib.suppress(*_SHUTDOWN_ERRORS):
+                wake()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Sleep until the process shall end, at most `timeout_s`; says whether it shall."""
+        return self._event.wait(timeout_s)
+
+    def on_request(self, wake: Callable[[], None]) -> None:
+        """Call `wake` when the process shall end, e.g. `LaneWaiter.wake`."""
+        self._wakers.append(wake)
+        if self.requested:
+            wake()
+
+
+def run(name: str, build: Callable[[Stop], Any]) -> None:
+    """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
+
+    `build(stop)` makes the node, an rclpy `Node`. Its parameters, services and timers are
+    served by an executor in another thread. If it has a method `loop()`, that runs on the
+    main thread and should return soon after `stop.requested`; if it has `close()`, that
+    is called at the end, while topics can still be published.
+
+    Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
+    ValueError or OSError, such as for a wrong parameter; 1 if something broke.
+    """
+    stop = Stop()
+    _follow_signals(stop)
+    try:
+        status = _run(name, build, stop)
+    finally:
+        with contextlib.suppress(*_SHUTDOWN_ERRORS):
+            rclpy.try_shutdown()
+    sys.stdout.flush()
+    sys.exit(status)
+
+
+def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = build(stop)
+        refuse_unknown(node)
+    except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
+        print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    with executor_thread(node, stop):
+        try:
+            gc.collect()
+            gc.freeze()  # what exists by now lives as long as the process
+            sys.setswitchinterval(_SWITCH_INTERVAL)
+            getattr(node, "loop", stop.wait)()
+        except _SHUTDOWN_ERRORS:
+            if not stop.requested:
+                raise
+        finally:
+            if hasattr(node, "close"):
+                node.close()
+    with contextlib.suppress(*_SHUTDOWN_ERRORS):
+        node.destroy_node()
+    return stop.exit_code
+
+
+@contextlib.contextmanager
+def executor_thread(node: Node, stop: Stop) -> Iterator[None]:
+    """Serve the node's parameters, services and timers in a thread of their own.
+
+    An exception in a callback ends the process with status 1.
+    """
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def serve() -> None:
+        try:
+            while not stop.requested:
+                executor.spin_once(timeout_sec=1.0)
+        except _SHUTDOWN_ERRORS:
+            pass
+        except BaseException:
+            traceback.print_exc()
+            stop.request(exit_code=1)
+
+    thread = threading.Thread(target=serve, name="executor", daemon=True)
+    stop.on_request(executor.wake)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.request()
+        thread.join(timeout=1.0)
+        executor.shutdown(timeout_sec=0.2)
+
+
+def _follow_signals(stop: Stop) -> None:
+    """Have SIGINT and SIGTERM request the stop at once, also while the main thread waits in C.
+
+    Python runs its signal handlers between bytecodes only, and a wait set does not return
+    for a signal; the wake-up descriptor is written by the C handler itself.
+    """
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+
+    def listen() -> None:
+        ends = {signal.SIGINT, signal.SIGTERM}
+        while not ends.intersection(os.read(reader, 16)):
+            pass
+        stop.request()
+
+    threading.Thread(target=listen, name="signals", daemon=True).start()
