@@ -234,7 +234,7 @@ FOOT_CONTACTS: tuple[Vector, Vector] = (
     (-0.052821, 0.092622, 0.0),
     (0.069746, -0.010224, 0.0),
 )
-"""Heel and toe end of the sole's centre line in the toe link's frame. In m."""
+"""Toe and heel end of the sole's centre line in the toe link's frame. In m."""
 
 SOLE_RADIUS = 0.02
 """Radius of the rounded sole about that line. In m."""

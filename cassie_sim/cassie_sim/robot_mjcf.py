@@ -86,7 +86,7 @@ def _add_leg(
         bodies[link.name] = body
         if link.capsule is not None:
             _add_shape(body, leg, folder is None, capsule=link.capsule)
-    for end, point in zip(("heel", "toe"), robot.FOOT_CONTACTS, strict=True):
+    for end, point in zip(("toe", "heel"), robot.FOOT_CONTACTS, strict=True):
         geom = bodies["toe"].add_geom(
             name=f"{leg}_{end}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,

@@ -125,6 +125,7 @@ def _make_ground(geom: mujoco.MjsGeom, friction: float) -> None:
     # Priority makes the ground's friction count; else the larger one of two geoms does.
     geom.priority = 1
     geom.friction = [friction, 0.005, 0.0001]
+    geom.solref = [0.005, 1.0]
     geom.condim = 3
     geom.contype = 1
     geom.conaffinity = 15

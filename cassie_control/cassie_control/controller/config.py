@@ -1,0 +1,120 @@
+"""Everything that can be tuned in the controller: one field each, with unit, range and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from cassie_msgs.tunables import tunable
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointGains:
+    """Position and velocity gains of one leg's drives while walking."""
+
+    kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
+    kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
+    kp_hip_pitch: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
+    kp_knee: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kp_toe: float = tunable(20.0, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
+    kd_hip_roll: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
+    kd_hip_pitch: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
+    kd_knee: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkConfig:
+    """Walking: torso, steps and leg-angle adjustment."""
+
+    joints: JointGains = field(default_factory=JointGains)
+    kp_torso_pitch: float = tunable(
+        300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
+    )
+    kd_torso_pitch: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    kp_torso_roll: float = tunable(300.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip")
+    kd_torso_roll: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    law: str = tunable(
+        "pendulum",
+        choices=("pendulum", "paper"),
+        description="Leg-angle adjustment: predicted by a pendulum, or the paper's own",
+    )
+    touchdown_force: float = tunable(
+        200.0, "N", 50.0, 400.0, "Force on the swing foot that ends a step"
+    )
+    earliest_touchdown: float = tunable(0.5, "", 0.1, 0.95, "Phase before which no step ends")
+    latest_touchdown: float = tunable(1.1, "", 1.0, 2.0, "Phase at which a step ends anyway")
+    foot_spread: float = tunable(
+        0.0, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
+    )
+    least_foot_distance: float = tunable(
+        0.16, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
+    )
+    speed_filter: float = tunable(
+        0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity that reads the gait library"
+    )
+    pendulum_gain_x: float = tunable(
+        0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes"
+    )
+    pendulum_gain_y: float = tunable(
+        0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
+    )
+    integral_x: float = tunable(
+        0.02, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
+    )
+    integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_limit: float = tunable(0.08, "m", 0.0, 0.2, "Bound of that sum")
+    paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
+    paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
+    paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
+    paper_kd_y: float = tunable(0.35, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kd")
+    heading_gain: float = tunable(0.5, "", 0.0, 2.0, "Swing hip yaw by heading error")
+    yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
+    gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandConfig:
+    """Standing."""
+
+    kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
+    kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
+    kp_hip_pitch: float = tunable(300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
+    kp_knee: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
+    kd_hip_pitch: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
+    kd_knee: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kp_com_x: float = tunable(
+        350.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
+    )
+    kd_com_x: float = tunable(180.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
+    kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
+    kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
+    roll_length: float = tunable(
+        2.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"
+    )
+    roll_rate_length: float = tunable(
+        0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
+    )
+    height_integral: float = tunable(1.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
+    gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransitionConfig:
+    """Between standing and walking."""
+
+    lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
+    lean_roll: float = tunable(0.06, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    blend_time: float = tunable(0.3, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerConfig:
+    """The gait controller."""
+
+    walk: WalkConfig = field(default_factory=WalkConfig)
+    stand: StandConfig = field(default_factory=StandConfig)
+    transition: TransitionConfig = field(default_factory=TransitionConfig)

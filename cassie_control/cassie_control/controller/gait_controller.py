@@ -1,0 +1,188 @@
+"""The controller: one of standing, walking, damping or nothing, and the changes between them."""
+
+from __future__ import annotations
+
+import enum
+import math
+
+import numpy as np
+
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.readings import Readings
+from cassie_control.controller.standing import StandingController
+from cassie_control.controller.walking import LEFT, WalkingController
+from cassie_control.errors import ControlError
+from cassie_gaits import robot
+from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.names import LEG_DRIVES
+from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotMode, RobotState
+
+DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
+"""Damping of the drives in mode DAMP. In Nms/rad."""
+
+
+class Activity(enum.Enum):
+    """What the controller does now."""
+
+    IDLE = "idle"
+    DAMPING = "damping"
+    STANDING = "standing"
+    LEANING = "leaning"
+    WALKING = "walking"
+
+
+class GaitController:
+    """State and mode in, drive set-points out.
+
+    From standing, walking begins with a lean to the left and a step of the right leg. From
+    walking, standing begins at the next touchdown; the supervisor asks for it when Cassie steps
+    in place. After each change the set-points are blended over a moment.
+
+    Args:
+        config: Gains.
+        library: Gaits.
+        period: Of control. In s.
+    """
+
+    def __init__(self, config: ControllerConfig, library: GaitLibrary, period: float) -> None:
+        self._period = period
+        self.readings = Readings()
+        self.standing = StandingController(config.stand, period)
+        self.walking = WalkingController(config.walk, library, period)
+        self.status = ControllerStatus()
+        self._command = MotorCommand()
+        self._last = MotorCommand()
+        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
+        self._torque_limit = np.array(limits)
+        self.config = config
+        self.reset()
+
+    def configure(self, config: ControllerConfig) -> None:
+        """Take over new gains at once."""
+        self.config = config
+        self.standing.config = config.stand
+        self.walking.configure(config.walk)
+
+    def reset(self) -> None:
+        """Back to doing nothing."""
+        self.activity = Activity.IDLE
+        self._since = 0.0
+        self._blend = 0.0
+        self._command.kp[:] = self._command.kd[:] = self._command.torque[:] = 0.0
+
+    def step(self, state: RobotState, mode: Mode) -> MotorCommand:
+        """Set-points for one tick.
+
+        Returns:
+            The command; reused by the next step.
+
+        Raises:
+            ControlError: if the state holds a value that is not finite.
+        """
+        _check(state)
+        self.readings.update(state)
+        command = self._command
+        command.seq[...] = state.seq
+        command.episode[...] = state.episode
+        command.stamp_ns = state.stamp_ns
+        self._since += self._period
+        self._choose(int(mode.mode))
+        self._act(mode)
+        self._blend_in()
+        self._describe(state, mode)
+        return command
+
+    def _choose(self, mode: int) -> None:
+        if mode in (RobotMode.OFF, RobotMode.DAMP):
+            self._enter(Activity.IDLE if mode == RobotMode.OFF else Activity.DAMPING)
+        elif mode == RobotMode.STAND and self.activity is not Activity.WALKING:
+            if self.activity is not Activity.STANDING:
+                self._enter(Activity.STANDING)
+                self.standing.start(self.readings)
+        elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
+            if self.activity is not Activity.LEANING:
+                if self.activity is not Activity.STANDING:
+                    self.standing.start(self.readings)
+                self._enter(Activity.LEANING)
+            elif self._since >= self.config.transition.lean_time:
+                self._enter(Activity.WALKING)
+                self.walking.start(self.readings, LEFT)
+
+    def _enter(self, activity: Activity) -> None:
+        if activity is self.activity:
+            return
+        self.activity = activity
+        self._since = 0.0
+        self._blend = self.config.transition.blend_time
+        self._last.copy_from(self._command)
+
+    def _act(self, mode: Mode) -> None:
+        command = self._command
+        if self.activity is Activity.IDLE:
+            command.torque[:] = command.kp[:] = command.kd[:] = 0.0
+        elif self.activity is Activity.DAMPING:
+            command.torque[:] = command.kp[:] = command.velocity[:] = 0.0
+            command.kd[:] = DAMPING
+        elif self.activity is Activity.STANDING:
+            self.standing.step(self.readings, mode, command, 0.0)
+        elif self.activity is Activity.LEANING:
+            transition = self.config.transition
+            share = min(1.0, self._since / transition.lean_time)
+            self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
+        elif self.walking.step(self.readings, mode, command) and mode.mode == RobotMode.STAND:
+            self._enter(Activity.STANDING)
+            self.standing.start(self.readings)
+            self.standing.step(self.readings, mode, command, 0.0)
+
+    def _blend_in(self) -> None:
+        """Go over from the last set-points to the new ones, torques and gains alike."""
+        steady = (Activity.STANDING, Activity.LEANING)
+        if self._blend <= 0.0 or self.activity not in steady:
+            return
+        self._blend -= self._period
+        share = max(0.0, self._blend / self.config.transition.blend_time)
+        for field in ("torque", "kp", "kd"):
+            now, before = getattr(self._command, field), getattr(self._last, field)
+            now *= 1.0 - share
+            now += share * before
+
+    def _describe(self, state: RobotState, mode: Mode) -> None:
+        status, walking = self.status, self.walking
+        status.seq[...] = state.seq
+        status.episode[...] = state.episode
+        status.stamp_ns = state.stamp_ns
+        status.mode_seq[...] = mode.effective_seq
+        status.mode[...] = mode.mode
+        walks = self.activity is Activity.WALKING
+        status.phase[...] = walking.phase if walks else 0.0
+        status.stance_leg[...] = walking.stance if walks else -1.0
+        status.step_count[...] = walking.steps if walks else 0.0
+        status.gait_speed[...] = walking.gait_speed
+        status.step_time[...] = walking.step_time
+        status.velocity[:] = walking.velocity
+        if walks:
+            np.subtract(walking.outputs, walking.desired, out=status.y)
+            np.subtract(walking.rates, walking.desired_rates, out=status.dy)
+        else:
+            status.y[:] = 0.0
+            status.dy[:] = 0.0
+        status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
+
+
+def _check(state: RobotState) -> None:
+    total = (
+        state.q.sum()
+        + state.v.sum()
+        + state.foot_load.sum()
+        + state.foot_force.sum()
+        + state.com_position.sum()
+        + state.com_velocity.sum()
+    )
+    if math.isfinite(total):
+        return
+    for name, _, _ in RobotState.LAYOUT:
+        values = np.atleast_1d(getattr(state, name))
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise ControlError(f"state {name}[{bad[0]}] is {values[bad[0]]}, must be finite")
+    raise ControlError("state overflows")

@@ -1,0 +1,134 @@
+"""What the control laws read of the robot each tick, as plain numbers with names."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.leg_chain import LegChain, LegState
+from cassie_gaits.names import LEGS
+from cassie_msgs.layout import RobotState
+
+FloatArray = npt.NDArray[np.float64]
+
+HIP_X = 0.021 - 0.07
+HIP_Y = 0.135
+HIP_Z = -0.09
+"""Hip pitch axis in the pelvis frame with hip roll and yaw at zero; left, y mirrored. In m."""
+
+ANKLE_HEIGHT = 0.0570
+"""Toe joint above the ground with a level sole. In m."""
+
+HIP_TO_PELVIS = -HIP_Z
+WEIGHT = robot.total_mass() * 9.81
+
+
+class LegReadings:
+    """One leg: its joints and where its toe joint is.
+
+    Attributes:
+        joints, rates: The seven joints. In rad and rad/s.
+        ankle: Toe joint from the pelvis origin, heading frame. In m.
+        load: Share of the load threshold it carries, 0..1.
+        force: Vertical force on the foot. In N.
+        contact: Probability that the foot is on the ground, 0..1.
+        hip_y: Sideways offset of the hip. In m.
+    """
+
+    def __init__(self, leg: str) -> None:
+        self._chain = LegChain(leg)
+        self.hip_y = HIP_Y if leg == "left" else -HIP_Y
+        self.side = 1.0 if leg == "left" else -1.0
+        self.joints = [0.0] * 7
+        self.rates = [0.0] * 7
+        self.ankle = (0.0, 0.0, 0.0)
+        self.foot = (0.0, 0.0, 0.0)
+        self.load = 0.0
+        self.force = 0.0
+        self.contact = 0.0
+        self.chain: LegState = self._chain.state
+
+    def update(self, joints: FloatArray, rates: FloatArray, rotation: FloatArray) -> None:
+        """Take in joints (7,) and rates (7,), with the pelvis's tilt (3, 3)."""
+        self.joints = joints.tolist()
+        self.rates = rates.tolist()
+        self.chain = self._chain.update(joints, rates)
+        x, y, z = (rotation @ self.chain.ankle).tolist()
+        self.ankle = (x, y, z)
+        x, y, z = (rotation @ self.chain.foot).tolist()
+        self.foot = (x, y, z)
+
+    def gravity_torques(self, force: FloatArray) -> tuple[float, float, float, float]:
+        """Torques of hip roll, yaw, pitch and knee that hold a force on the foot.
+
+        Args:
+            force: Of the ground on the foot, pelvis frame. Shape (3,), in N.
+
+        Source:
+            u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
+        """
+        roll, yaw, pitch, knee, _, tarsus, _ = (force @ self.chain.ankle_jacobian).tolist()
+        return -roll, -yaw, -pitch, tarsus - knee
+
+
+class Readings:
+    """The robot at one tick.
+
+    Attributes:
+        yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
+        com: Centre of mass from the pelvis origin, heading frame. In m.
+        com_velocity: Of the centre of mass, heading frame. In m/s.
+        velocity: Of the pelvis origin, heading frame. In m/s.
+        height: Pelvis origin above the loaded soles. In m.
+        legs: Left and right.
+        tilt: Rotation pelvis to heading frame. Shape (3, 3).
+    """
+
+    def __init__(self) -> None:
+        self.legs = tuple(LegReadings(leg) for leg in LEGS)
+        self.tilt = np.eye(3)
+        self.yaw = self.pitch = self.roll = 0.0
+        self.yaw_rate = self.pitch_rate = self.roll_rate = 0.0
+        self.com = (0.0, 0.0, 0.0)
+        self.com_velocity = (0.0, 0.0, 0.0)
+        self.com_from_feet = (0.0, 0.0, 0.0)
+        self.velocity = (0.0, 0.0)
+        self.height = 0.0
+        self.time = 0.0
+
+    def update(self, state: RobotState) -> None:
+        """Take in a state estimate."""
+        q, v = state.q, state.v
+        self.time = state.stamp_ns * 1e-9
+        self.height, self.yaw, self.pitch, self.roll = q[2:6].tolist()
+        self.yaw_rate, self.pitch_rate, self.roll_rate = v[3:6].tolist()
+        self._set_tilt()
+        for i, leg in enumerate(self.legs):
+            leg.update(q[6 + 7 * i : 13 + 7 * i], v[6 + 7 * i : 13 + 7 * i], self.tilt)
+        left, right = self.legs
+        left.load, right.load = state.foot_load.tolist()
+        left.force, right.force = state.foot_force.tolist()
+        left.contact, right.contact = state.contact_probability.tolist()
+        x, y, z = state.com_position.tolist()
+        self.com_from_feet = (x, y, z)
+        self.com = (
+            x + 0.5 * (left.foot[0] + right.foot[0]),
+            y + 0.5 * (left.foot[1] + right.foot[1]),
+            z + 0.5 * (left.foot[2] + right.foot[2]),
+        )
+        x, y, z = state.com_velocity.tolist()
+        self.com_velocity = (x, y, z)
+        vx, vy = v[:2].tolist()
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        self.velocity = (c * vx + s * vy, c * vy - s * vx)
+
+    def _set_tilt(self) -> None:
+        cp, sp = math.cos(self.pitch), math.sin(self.pitch)
+        cr, sr = math.cos(self.roll), math.sin(self.roll)
+        tilt = self.tilt
+        tilt[0, 0], tilt[0, 1], tilt[0, 2] = cp, sp * sr, sp * cr
+        tilt[1, 1], tilt[1, 2] = cr, -sr
+        tilt[2, 0], tilt[2, 1], tilt[2, 2] = -sp, cp * sr, cp * cr

@@ -1,0 +1,175 @@
+"""Standing: toe torques hold the CoM over the feet, leg lengths hold height and roll."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cassie_control.controller.config import StandConfig
+from cassie_control.controller.readings import (
+    ANKLE_HEIGHT,
+    HIP_TO_PELVIS,
+    HIP_X,
+    HIP_Y,
+    WEIGHT,
+    LegReadings,
+    Readings,
+)
+from cassie_gaits import virtual_leg
+from cassie_msgs.layout import Mode, MotorCommand
+
+_NOMINAL_STANCE = 0.15  # m, half the distance of the feet that the paper stands with
+_REACH = 0.075  # m, centre of pressure from the middle of the sole
+_GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
+_HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
+_FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
+
+
+class StandingController:
+    """Quiet standing on both feet.
+
+    With F_i the force on foot i and e = CoM x - commanded CoM x, both from the feet's midpoint:
+
+        centre of pressure     = CoM x + (kp e + kd CoM velocity x) / weight, within the sole,
+        toe torque of foot i   = -F_i (centre of pressure - toe joint), and in the air the toe
+                                 keeps the sole level,
+        hip pitch              = torso pitch regulated through both hips,
+        hip roll, hip yaw      = held at the angle with which the foot took load,
+        mean leg length        = height, plus the sum of the height error,
+        leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
+
+    The weight is fed forward through the leg Jacobians, shared by the load on the feet.
+
+    Args:
+        config: Gains.
+        period: Of control. In s.
+
+    Source:
+        Section "Quiet Standing". Each toe is weighted by its own foot's load, not by the smaller
+        one, so that rocking does not take away the torque of the loaded foot.
+    """
+
+    def __init__(self, config: StandConfig, period: float) -> None:
+        self.config = config
+        self._period = period
+        self._height_sum = 0.0
+        self._hips = [[0.0, 0.0], [0.0, 0.0]]
+        self._ground = [0.0, 0.0]
+        self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
+        self._force = np.zeros(3)
+
+    def start(self, readings: Readings) -> None:
+        """Begin from the present pose: the feet stay where they are."""
+        self._height_sum = 0.0
+        self._ground = [leg.contact for leg in readings.legs]
+        self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
+
+    def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
+        """Fill in the set-points.
+
+        Args:
+            readings: The robot now.
+            mode: Set-points for height, CoM shift, roll and pitch.
+            command: Result.
+            lean: Torso roll on top of the commanded one. In rad.
+        """
+        for i, leg in enumerate(readings.legs):
+            # Slower than the legs' bounce, which feed-forward that followed it would feed.
+            self._ground[i] += self._settle * (leg.contact - self._ground[i])
+        total = self._ground[0] + self._ground[1]
+        com_y = float(mode.com_y)
+        roll = float(mode.roll) + lean - com_y / max(0.4, readings.height)
+        roll_error = readings.roll - roll
+        difference = (
+            self.config.roll_length * roll_error
+            + self.config.roll_rate_length * readings.roll_rate
+        ) * min(1.0, total)
+        length = self._mean_length(readings, float(mode.height), total)
+        for i, leg in enumerate(readings.legs):
+            share = self._ground[i] / max(1.0, total)
+            self._leg(
+                i,
+                leg,
+                readings,
+                command,
+                length - 0.5 * leg.side * difference,
+                share,
+                mode,
+            )
+
+    def _mean_length(self, readings: Readings, height: float, total: float) -> float:
+        if total > 1.5:
+            error = height - readings.height
+            self._height_sum += self.config.height_integral * self._period * error
+            self._height_sum = max(-0.08, min(0.08, self._height_sum))
+        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum
+
+    def _leg(
+        self,
+        i: int,
+        leg: LegReadings,
+        readings: Readings,
+        command: MotorCommand,
+        length: float,
+        share: float,
+        mode: Mode,
+    ) -> None:
+        c = self.config
+        ground = self._ground[i]
+        base = 5 * i
+        length = virtual_leg.clamp_length(length, 0.25, 0.97)
+        hips = self._hips[i]
+        self._release_hips(hips, leg, ground)
+        in_air = (readings.com[0] - HIP_X - _FOOT_MIDDLE) / max(length, 0.4)
+        hip_pitch_air = virtual_leg.hip_pitch_angle(in_air, 0.0, length)
+        hip_pitch_ground = leg.joints[2] + float(mode.pitch) - readings.pitch
+        toe_level = virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2])
+        toe = self._toe_torque(leg, readings, float(mode.com_x))
+        command.position[base : base + 5] = (
+            hips[0],
+            hips[1],
+            (1.0 - ground) * hip_pitch_air + ground * hip_pitch_ground,
+            virtual_leg.knee_angle(length),
+            toe_level,
+        )
+        command.velocity[base : base + 5] = (
+            0.0,
+            0.0,
+            ground * (leg.rates[2] - readings.pitch_rate),
+            0.0,
+            0.0,
+        )
+        command.kp[base : base + 5] = (
+            c.kp_hip_roll,
+            c.kp_hip_yaw,
+            c.kp_hip_pitch,
+            c.kp_knee,
+            c.kp_toe * (1.0 - ground),
+        )
+        command.kd[base : base + 5] = (
+            c.kd_hip_roll,
+            c.kd_hip_yaw,
+            c.kd_hip_pitch,
+            c.kd_knee,
+            c.kd_toe,
+        )
+        np.multiply(readings.tilt[2], c.gravity * WEIGHT * share, out=self._force)
+        roll_torque, yaw_torque, pitch_torque, knee_torque = leg.gravity_torques(self._force)
+        command.torque[base : base + 5] = (roll_torque, yaw_torque, pitch_torque, knee_torque, toe)
+
+    def _toe_torque(self, leg: LegReadings, readings: Readings, com_x: float) -> float:
+        c = self.config
+        error = readings.com_from_feet[0] - com_x
+        wanted = (c.kp_com_x * error + c.kd_com_x * readings.com_velocity[0]) / WEIGHT
+        pressure = readings.com[0] + max(-_REACH, min(_REACH, error + wanted)) - error
+        torque = -leg.contact * max(0.0, leg.force) * (pressure - leg.ankle[0])
+        return max(-c.toe_torque, min(c.toe_torque, torque))
+
+    def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
+        if ground > 0.1:
+            return
+        nominal = math.atan2(_NOMINAL_STANCE - HIP_Y, 0.8) * leg.side
+        limit = _HIP_RELEASE * self._period
+        hips[0] += max(-limit, min(limit, nominal - hips[0]))
+        hips[1] += max(-limit, min(limit, -hips[1]))
