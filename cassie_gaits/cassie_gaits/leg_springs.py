@@ -54,9 +54,9 @@ def _weights() -> tuple[tuple[float, float, float], tuple[float, float, float], 
     near = crank.mass + plantar * (1.0 - shares["plantar_rod"])
     masses.append((near, crank.position[0], crank.position[1]))
     total = (
-        sum(mass for mass, _, _ in masses),
-        sum(mass * x for mass, x, _ in masses),
-        sum(mass * y for mass, _, y in masses),
+        float(sum(mass for mass, _, _ in masses)),
+        float(sum(mass * x for mass, x, _ in masses)),
+        float(sum(mass * y for mass, _, y in masses)),
     )
     own = (shin.mass, shin.mass * shin.com[0], shin.mass * shin.com[1])
     return own, total, _LINKS["toe"].mass + plantar * shares["plantar_rod"]
