@@ -7,7 +7,7 @@ NAME = "cassie_gaits"
 setup(
     name=NAME,
     version="0.1.0",
-    description="Model of Cassie for control: names, leg geometry, outputs, dynamics, and its gait library",
+    description="Model of Cassie for control: names, geometry, outputs, dynamics, gait library",
     license="Apache-2.0",
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",

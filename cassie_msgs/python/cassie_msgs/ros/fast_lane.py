@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import Any, Generic, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -78,6 +79,14 @@ class LanePublisher(Generic[SampleT]):
     def publish_raw(self, raw: bytes) -> None:
         """Send bytes kept from `to_bytes`, such as a cached reply."""
         self._send(raw)
+
+    def wait_for_all_acked(self, timeout: Duration) -> bool:
+        """Wait until every reliable reader has what was sent; False on time-out."""
+        return bool(self._publisher.wait_for_all_acked(timeout))
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until all reliable readers have what was sent; says whether they do."""
+        return bool(self._publisher.wait_for_all_acked(Duration(seconds=timeout_s)))
 
     @property
     def matched(self) -> int:
@@ -155,6 +164,7 @@ class LaneWaiter:
         """Prepare the wait set; it belongs to the thread that waits."""
         self._handles = [subscription.handle for subscription in subscriptions]
         self._guard = node.create_guard_condition(_nothing, callback_group=_NotForExecutors())
+        self._guard_handle = self._guard.handle
         context = node.context.handle
         self._set = _rclpy.WaitSet(len(self._handles), 1, 0, 0, 0, 0, context)
 
@@ -168,7 +178,7 @@ class LaneWaiter:
         wait_set.clear_entities()  # a wait leaves only the ready ones in the set
         for handle in self._handles:
             wait_set.add_subscription(handle)
-        wait_set.add_guard_condition(self._guard.handle)
+        wait_set.add_guard_condition(self._guard_handle)
         wait_set.wait(int(timeout_s * 1e9))
         return bool(wait_set.get_ready_entities("subscription"))
 

@@ -1,0 +1,149 @@
+"""A radio or gamepad as its YAML file describes it: which channel means what."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from cassie_msgs.tunables import entries, from_mapping, tunable, unknown_name
+from cassie_teleop.wish import MODES, Wish
+
+SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
+TRIMS = ("trim_sagittal", "trim_lateral", "trim_pitch", "trim_roll")
+_KEYS = ("axes", "buttons", "setpoints", "power", "mode", "link", "dead_man")
+PartT = TypeVar("PartT")
+
+
+class DeviceError(ValueError):
+    """A device file cannot be read or contradicts itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisMap:
+    """Set-point = offset + scale * axis, the scale of negative values apart."""
+
+    axis: int = tunable(dataclasses.MISSING, "", 0, 63, "Index in Joy.axes")
+    scale: float = tunable(dataclasses.MISSING, "", -5, 5, "Set-point at axis 1, less the offset")
+    scale_negative: float = tunable(0.0, "", -5, 5, "The same for negative values; 0 is scale")
+    offset: float = tunable(0.0, "", -5, 5, "Set-point at axis 0")
+    dead_band: float = tunable(0.05, "", 0, 0.5, "Values of the axis that count as 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Switch:
+    """On while an axis is at least `above` or a button is pressed; or latched by two buttons."""
+
+    axis: int = tunable(-1, "", -1, 63, "Index in Joy.axes; -1 for none")
+    above: float = tunable(0.5, "", -1, 1, "Least value of the axis that is on")
+    on_button: int = tunable(-1, "", -1, 63, "Button that switches on; -1 for none")
+    off_button: int = tunable(-1, "", -1, 63, "Button that switches off, stronger than on")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device:
+    """What a device file says; `README.md` describes its keys."""
+
+    axes: int
+    buttons: int
+    setpoints: Mapping[str, AxisMap]
+    power: Switch
+    mode: Mapping[str, Switch]
+    link_buttons: tuple[int, ...] = ()
+    dead_man: int | None = None
+    start: Wish = field(default_factory=Wish)
+
+
+def read_device(path: Path) -> Device:
+    """Read and check a device file.
+
+    Raises:
+        OSError: if it cannot be opened.
+        DeviceError: naming file, key and what is expected.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DeviceError(f"{path} is no YAML: {error}") from None
+    if not isinstance(content, Mapping):
+        raise DeviceError(f"{path}: expected keys {', '.join(_KEYS)}")
+    try:
+        return _device(content)
+    except ValueError as error:
+        raise DeviceError(f"{path}: {error}") from None
+
+
+def _device(content: Mapping[str, Any]) -> Device:
+    _only_known(content, _KEYS, "key")
+    for key in ("axes", "buttons", "setpoints", "power", "mode"):
+        if key not in content:
+            raise DeviceError(f"{key} must be given")
+    setpoints, modes = _section(content, "setpoints"), _section(content, "mode")
+    _only_known(setpoints, SETPOINTS + TRIMS, "set-point")
+    _only_known(modes, MODES[1:], "mode")
+    device = Device(
+        axes=_count(content, "axes"),
+        buttons=_count(content, "buttons"),
+        setpoints={k: _part(AxisMap, v, f"setpoints.{k}") for k, v in setpoints.items()},
+        power=_part(Switch, content["power"], "power"),
+        mode={k: _part(Switch, v, f"mode.{k}") for k, v in modes.items()},
+        link_buttons=tuple(content.get("link", ())),
+        dead_man=content.get("dead_man"),
+    )
+    _check_indices(device)
+    return device
+
+
+def _check_indices(device: Device) -> None:
+    switches = {"power": device.power} | {f"mode.{k}": v for k, v in device.mode.items()}
+    axes = {f"setpoints.{k}": v.axis for k, v in device.setpoints.items()}
+    axes |= {k: v.axis for k, v in switches.items()}
+    buttons = {f"{k}.on_button": v.on_button for k, v in switches.items()}
+    buttons |= {f"{k}.off_button": v.off_button for k, v in switches.items()}
+    buttons |= {f"link[{i}]": b for i, b in enumerate(device.link_buttons)}
+    if device.dead_man is not None:
+        buttons["dead_man"] = device.dead_man
+    for what, table, count in (("axis", axes, device.axes), ("button", buttons, device.buttons)):
+        for name, index in table.items():
+            if not isinstance(index, int) or not -1 <= index < count:
+                raise DeviceError(
+                    f"{name} = {index}: there is no such {what}, the last is {count - 1}"
+                )
+    for name, switch in switches.items():
+        if switch.axis < 0 and switch.on_button < 0:
+            raise DeviceError(f"{name}: needs an axis or an on_button")
+
+
+def _part(cls: type[PartT], mapping: object, name: str) -> PartT:
+    if not isinstance(mapping, Mapping):
+        raise DeviceError(f"{name}: expected {', '.join(e.name for e in dataclasses.fields(cls))}")  # type: ignore[arg-type]
+    try:
+        return from_mapping(cls, mapping)
+    except ValueError as error:
+        raise DeviceError(f"{name}: {error}") from None
+
+
+def _section(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    if not isinstance(content[key], Mapping):
+        raise DeviceError(f"{key}: expected names with their settings")
+    return dict(content[key])
+
+
+def _count(content: Mapping[str, Any], key: str) -> int:
+    value = content[key]
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 64:
+        raise DeviceError(f"{key} = {value!r} is outside 0 .. 64")
+    return value
+
+
+def _only_known(given: Mapping[str, Any], known: tuple[str, ...], what: str) -> None:
+    for key in given:
+        if key not in known:
+            raise DeviceError(unknown_name(str(key), known, what))
+
+
+RANGES = {entry.name: entry.spec for entry in entries(Wish())}

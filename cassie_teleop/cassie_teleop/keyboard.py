@@ -1,0 +1,96 @@
+"""Keys to wishes, and the status line under them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cassie_msgs.tunables import replace_checked
+from cassie_teleop.radio import clamped
+from cassie_teleop.wish import Wish
+
+HELP = """\
+  p power on       o power off (emergency stop)
+  1 stand          2 walk          3 segway
+  w/s forward      a/d turn        q/e sideways     space: stop moving
+  r/f height       t/g pitch       y/h roll         i/k, j/l lean (CoM)
+  0 all set-points back            ? this help      x or Ctrl-C: stop and leave"""
+
+STEPS: dict[str, tuple[str, float]] = {
+    **{"w": ("vx", 0.1), "s": ("vx", -0.1), "q": ("vy", 0.05), "e": ("vy", -0.05)},
+    **{"a": ("yaw_rate", 0.1), "d": ("yaw_rate", -0.1), "r": ("height", 0.02)},
+    **{"f": ("height", -0.02), "t": ("pitch", 0.02), "g": ("pitch", -0.02)},
+    **{"y": ("roll", -0.02), "h": ("roll", 0.02), "i": ("com_x", 0.01), "k": ("com_x", -0.01)},
+    **{"j": ("com_y", 0.01), "l": ("com_y", -0.01)},
+}
+MODE_KEYS = {"1": "stand", "2": "walk", "3": "segway"}
+
+
+class Keyboard:
+    """Wishes as the keys have made them.
+
+    Attributes:
+        wish: None until a power key was pressed, so that nobody cuts the power by
+            starting a program.
+    """
+
+    def __init__(self) -> None:
+        """Start without a wish."""
+        self.wish: Wish | None = None
+        self.left = False
+
+    def press(self, key: str) -> bool:
+        """Take one key; says whether it means something now."""
+        if key == "x":
+            self.left = True
+        elif key in "po":
+            self.wish = replace_checked(self.wish or Wish(), power=key == "p")
+        elif self.wish is None:
+            return False
+        elif key in STEPS:
+            name, step = STEPS[key]
+            value = clamped(name, round(getattr(self.wish, name) + step, 6))
+            self.wish = replace_checked(self.wish, **{name: value})
+        elif key in MODE_KEYS:
+            self.wish = replace_checked(self.wish, mode=MODE_KEYS[key])
+        elif key == " ":
+            self.wish = stopped(self.wish)
+        elif key == "0":
+            self.wish = Wish(mode=self.wish.mode, power=self.wish.power)
+        else:
+            return False
+        return True
+
+
+def stopped(wish: Wish) -> Wish:
+    """The same wishes without motion."""
+    return replace_checked(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+
+
+@dataclass(frozen=True)
+class Status:
+    """What the line shows of SupervisorStatus, with its age in s."""
+
+    mode: str
+    readiness: str
+    faults: Sequence[str]
+    age: float
+
+
+def status_line(wish: Wish | None, status: Status | None, width: int) -> str:
+    """One line of at most `width` characters: the robot, then the wishes."""
+    if status is None:
+        robot = "no word from the supervisor"
+    else:
+        age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
+        robot = f"{status.mode}{age}"
+        robot += f" | not yet: {status.readiness}" if status.readiness else ""
+        robot += f" | FAULT: {'; '.join(status.faults)}" if status.faults else ""
+    if wish is None:
+        wanted = "press p for power on, o for power off, ? for help"
+    else:
+        power = "power" if wish.power else "NO POWER"
+        wanted = f"{wish.mode} {power} vx {wish.vx:+.2f} vy {wish.vy:+.2f} m/s"
+        wanted += f" turn {wish.yaw_rate:+.2f} rad/s height {wish.height:.2f} m"
+    line = f"[{wanted}] {robot}"
+    return line if len(line) <= width else line[: max(0, width - 1)] + "…"

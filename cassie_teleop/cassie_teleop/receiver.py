@@ -1,0 +1,56 @@
+"""Joy messages over time to what goes to the robot: age and bad content mean no link."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cassie_teleop.radio import Radio, RadioError, without_link
+from cassie_teleop.wish import Wish
+
+
+class Receiver:
+    """Keeps the last good wishes and what is wrong now.
+
+    Args:
+        radio: Reads the channels.
+        timeout: Greatest age of a message, in s of wall time.
+    """
+
+    def __init__(self, radio: Radio, timeout: float) -> None:
+        """Start without a message."""
+        self.timeout = timeout
+        self._radio = radio
+        self._wish: Wish | None = None
+        self._refusal = ""
+        self._time: float | None = None
+
+    def receive(self, axes: Sequence[float], buttons: Sequence[int], now: float) -> bool:
+        """Take one message, at a monotonic time in s; says whether power has changed."""
+        before = self._wish
+        self._time = now
+        try:
+            wish = self._radio.read(axes, buttons)
+        except RadioError as error:
+            self._refusal = str(error)
+            return False
+        self._refusal = ""
+        self._wish = wish
+        return wish is not None and (before is None or before.power != wish.power)
+
+    def problem(self, now: float) -> str:
+        """What is wrong at a time, in words; empty when all is well."""
+        if self._time is None:
+            return "no message on /joy yet"
+        if now - self._time > self.timeout:
+            return f"/joy is silent for more than {self.timeout:g} s"
+        if self._refusal:
+            return f"refused: {self._refusal}"
+        if self._wish is None:
+            return "waiting for the power button"
+        return "" if self._wish.link else "the radio has no signal"
+
+    def wish(self, now: float) -> Wish | None:
+        """What to send at a time; None while there never was anything to send."""
+        if self._wish is None:
+            return None
+        return without_link(self._wish) if self.problem(now) else self._wish

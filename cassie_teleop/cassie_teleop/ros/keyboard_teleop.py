@@ -1,0 +1,87 @@
+"""Node keyboard_teleop: keys of a terminal to operator commands, with a status line."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from rclpy.node import Node
+
+from cassie_msgs.msg import SupervisorStatus
+from cassie_msgs.ros import parameters, process
+from cassie_msgs.tunables import tunable
+from cassie_teleop.keyboard import HELP, Keyboard, Status, status_line
+from cassie_teleop.radio import without_link
+from cassie_teleop.ros.sender import Sender
+from cassie_teleop.terminal import Terminal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Parameters."""
+
+    rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
+
+
+class KeyboardTeleop(Node):
+    """Sends what the keys have made, at a steady rate, from the first power key on."""
+
+    def __init__(self, stop: process.Stop) -> None:
+        """Take the terminal over.
+
+        Raises:
+            OSError: if the input is no terminal.
+            ValueError: if a parameter is wrong.
+        """
+        super().__init__("keyboard_teleop")
+        config = parameters.declare(self, Config())
+        self._stop = stop
+        self._period = 1.0 / config.rate
+        self._keyboard = Keyboard()
+        self._status: SupervisorStatus | None = None
+        self._heard = 0.0
+        self._sender = Sender(self)
+        self.create_subscription(SupervisorStatus, "/cassie/supervisor_status", self._on_status, 10)
+        self._terminal = Terminal()
+        self._terminal.say(HELP)
+
+    def loop(self) -> None:
+        """Read keys and send until the user leaves."""
+        due = time.monotonic()
+        while not self._stop.requested and not self._keyboard.left:
+            for key in self._terminal.keys(max(0.0, due - time.monotonic())):
+                if key == "?":
+                    self._terminal.say(HELP)
+                elif self._keyboard.press(key) and key == "o":
+                    due = 0.0  # an emergency stop does not wait its turn
+            if time.monotonic() >= due:
+                due = time.monotonic() + self._period
+                self._send()
+
+    def close(self) -> None:
+        """Put the terminal back and send exactly one stop."""
+        self._terminal.close()
+        if self._keyboard.wish is not None:
+            self._sender.send_last(without_link(self._keyboard.wish))
+
+    def _send(self) -> None:
+        if self._keyboard.wish is not None:
+            self._sender.send(self._keyboard.wish)
+        width = self._terminal.width - 1
+        self._terminal.show(status_line(self._keyboard.wish, self._shown(), width))
+
+    def _on_status(self, status: SupervisorStatus) -> None:
+        self._heard = time.monotonic()
+        self._status = status
+
+    def _shown(self) -> Status | None:
+        status = self._status
+        if status is None:
+            return None
+        age = time.monotonic() - self._heard
+        return Status(status.mode, status.readiness, list(status.faults), age)
+
+
+def main() -> None:
+    """Run the node."""
+    process.run("keyboard_teleop", KeyboardTeleop)

@@ -1,0 +1,98 @@
+"""Node rc_teleop: /joy of a radio or gamepad to operator commands, 50 Hz."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import Joy
+
+from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.fast_lane import NEWEST
+from cassie_msgs.tunables import ParameterError, tunable
+from cassie_teleop.device import read_device
+from cassie_teleop.radio import Radio, without_link
+from cassie_teleop.receiver import Receiver
+from cassie_teleop.ros.sender import Sender
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Parameters."""
+
+    device: str = tunable(
+        "taranis_qx7", description="Device file: a path, or a name in config/", live=False
+    )
+    rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
+    joy_timeout: float = tunable(0.5, "s", 0.05, 5, "Age of /joy from which the link is lost")
+
+
+class RcTeleop(Node):
+    """Sends what the device asks for, and at once when its power switch moves."""
+
+    def __init__(self, stop: process.Stop) -> None:
+        """Read the device file and begin to send.
+
+        Raises:
+            ValueError: if a parameter or the device file is wrong.
+        """
+        super().__init__("rc_teleop")
+        config = parameters.declare(self, Config())
+        device = read_device(device_path(config.device))
+        self._receiver = Receiver(Radio(device), config.joy_timeout)
+        self._config = config
+        parameters.on_change(self, lambda: self._config, self._configure)
+        self._sender = Sender(self)
+        self._diagnostics = diagnostics.Diagnostics(self)
+        self.create_subscription(Joy, "/joy", self._on_joy, NEWEST)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / config.rate, self._send, clock=steady)
+
+    def close(self) -> None:
+        """Send exactly one stop."""
+        wish = self._receiver.wish(time.monotonic())
+        if wish is not None:
+            self._sender.send_last(without_link(wish))
+
+    def _configure(self, config: Config) -> None:
+        self._config = config
+        self._receiver.timeout = config.joy_timeout
+
+    def _on_joy(self, joy: Joy) -> None:
+        if self._receiver.receive(joy.axes, joy.buttons, time.monotonic()):
+            self._send()
+
+    def _send(self) -> None:
+        now = time.monotonic()
+        problem = self._receiver.problem(now)
+        level = diagnostics.WARN if problem else diagnostics.OK
+        self._diagnostics.set("radio", level, problem or "link good", device=self._config.device)
+        wish = self._receiver.wish(now)
+        if wish is not None:
+            self._sender.send(wish)
+
+
+def device_path(name: str) -> Path:
+    """Path of a device file given by path or by name.
+
+    Raises:
+        ParameterError: if there is no such file; the message lists the names there are.
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser()
+    else:
+        path = Path(get_package_share_directory("cassie_teleop"), "config", f"{name}.yaml")
+    if not path.is_file():
+        folder = Path(get_package_share_directory("cassie_teleop"), "config")
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise ParameterError(f"device = {name}: no such file; known by name: {known}")
+    return path
+
+
+def main() -> None:
+    """Run the node."""
+    process.run("rc_teleop", RcTeleop)

@@ -1,0 +1,85 @@
+"""Node scripted_operator: plays a script on the robot's clock, in step with the loop."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from cassie_msgs.layout import OperatorCommand, RobotState, header
+from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.tunables import ParameterError, tunable
+from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
+
+# Deeper than one: outside lock-step nobody repeats a state that was overwritten.
+_STATES = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=PERIOD
+)
+_SILENCE = 1.0  # s of wall time without a state, from which it is reported
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Parameters."""
+
+    script: str = tunable("", description="Script or experiment file (YAML)", live=False)
+
+
+class ScriptedOperatorNode(Node):
+    """Answers every 10th state with the command of its time; a repeat from the cache."""
+
+    def __init__(self, stop: process.Stop) -> None:
+        """Read the script.
+
+        Raises:
+            ValueError: if the script is not given, or wrong.
+        """
+        super().__init__("scripted_operator")
+        config = parameters.declare(self, Config())
+        if not config.script:
+            raise ParameterError("script must be given: -p script:=FILE.yaml")
+        steps = read_script(Path(config.script).expanduser())
+        self._operator = ScriptedOperator(steps)
+        self._stop = stop
+        self._states = LaneSubscription(self, RobotState, qos=_STATES)
+        self._commands = LanePublisher(self, OperatorCommand)
+        self._waiter = LaneWaiter(self, [self._states])
+        stop.on_request(self._waiter.wake)
+        self._diagnostics = diagnostics.Diagnostics(self)
+        self._state = RobotState()
+        self._answered = (-1, -1)
+        self._reply = b""
+
+    def loop(self) -> None:
+        """Answer states until stopped."""
+        heard = time.monotonic()
+        while not self._stop.requested:
+            if self._waiter.wait(_SILENCE / 2):
+                heard = time.monotonic()
+                while (raw := self._states.take_raw()) is not None:
+                    self._answer(raw)
+                self._diagnostics.set("script", diagnostics.OK, "playing")
+            elif time.monotonic() - heard > _SILENCE:
+                message = f"no {RobotState.TOPIC} for more than {_SILENCE:g} s"
+                self._diagnostics.set("script", diagnostics.STALE, message)
+
+    def _answer(self, raw: bytes) -> None:
+        _, _, episode, seq = header(raw)
+        if seq % PERIOD:
+            return
+        if (episode, seq) != self._answered:
+            if episode != self._answered[0]:
+                self._operator.reset()
+            self._state.load(raw)
+            self._reply = self._operator.answer(self._state).to_bytes()
+            self._answered = (episode, seq)
+        self._commands.publish_raw(self._reply)
+
+
+def main() -> None:
+    """Run the node."""
+    process.run("scripted_operator", ScriptedOperatorNode)

@@ -1,0 +1,31 @@
+"""Sends a person's wishes: stamped with the wall clock, with seq and episode 0."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+
+from cassie_msgs.layout import OperatorCommand
+from cassie_msgs.ros.fast_lane import LanePublisher
+from cassie_teleop.wish import Wish, write
+
+
+class Sender:
+    """Publisher of /cassie/operator_command for a person."""
+
+    def __init__(self, node: Node) -> None:
+        """Create the publisher."""
+        self._publisher = LanePublisher(node, OperatorCommand)
+        self._command = OperatorCommand()
+
+    def send(self, wish: Wish) -> None:
+        """Send the wishes as of now."""
+        write(wish, self._command)
+        self._command.stamp_ns = time.time_ns()
+        self._publisher.publish(self._command)
+
+    def send_last(self, wish: Wish) -> None:
+        """Send the wishes and wait until they have arrived, at most half a second."""
+        self.send(wish)
+        self._publisher.flush(0.5)

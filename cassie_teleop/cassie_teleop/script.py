@@ -1,0 +1,115 @@
+"""An operator by script: wishes over the robot's time, from YAML.
+
+A script is a list of steps, or a file with that list under `operator`, such as an
+experiment:
+
+    operator:
+      - {t: 0.0, power: true, mode: stand}
+      - {t: 5.0, mode: walk}
+      - {t: 15.0, vx: 0.5}
+
+A key that a step omits keeps its value; before the first step all have the defaults of `Wish`.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cassie_msgs.layout import OperatorCommand, RobotState
+from cassie_msgs.tunables import names, replace_checked, unknown_name
+from cassie_teleop.wish import Wish, write
+
+PERIOD = 10  # ticks between commands, and from a command to its effect
+_KEYS = ("t", *names(Wish))
+
+
+class ScriptError(ValueError):
+    """A script cannot be read, or asks for what is not permitted."""
+
+
+def read_script(path: Path) -> list[Mapping[str, Any]]:
+    """Steps of a script file.
+
+    Raises:
+        OSError: if it cannot be opened.
+        ScriptError: if it is no YAML, or holds no list of steps.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ScriptError(f"script {path} is no YAML: {error}") from None
+    if isinstance(content, Mapping) and "operator" in content:
+        content = content["operator"]
+    if not isinstance(content, list):
+        raise ScriptError(f"script {path}: expected a list of steps, or one under operator")
+    return content
+
+
+class ScriptedOperator:
+    """Plays a script: the wishes in force at each time.
+
+    Raises:
+        ScriptError: at construction, naming step, key, value and range.
+    """
+
+    def __init__(self, steps: Sequence[Mapping[str, Any]]) -> None:
+        """Check all steps; `steps` as in this module's description, t ascending, in s."""
+        self._times: list[float] = []
+        self._wishes = [Wish()]
+        for number, step in enumerate(steps):
+            try:
+                self._append(step)
+            except ValueError as error:
+                raise ScriptError(f"operator step {number}: {error}") from None
+        self._command = OperatorCommand()
+
+    def _append(self, step: Mapping[str, Any]) -> None:
+        if not isinstance(step, Mapping):
+            raise ScriptError(f"expected keys and values, got {step!r}")
+        for key in step:
+            if key not in _KEYS:
+                raise ScriptError(unknown_name(str(key), _KEYS, "key"))
+        time = step.get("t")
+        if isinstance(time, bool) or not isinstance(time, (int, float)):
+            raise ScriptError(f"t = {time!r} is not a time in s")
+        if not (math.isfinite(time) and time >= (self._times or [0.0])[-1]):
+            raise ScriptError(f"t = {time:g} s is before the step ahead of it, or before 0")
+        changes = {key: value for key, value in step.items() if key != "t"}
+        self._wishes.append(replace_checked(self._wishes[-1], **changes))
+        self._times.append(float(time))
+
+    def reset(self) -> None:
+        """Begin a new episode; nothing but time decides, so there is nothing to forget."""
+
+    def wish(self, time_s: float) -> Wish:
+        """The wishes in force at a time, in s since the start of the episode."""
+        return self._wishes[bisect.bisect_right(self._times, time_s)]
+
+    def command(self, time_s: float) -> OperatorCommand:
+        """The same as a command, without stamp, episode and seq.
+
+        Returns:
+            Owned by this object and valid until the next call.
+        """
+        write(self.wish(time_s), self._command)
+        self._command.scripted[...] = True
+        return self._command
+
+    def answer(self, state: RobotState) -> OperatorCommand:
+        """The whole command that answers a state, in force `PERIOD` ticks on.
+
+        Returns:
+            Owned by this object and valid until the next call.
+        """
+        command = self.command(state.stamp_ns * 1e-9)
+        command.stamp_ns = state.stamp_ns
+        command.episode[...] = state.episode
+        command.seq[...] = state.seq
+        command.effective_seq[...] = int(state.seq) + PERIOD
+        return command

@@ -1,0 +1,45 @@
+"""What an operator wants of the robot: set-points, mode, power and link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cassie_msgs.layout import OperatorCommand, RobotMode
+from cassie_msgs.tunables import tunable
+
+MODES = ("stand", "walk", "segway")
+_MODE_NUMBERS = {name: RobotMode[name.upper()] for name in MODES}
+_NUMBERS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch", "trims")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """One set of wishes; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
+
+    mode: str = tunable("stand", choices=MODES, description="Mode asked for")
+    vx: float = tunable(0.0, "m/s", -1.0, 2.0, "Speed forward")
+    vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
+    yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
+    height: float = tunable(0.9, "m", 0.35, 1.05, "Pelvis origin above the mean of the soles")
+    com_x: float = tunable(0.0, "m", -0.06, 0.06, "Shift of the centre of mass forward")
+    com_y: float = tunable(0.0, "m", -0.1, 0.1, "Shift of the centre of mass to the left")
+    roll: float = tunable(0.0, "rad", -0.3, 0.3, "Torso roll")
+    pitch: float = tunable(0.0, "rad", -0.3, 0.3, "Torso pitch")
+    trims: tuple[float, float, float, float] = tunable(
+        (0.0, 0.0, 0.0, 0.0),
+        "rad",
+        -0.1,
+        0.1,
+        "Trims of sagittal and lateral leg angle, torso pitch, torso roll",
+    )
+    power: bool = tunable(False, description="Drives powered; false is the emergency stop")
+    link: bool = tunable(True, description="The operator's link is good")
+
+
+def write(wish: Wish, command: OperatorCommand) -> None:
+    """Fill the fields of a command; its header is left alone."""
+    for name in _NUMBERS:
+        getattr(command, name)[...] = getattr(wish, name)
+    command.mode[...] = _MODE_NUMBERS[wish.mode]
+    command.power[...] = wish.power
+    command.link[...] = wish.link
