@@ -75,24 +75,23 @@ def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> li
     return found
 
 
-def _comparable(recording: Recording, topic: str) -> npt.NDArray[np.bytes_]:
+def _comparable(recording: Recording, topic: str) -> npt.NDArray[np.object_]:
+    """Each sample's fields as bytes, without padding, repeats and episode."""
     if topic in LANE_TOPICS:
-        rows = first_occurrences(recording.lane[topic]).copy()
-        rows["episode"] = 0
+        rows = first_occurrences(recording.lane[topic])
     else:
-        rows = recording.truth
-        rows = rows[np.unique(stamps_ns(rows), return_index=True)[1]]
-        packed = np.zeros(len(rows), _packed(rows.dtype))
-        for name in packed.dtype.names or ():
+        rows = recording.truth[np.unique(stamps_ns(recording.truth), return_index=True)[1]]
+    packed = np.zeros(len(rows), _packed(rows.dtype))
+    for name in packed.dtype.names or ():
+        if name != "episode":
             packed[name] = rows[name]
-        rows = packed
-    raw = np.ascontiguousarray(rows).view(f"V{rows.dtype.itemsize}")
-    return np.array([bytes(row) for row in raw], dtype=object)
+    return np.array([row.tobytes() for row in packed], dtype=object)
 
 
-def _packed(dtype: np.dtype[np.void]) -> list[tuple[str, np.dtype[np.generic], tuple[int, ...]]]:
+def _packed(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    """The same fields without gaps between them."""
     names = dtype.names or ()
-    return [(name, dtype[name].base, dtype[name].shape) for name in names]
+    return np.dtype([(name, dtype[name].base, dtype[name].shape) for name in names])
 
 
 def _seq_gaps(

@@ -14,7 +14,7 @@ from cassie_gaits.names import LEG_JOINTS, LEGS
 
 FloatArray = npt.NDArray[np.float64]
 
-LEG_POINTS = (*LEG_JOINTS, "sole_heel", "sole_tip")
+LEG_POINTS = (*LEG_JOINTS, "sole_tip", "sole_heel")
 """Points of `leg_points`, in order."""
 
 
@@ -59,8 +59,8 @@ def to_world(points: FloatArray, position: FloatArray, orientation: FloatArray) 
     """
     rotation = rotation_matrices(orientation)
     flat = points.reshape(len(points), -1, 3)
-    moved = np.einsum("nij,nkj->nki", rotation, flat) + position[:, None, :]
-    return moved.reshape(points.shape)
+    moved: FloatArray = np.einsum("nij,nkj->nki", rotation, flat) + position[:, None, :]
+    return np.reshape(moved, points.shape)
 
 
 def rotation_matrices(orientation: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
-"""The bytes of nav_msgs/Odometry with fixed frame names, without message objects.
+"""Reading serialized nav_msgs/Odometry without message objects.
 
-`/cassie/ground_truth` is published every control tick. With fixed names its serialized form
-is a fixed table of offsets as for the control lane (see `cassie_msgs.sample`).
+Within a bag its frames' names do not change, so its serialized form is a fixed table of
+offsets, as for the control lane (see `cassie_msgs.sample`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy.typing as npt
 from cassie_bags.errors import BagError
 
 TYPE = "nav_msgs/msg/Odometry"
-GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
 
 _HEADER = 4  # encapsulation
+_LARGEST = 1024  # of a message with empty names, generously
 
 
 def odometry_dtype(raw: bytes) -> np.dtype[Any]:
@@ -60,23 +60,11 @@ def read_odometry(messages: list[bytes]) -> npt.NDArray[Any]:
         BagError: if they do not all have the same frame names' lengths.
     """
     if not messages:
-        return np.zeros(0, odometry_dtype(odometry_bytes("", "")))
+        return np.zeros(0, odometry_dtype(_HEADER * b"\0" + bytes(_LARGEST)))
     dtype = odometry_dtype(messages[0])
     if any(not 0 <= len(raw) - dtype.itemsize <= 3 for raw in messages):
         raise BagError(f"messages of {TYPE} differ in length")
     return np.frombuffer(b"".join(raw[: dtype.itemsize] for raw in messages), dtype)
-
-
-def odometry_bytes(frame: str, child_frame: str) -> bytes:
-    """A zeroed odometry message with the given frame names."""
-    body = bytearray(8)
-    for name in (frame, child_frame):
-        body += b"\0" * (-len(body) % 4)
-        encoded = name.encode() + b"\0"
-        body += struct.pack("<I", len(encoded)) + encoded
-    body += b"\0" * (-len(body) % 8)
-    body += bytes(8 * (7 + 36 + 6 + 36))
-    return b"\x00\x01\x00\x00" + bytes(body)
 
 
 def _string_end(raw: bytes, start: int) -> int:

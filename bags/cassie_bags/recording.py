@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from cassie_bags.bag_reader import BagIndex, read_messages
 from cassie_bags.errors import BagError
-from cassie_bags.odometry import GROUND_TRUTH_TOPIC, read_odometry
+from cassie_bags.odometry import read_odometry
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
+from cassie_sim.ground_truth import TOPIC as GROUND_TRUTH_TOPIC
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[Any]

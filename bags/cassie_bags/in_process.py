@@ -1,0 +1,179 @@
+"""A run of the same cores in one process, without ROS and as fast as it goes.
+
+The schedule is that of the nodes in lock-step (see the package's README), so the trajectory
+is the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Protocol, TypeVar
+
+from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotState,
+    Sample,
+    Sensors,
+)
+from cassie_sim import ground_truth
+from cassie_sim.errors import CommandError
+from cassie_sim.plant import Plant
+from cassie_sim.power_switch import PERIOD
+
+Observer = Callable[[str, bytes, int], None]
+"""Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
+
+SampleT = TypeVar("SampleT", bound=Sample)
+
+
+class EstimatorLike(Protocol):
+    """What it needs of an estimator."""
+
+    def step(self, sensors: Sensors) -> RobotState: ...
+
+
+class ControllerLike(Protocol):
+    """What it needs of a controller."""
+
+    status: ControllerStatus
+
+    def step(self, state: RobotState, mode: Mode) -> MotorCommand: ...
+
+
+class SupervisorLike(Protocol):
+    """What it needs of a supervisor."""
+
+    def step(
+        self,
+        state: RobotState,
+        operator: OperatorCommand | None,
+        controller: ControllerStatus | None,
+    ) -> Mode: ...
+
+
+class OperatorLike(Protocol):
+    """What it needs of a scripted operator."""
+
+    def answer(self, state: RobotState) -> OperatorCommand: ...
+
+
+class Loop:
+    """One run of the cores on the schedule of lock-step.
+
+    On tick k: sample k, state k; on every 10th the operator's command and the supervisor's
+    mode, which hold from tick k + 10; command k from the mode in force; power as the operator
+    had it set for this tick; then the plant steps, with command k, or with command k - 1 if
+    `fixed_lag`.
+
+    Args:
+        plant: At tick 0.
+        estimator: Reset.
+        controller: Reset.
+        supervisor: Reset.
+        operator: The scripted operator.
+        observer: Gets each message.
+        fixed_lag: Whether the plant steps with the command before.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        estimator: EstimatorLike,
+        controller: ControllerLike,
+        supervisor: SupervisorLike,
+        operator: OperatorLike,
+        observer: Observer,
+        *,
+        fixed_lag: bool = False,
+    ) -> None:
+        self._plant, self._estimator, self._controller = plant, estimator, controller
+        self._supervisor, self._operator, self._observer = supervisor, operator, observer
+        self._fixed_lag = fixed_lag
+        self._truth = ground_truth.GroundTruth()
+        self._mode, self._next_mode = Mode(), Mode()
+        self._lagging = MotorCommand()
+        self._status = ControllerStatus()
+        self._power = self._next_power = False
+        self._has_status = self._has_lagging = False
+        self.refused = 0
+        """Commands that the plant refused."""
+
+    def tick(self) -> None:
+        """Run one control tick."""
+        plant = self._plant
+        seq, stamp = plant.seq, plant.seq * plant.tick_ns
+        sensors = plant.sense()
+        self._observe(sensors, stamp)
+        self._observer(ground_truth.TOPIC, self._truth.write(plant), stamp)
+        state = self._estimator.step(sensors)
+        self._observe(state, stamp)
+        if seq % PERIOD == 0:
+            self._schedule(state, seq, stamp)
+        command = self._controller.step(state, self._mode)
+        self._observe(command, stamp)
+        if seq % PERIOD == 0:
+            self._status.copy_from(self._controller.status)
+            self._has_status = True
+            self._observe(self._status, stamp)
+        plant.power(self._power)
+        self._step_plant(command)
+
+    def _schedule(self, state: RobotState, seq: int, stamp: int) -> None:
+        """Put in force what was answered to the state before, answer this one."""
+        self._mode.copy_from(self._next_mode)
+        self._power = self._next_power
+        operator = self._operator.answer(state)
+        self._observe(operator, stamp)
+        self._next_power = bool(operator.power)
+        mode = self._supervisor.step(state, operator, self._status if self._has_status else None)
+        self._address(mode, seq, stamp)
+        mode.effective_seq[...] = seq + PERIOD
+        self._observe(mode, stamp)
+        self._next_mode.copy_from(mode)
+
+    def _address(self, sample: Sample, seq: int, stamp: int) -> None:
+        sample.seq[...] = seq
+        sample.episode[...] = self._plant.episode
+        sample.stamp_ns = stamp
+
+    def _step_plant(self, command: MotorCommand) -> None:
+        applied: MotorCommand | None = command
+        if self._fixed_lag:
+            applied = self._lagging if self._has_lagging else None
+        try:
+            self._plant.step(applied)
+        except CommandError:
+            self.refused += 1
+        if self._fixed_lag:
+            self._lagging.copy_from(command)
+            self._has_lagging = True
+
+    def _observe(self, sample: Sample, stamp: int) -> None:
+        self._observer(sample.TOPIC, sample.to_bytes(), stamp)
+
+
+def run(loop: Loop, ticks: Iterable[int]) -> float:
+    """Run a loop over ticks, which may show progress; returns the wall time it took. In s."""
+    started = time.perf_counter()
+    for _ in ticks:
+        loop.tick()
+    return time.perf_counter() - started
+
+
+class Store:
+    """An observer that keeps every message."""
+
+    def __init__(self) -> None:
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+
+    def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
+        self.messages[topic].append(raw)
+
+    def recording(self, wall_time: float) -> Recording:
+        """What was kept, as arrays."""
+        return from_messages(self.messages, wall_time)

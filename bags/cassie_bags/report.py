@@ -1,0 +1,139 @@
+"""The outcome of a run: a table for people and one line of JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cassie_bags.experiment_file import Experiment
+from cassie_bags.metrics import PHASE_METRICS, RUN_METRICS, Metrics, PhaseMetrics
+from cassie_bags.track import TRACKED
+from cassie_msgs.tunables import as_mapping
+
+_HEADINGS = ("vx m/s", "vy m/s", "yaw rad/s", "height m")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a run.
+
+    Attributes:
+        experiment: What was run, drawn.
+        metrics: The run in numbers.
+        failures: What it did not keep of what was expected; empty if it passed.
+        how: "dds" or "in-process".
+        files: Files it left, by name.
+    """
+
+    experiment: Experiment
+    metrics: Metrics
+    failures: Sequence[str]
+    how: str
+    files: Mapping[str, str]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run kept all that was expected."""
+        return not self.failures
+
+
+def json_line(outcome: Outcome) -> str:
+    """The run as one line of JSON; what does not exist (NaN) is null."""
+    experiment, metrics = outcome.experiment, outcome.metrics
+    content = {
+        "name": experiment.name,
+        "how": outcome.how,
+        "passed": outcome.passed,
+        "failures": list(outcome.failures),
+        "fell": metrics.fell,
+        "fall_time": metrics.fall_time,
+        "real_time_factor": metrics.run["real_time_factor"],
+        "duration": metrics.run["duration"],
+        "tracked": {
+            name: {
+                "mean_error": metrics.run[f"{name}_mean_error"],
+                "rms_error": metrics.run[f"{name}_rms_error"],
+            }
+            for name in TRACKED
+        },
+        "peak_torque": metrics.peak_torque,
+        "metrics": {name: metrics.run[name] for name in RUN_METRICS},
+        "phases": [_phase_content(phase) for phase in metrics.phases],
+        "seed": experiment.seed,
+        "draw": as_mapping(experiment.scenario.draw),
+        "event_times": {
+            "operator": [step["t"] for step in experiment.operator],
+            "gantry": [move.t for move in experiment.scenario.gantry],
+            "pushes": [push.t for push in experiment.scenario.pushes],
+            "faults": [fault.t for fault in experiment.scenario.faults],
+        },
+        "files": dict(outcome.files),
+    }
+    return json.dumps(_finite(content), allow_nan=False)
+
+
+def table(outcome: Outcome) -> str:
+    """The run as a table: what was commanded and achieved in each phase, then the verdict."""
+    metrics = outcome.metrics
+    columns = ["phase", "from s", "to s", *_HEADINGS, "drift m", "turn deg"]
+    rows = [columns] + [_row(phase) for phase in metrics.phases]
+    lines = [
+        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how}: "
+        "commanded > achieved (RMS error)",
+        *_aligned(rows),
+        "",
+        f"real-time factor {metrics.run['real_time_factor']:.2f}, "
+        f"{metrics.run['duration']:.2f} s of robot time, {metrics.run['steps']:.0f} steps",
+        f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
+        f"greatest tilt {metrics.run['tilt_deg']:.1f} deg",
+    ]
+    if metrics.fall_time is not None:
+        lines.append(f"fell at {metrics.fall_time:.2f} s")
+    lines += [f"not as expected: {failure}" for failure in outcome.failures]
+    lines.append("passed" if outcome.passed else "FAILED")
+    return "\n".join(lines)
+
+
+def _row(phase: PhaseMetrics) -> list[str]:
+    name = phase.phase.name if phase.reached else f"{phase.phase.name} (not reached)"
+    row = [name, f"{phase.phase.t0:.1f}", f"{phase.phase.t1:.1f}"]
+    for key in TRACKED:
+        commanded, achieved = phase.commanded[key], phase.values[key]
+        row.append(f"{commanded:.2f} > {achieved:.3f} ({phase.values[key + '_rms']:.3f})")
+    return [*row, f"{phase.values['drift']:.2f}", f"{phase.values['turn_deg']:.0f}"]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+    lines.insert(1, "-" * max(map(len, lines)))
+    return lines
+
+
+def _phase_content(phase: PhaseMetrics) -> dict[str, Any]:
+    return {
+        "name": phase.phase.name,
+        "t0": phase.phase.t0,
+        "t1": phase.phase.t1,
+        "reached": phase.reached,
+        "commanded": phase.commanded,
+        "achieved": {name: phase.values[name] for name in PHASE_METRICS},
+    }
+
+
+def _finite(content: Any) -> Any:
+    """NaN and infinity as null, through nested mappings and lists."""
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return content

@@ -1,0 +1,230 @@
+"""Experiment files: what is read, changed, drawn and refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.experiment_file import Experiment, load_experiment, parse_experiment, to_yaml
+from cassie_bags.phases import phases_of_steps
+from cassie_bags.resolve import delayed, resolve
+from cassie_sim.scenario import Draw
+
+TEXT = """
+name: try
+start: gantry
+seed: 5
+duration: 20.0
+scene_parameters: {friction: 0.8}
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.9}
+  - {t: 4.0, mode: walk}
+  - {t: 4.1, vx: 0.5}
+gantry:
+  - {t: 2.0, height: 0.8, speed: 0.05}
+  - {t: 9.0, hold: 1.0}
+  - {t: 12.0, release: true}
+pushes:
+  - {t: 6.0, duration: 0.1, force: [50.0, 0.0, 0.0], body: pelvis}
+delays: {torque: 0.001}
+model: {mass: 1.1}
+simulator: {pacing: fixed_lag}
+controller: {walk: {joints: {kp_knee: 300.0}}, walk.law: paper}
+expect:
+  fell: false
+  phases:
+    - {name: walk, t0: 6, t1: 9, vx: {target: 0.5, tolerance: 0.1}}
+"""
+
+
+def read(text: str = TEXT) -> Experiment:
+    return parse_experiment(text, "try.yaml")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "try.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_a_file_says_what_it_says():
+    experiment = read()
+    assert experiment.seed == 5
+    assert experiment.scenario.model.mass == 1.1
+    assert experiment.scenario.delays.torque == 0.001
+    assert [move.action for move in experiment.scenario.gantry] == ["lower", "hold", "release"]
+    assert experiment.scenario.gantry[0].height == 0.8
+    assert experiment.scenario.gantry[1].height == 1.0
+    assert experiment.scenario.pushes[0].force == (50.0, 0.0, 0.0)
+    assert experiment.parameters["controller"] == {
+        "walk.joints.kp_knee": 300.0,
+        "walk.law": "paper",
+    }
+    assert experiment.expect.phases[0].name == "walk"
+
+
+def test_a_file_without_a_name_is_called_after_itself(tmp_path: Path):
+    path = tmp_path / "nameless.yaml"
+    path.write_text("duration: 1.0")
+    assert load_experiment(path).name == "nameless"
+
+
+def test_changes_from_the_command_line_replace_what_the_file_says(file: Path):
+    changes = ["operator.2.vx=0.6", "duration=30", "delays.set_point=1e-2", "supervisor.x.y=3"]
+    experiment = load_experiment(file, changes, seed=9)
+    assert experiment.operator[2]["vx"] == 0.6
+    assert experiment.duration == 30.0
+    assert experiment.scenario.delays.set_point == 0.01
+    assert experiment.seed == 9
+    assert experiment.parameters["supervisor"] == {"x.y": 3}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("vx", "expected key=value"),
+        ("operator.7.vx=1", "index 7 of operator is not one of 0 .. 2"),
+        ("operator.last.vx=1", "last is no index"),
+        ("duration.x=1", "duration is a value"),
+        ("duratio=1", "did you mean duration"),
+        ("operator.1={", "--set operator.1={"),
+    ],
+)
+def test_a_change_that_leads_nowhere_is_refused(file: Path, change: str, reason: str):
+    with pytest.raises(ExperimentError, match=reason):
+        load_experiment(file, [change])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("duraton: 3", "unknown key duraton: did you mean duration"),
+        ("name: x", "duration must be given"),
+        ("duration: .nan", "outside 0"),
+        ("duration: -1", "outside 0"),
+        ("duration: long", "is not a number"),
+        ("duration: true", "is not a number"),
+        ("duration: 1\nduration: 2", "try.yaml:2: key duration is given twice"),
+        ("duration: [1", "try.yaml:1"),
+        ("- 1", "holds no mapping"),
+        ("", "holds no mapping"),
+        ("duration: 1\nseed: -1", "seed = -1"),
+        ("duration: 1\nseed: 1.5", "seed = 1.5"),
+        ("duration: 1\nstart: standin", "unknown start standin: did you mean standing"),
+        ("duration: 1\noperator: 3", "operator = 3 is not a list"),
+        ("duration: 1\noperator: [{vx: 1}]", "operator.0 has no t"),
+        ("duration: 1\noperator: [{t: 0, v: 1.0}]", "operator step 0: unknown key v"),
+        ("duration: 1\noperator: [{t: 0, vx: .nan}]", "operator step 0: vx = nan"),
+        ("duration: 1\ngantry: [{t: 1}]", "expected one of height, release and hold"),
+        ("duration: 1\ngantry: [{t: 1, hold: 1.0, release: true}]", "expected one of"),
+        ("duration: 1\ngantry: [{t: 1, release: 3}]", "release = 3 is not true"),
+        ("duration: 1\ngantry: [{t: 1, hight: 1.0}]", "did you mean height"),
+        ("duration: 1\ngantry: [{t: 1, height: 9.0}]", "height = 9 m is outside"),
+        ("duration: 1\npushes: [{t: 1, force: [1, 2]}]", "force"),
+        ("duration: 1\npushes: [{t: 1, force: [1, 2, .nan]}]", r"force\[2\] = nan"),
+        ("duration: 1\npushes: [5]", "pushes.0 = 5 is not a mapping"),
+        ("duration: 1\nfaults: [{t: 1, channel: battery, kind: of}]", "did you mean|one of"),
+        ("duration: 1\nmodel: {mas: 1.0}", "did you mean mass"),
+        ("duration: 1\ndelays: {torque: 1.0}", "torque = 1 s is outside"),
+        ("duration: 1\ncontroller: 5", "controller = 5 is not a mapping"),
+        ("duration: 1\nexpect: {fel: true}", "did you mean fell"),
+        ("duration: 1\nseed: 2\ndraw: {mass: 7.0}", "mass = 7 is outside"),
+        ("duration: 1\nseed: 2\ndraw: {weight: 1.0}", "unknown parameter weight"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_key_value_and_range(text: str, reason: str):
+    with pytest.raises(ExperimentError, match=reason):
+        resolve(read(text))
+
+
+def test_a_missing_file_is_refused(tmp_path: Path):
+    with pytest.raises(ExperimentError, match="No such file"):
+        load_experiment(tmp_path / "none.yaml")
+
+
+def test_an_error_names_the_file(tmp_path: Path):
+    path = tmp_path / "wrong.yaml"
+    path.write_text("duration: -3")
+    with pytest.raises(ExperimentError, match=r"wrong\.yaml: duration"):
+        load_experiment(path)
+
+
+def test_a_seed_draws_the_same_robot_and_times_each_time():
+    one, other = resolve(read()), resolve(read())
+    assert one == other
+    assert one.scenario.draw == Draw.from_seed(5)
+    assert one.drawn
+
+
+def test_ten_seeds_are_ten_robots():
+    robots = [resolve(read(TEXT.replace("seed: 5", f"seed: {seed}"))) for seed in range(10)]
+    assert len({robot.scenario.draw for robot in robots}) == 10
+    assert len({robot.operator[1]["t"] for robot in robots}) == 10
+
+
+def test_seed_0_is_the_nominal_robot_at_the_written_times():
+    experiment = resolve(read(TEXT.replace("seed: 5", "seed: 0")))
+    assert experiment.scenario.draw == Draw()
+    assert [step["t"] for step in experiment.operator] == [0.0, 4.0, 4.1]
+
+
+def test_drawn_times_keep_their_order_and_bounds():
+    written = read()
+    for seed in range(1, 40):
+        experiment = resolve(read(TEXT.replace("seed: 5", f"seed: {seed}")))
+        times = [step["t"] for step in experiment.operator]
+        assert times == sorted(times)
+        assert times[0] == 0.0
+        for move, before in zip(experiment.scenario.gantry, written.scenario.gantry, strict=True):
+            assert before.t <= move.t <= before.t + 0.2
+        assert 6.0 <= experiment.scenario.pushes[0].t <= 6.4
+
+
+def test_what_the_file_fixes_is_not_drawn():
+    experiment = resolve(read(TEXT + "draw: {mass: 1.0}\n"))
+    assert experiment.scenario.draw.mass == 1.0
+    assert experiment.scenario.draw.friction == Draw.from_seed(5).friction
+
+
+def test_the_drawn_file_gives_the_same_experiment_to_the_last_bit():
+    experiment = resolve(read())
+    again = parse_experiment(to_yaml(experiment), "drawn.yaml")
+    assert resolve(again) == resolve(resolve(again))
+    assert again.scenario == experiment.scenario
+    assert again.operator == experiment.operator
+    assert again.expect == experiment.expect
+    assert again.parameters == experiment.parameters
+    assert resolve(again).scenario == experiment.scenario
+
+
+def test_nodes_can_read_the_drawn_file(tmp_path: Path):
+    from cassie_sim.simulator_config import load_scenario
+    from cassie_teleop.script import ScriptedOperator, read_script
+
+    experiment = resolve(read())
+    path = tmp_path / "drawn.yaml"
+    path.write_text(to_yaml(experiment))
+    assert load_scenario(path) == experiment.scenario
+    steps = read_script(path)
+    ScriptedOperator(steps)
+    assert steps == list(experiment.operator)
+
+
+def test_delays_never_reverse_two_events():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        times = delayed([0.0, 1.0, 1.01, 1.02, 3.0], 0.2, rng)
+        assert times == sorted(times)
+
+
+def test_phases_without_expectations_are_the_operators_intervals():
+    steps = yaml.safe_load(TEXT)["operator"]
+    phases = phases_of_steps(steps, 20.0)
+    assert [(phase.t0, phase.t1) for phase in phases] == [(0.0, 4.0), (4.0, 4.1), (4.1, 20.0)]
+    assert phases[0].name == "power on, stand, height 0.9"
+    assert phases[2].name == "vx 0.5"
