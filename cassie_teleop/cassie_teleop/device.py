@@ -110,9 +110,7 @@ def _check_indices(device: Device) -> None:
     for what, table, count in (("axis", axes, device.axes), ("button", buttons, device.buttons)):
         for name, index in table.items():
             if not isinstance(index, int) or not -1 <= index < count:
-                raise DeviceError(
-                    f"{name} = {index}: there is no such {what}, the last is {count - 1}"
-                )
+                raise DeviceError(f"{name} = {index}: no such {what}, the last is {count - 1}")
     for name, switch in switches.items():
         if switch.axis < 0 and switch.on_button < 0:
             raise DeviceError(f"{name}: needs an axis or an on_button")

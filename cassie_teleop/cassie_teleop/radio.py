@@ -39,9 +39,7 @@ class Radio:
         self._check(axes, buttons)
         device = self.device
         power = self._on("power", device.power, axes, buttons)
-        modes = {
-            name: self._on(name, switch, axes, buttons) for name, switch in device.mode.items()
-        }
+        asked = [name for name, on in device.mode.items() if self._on(name, on, axes, buttons)]
         if power is None:
             return None
         held = device.dead_man is None or bool(buttons[device.dead_man])
@@ -52,7 +50,6 @@ class Radio:
             if held or name not in moves
         }
         trims = tuple(values.pop(name, 0.0) for name in TRIMS)
-        asked = [name for name, on in modes.items() if on]
         link = all(buttons[index] for index in device.link_buttons)
         return replace_checked(
             device.start,

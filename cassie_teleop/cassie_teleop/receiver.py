@@ -31,7 +31,7 @@ class Receiver:
         try:
             wish = self._radio.read(axes, buttons)
         except RadioError as error:
-            self._refusal = str(error)
+            self._refusal = self._refusal or str(error)  # the first of a row: one report
             return False
         self._refusal = ""
         self._wish = wish

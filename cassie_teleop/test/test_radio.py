@@ -1,0 +1,123 @@
+"""Radio and gamepad: the channel map, dead band, latches, link and refusals."""
+
+from pathlib import Path
+
+import pytest
+
+from cassie_teleop.device import AxisMap, DeviceError, read_device
+from cassie_teleop.radio import Radio, RadioError, mapped
+from cassie_teleop.receiver import Receiver
+
+CONFIG = Path(__file__).parent.parent / "config"
+CHANNELS = (
+    *("LV", "LH", "RV", "RH", "S1", "S2", "LS", "RS"),
+    *("SA", "SB", "SC", "SD", "SE", "SF", "SG", "SH"),
+)
+
+
+def taranis(**channels):
+    """Channels of a Taranis with power on, sticks centred; the rest by name."""
+    values = dict.fromkeys(CHANNELS, 0.0) | {"SA": 1.0, "SB": -1.0, "SC": -1.0} | channels
+    return list(values.values())
+
+
+@pytest.fixture
+def radio():
+    return Radio(read_device(CONFIG / "taranis_qx7.yaml"))
+
+
+def test_known_answers_of_the_taranis(radio):
+    wish = radio.read(taranis(), [1, 1])
+    assert (wish.mode, wish.power, wish.link, wish.height) == ("stand", True, True, 0.9)
+    assert (wish.vx, wish.vy, wish.yaw_rate, wish.trims) == (0, 0, 0, (0, 0, 0, 0))
+    wish = radio.read(taranis(RV=1.0, RH=1.0, LH=-1.0, LS=-1.0, S1=1.0, SB=0.0), [1, 1])
+    assert wish.mode == "walk"
+    assert (wish.vx, wish.vy, wish.yaw_rate) == (1.0, -0.3, 0.8)
+    assert wish.height == pytest.approx(0.6) and wish.trims[0] == pytest.approx(0.1)
+    assert radio.read(taranis(RV=-1.0), [1, 1]).vx == -0.5
+
+
+@pytest.mark.parametrize("position", [0.9, 0.0, -1.0])
+def test_power_is_off_below_one(radio, position):
+    assert not radio.read(taranis(SA=position), [1, 1]).power
+
+
+@pytest.mark.parametrize("flags", [[0, 1], [1, 0], [0, 0]])
+def test_both_flags_make_the_link(radio, flags):
+    assert not radio.read(taranis(), flags).link
+
+
+@pytest.mark.parametrize(
+    ("axes", "buttons", "message"),
+    [
+        (taranis()[:8], [1, 1], "/joy has 8 axes, the device file says 16"),
+        (taranis(), [], "/joy has 0 buttons, the device file says 2"),
+        (taranis(RV=float("nan")), [1, 1], "axis 2 = nan is outside"),
+        (taranis(RH=1.5), [1, 1], "axis 3 = 1.5 is outside"),
+    ],
+)
+def test_bad_channels_are_refused(radio, axes, buttons, message):
+    with pytest.raises(RadioError, match=message):
+        radio.read(axes, buttons)
+
+
+def test_the_dead_band_is_left_without_a_jump():
+    axis_map = AxisMap(axis=0, scale=2.0, scale_negative=1.0, offset=0.1, dead_band=0.2)
+    assert mapped(axis_map, 0.2) == mapped(axis_map, -0.2) == 0.1
+    assert mapped(axis_map, 0.2001) == pytest.approx(0.1, abs=1e-3)
+    assert mapped(axis_map, 1.0) == pytest.approx(2.1)
+    assert mapped(axis_map, -1.0) == pytest.approx(-0.9)
+
+
+def test_a_gamepad_says_nothing_until_power_is_pressed_and_moves_only_while_held():
+    pad = Radio(read_device(CONFIG / "gamepad.yaml"))
+    axes = [0.0, 1.0] + 6 * [0.0]
+
+    def pressed(*numbers):
+        return [int(i in numbers) for i in range(11)]
+
+    assert pad.read(axes, pressed(4)) is None
+    wish = pad.read(axes, pressed(7))
+    assert wish.power and wish.vx == 0.0 and wish.mode == "stand"
+    pad.read(axes, pressed(3))
+    wish = pad.read(axes, pressed(4))
+    assert wish.mode == "walk" and wish.vx == 1.0
+    assert pad.read(axes, pressed()).vx == 0.0
+    assert not pad.read(axes, pressed(1, 7)).power, "off is stronger than on"
+
+
+def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
+    receiver = Receiver(radio, 0.5)
+    assert receiver.wish(0.0) is None and "no message" in receiver.problem(0.0)
+    assert receiver.receive(taranis(RV=1.0), [1, 1], 10.0)
+    assert receiver.wish(10.4).vx == 1.0 and receiver.problem(10.4) == ""
+    late = receiver.wish(10.6)
+    assert (late.link, late.power, late.vx) == (False, True, 0.0)
+    assert "silent for more than 0.5 s" in receiver.problem(10.6)
+    receiver.receive(taranis(RV=float("nan")), [1, 1], 11.0)
+    assert not receiver.wish(11.0).link and "axis 2 = nan" in receiver.problem(11.0)
+    assert receiver.receive(taranis(SA=-1.0), [1, 1], 11.1), "a moved power switch is told"
+    assert receiver.wish(11.1).link and not receiver.wish(11.1).power
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("axes: 99", r"axes = 99 is outside 0 \.\. 64"),
+        ("setpoint: {}", r"unknown key setpoint: did you mean setpoints\?"),
+        ("setpoints: {vz: {axis: 0, scale: 1}}", "unknown set-point vz"),
+        ("setpoints: {vx: {axis: 3, scale: 1}}", "setpoints.vx = 3: no such axis, the last is 1"),
+        ("setpoints: {vx: {axis: 0}}", "setpoints.vx: scale must be given"),
+        ("power: {}", "power: needs an axis or an on_button"),
+        ("mode: {stand: {axis: 0}}", "unknown mode stand"),
+        ("link: [5]", r"link\[0\] = 5: no such button"),
+    ],
+)
+def test_bad_device_files_are_refused(tmp_path, change, message):
+    path = tmp_path / "device.yaml"
+    keys = {"axes": "2", "buttons": "1", "setpoints": "{}", "power": "{axis: 0}", "mode": "{}"}
+    key, _, value = change.partition(": ")
+    text = "\n".join(f"{k}: {v}" for k, v in (keys | {key: value}).items())
+    path.write_text(text)
+    with pytest.raises(DeviceError, match=message):
+        read_device(path)

@@ -1,0 +1,173 @@
+"""The nodes as processes: what they send, how they stop, what they refuse."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import Joy
+
+from cassie_msgs.layout import OperatorCommand, RobotMode, RobotState
+from cassie_msgs.ros.fast_lane import EVERY, LanePublisher, LaneSubscription, LaneWaiter
+
+GOOD = [0.0] * 8 + [1.0, 0.0, -1.0] + [0.0] * 5
+
+
+def start(name, *arguments, **kwargs):
+    code = f"from cassie_teleop.ros.{name} import main; main()"
+    return subprocess.Popen([sys.executable, "-c", code, *arguments], **kwargs)
+
+
+@pytest.fixture
+def node():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("tester", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+class Commands:
+    """Reader of /cassie/operator_command that keeps everything it got."""
+
+    def __init__(self, node):
+        self.subscription = LaneSubscription(node, OperatorCommand, qos=EVERY)
+        self.waiter = LaneWaiter(node, [self.subscription])
+        self.all = []
+
+    def until(self, condition, timeout=10.0, meanwhile=lambda: None):
+        """Take commands until one meets a condition; returns it."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            meanwhile()
+            self.waiter.wait(0.02)
+            command = OperatorCommand()
+            while self.subscription.take_next(command):
+                self.all.append(command)
+                if condition(command):
+                    return command
+                command = OperatorCommand()
+        raise AssertionError(f"no such command among {len(self.all)}")
+
+
+def end(process, number=signal.SIGINT):
+    process.send_signal(number)
+    assert process.wait(timeout=5) == 0
+
+
+def test_rc_teleop_sends_what_the_radio_says_and_loses_the_link_without_it(node):
+    commands = Commands(node)
+    joy = node.create_publisher(Joy, "/joy", 10)
+    radio = start("rc_teleop")
+    try:
+        walking = GOOD.copy()
+        walking[2] = 1.0
+        seen = commands.until(
+            lambda c: c.vx == 1.0, meanwhile=lambda: joy.publish(Joy(axes=walking, buttons=[1, 1]))
+        )
+        assert seen.mode == RobotMode.WALK and seen.power and seen.link and not seen.scripted
+        assert (seen.seq, seen.episode) == (0, 0) and seen.stamp_ns > 1e18
+        lost = commands.until(lambda c: not c.link)
+        assert lost.power and lost.vx == 0.0
+        commands.until(
+            lambda c: not c.power,
+            meanwhile=lambda: joy.publish(Joy(axes=[0.0] * 16, buttons=[1, 1])),
+        )
+    finally:
+        end(radio)
+
+
+def test_rc_teleop_refuses_nan_and_says_so_once(node):
+    commands, seen = Commands(node), []
+    joy = node.create_publisher(Joy, "/joy", 10)
+    node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda m: seen.extend(s.message for s in m.status), 10
+    )
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    radio = start("rc_teleop", stderr=subprocess.PIPE, text=True)
+
+    def publish(axes):
+        joy.publish(Joy(axes=axes, buttons=[1, 1]))
+        executor.spin_once(timeout_sec=0)
+
+    commands.until(lambda c: c.link, meanwhile=lambda: publish(GOOD))
+    bad = [float("nan"), *GOOD[1:]]
+    commands.until(lambda c: not c.link, meanwhile=lambda: publish(bad))
+    deadline = time.monotonic() + 10
+    while "refused: /joy axis 0 = nan is outside -1 .. 1" not in seen:
+        assert time.monotonic() < deadline, seen
+        publish(bad)
+    executor.shutdown()
+    end(radio)
+    assert radio.stderr.read().count("axis 0 = nan") == 1
+
+
+def test_scripted_operator_answers_every_tenth_state_and_repeats_from_the_cache(node, tmp_path):
+    script = tmp_path / "script.yaml"
+    script.write_text("operator:\n- {t: 0, power: true}\n- {t: 0.04, mode: walk, vx: 0.5}\n")
+    commands, states, state = Commands(node), LanePublisher(node, RobotState), RobotState()
+    operator = start("scripted_operator", "--ros-args", "-p", f"script:={script}")
+
+    def publish(episode, seq):
+        state.episode[...], state.seq[...], state.stamp_ns = episode, seq, seq * 2_000_000
+        states.publish(state)
+
+    first = commands.until(lambda c: c.seq == 10, meanwhile=lambda: publish(1, 10))
+    assert first.scripted and first.effective_seq == 20 and first.vx == 0.0 and first.power
+    second = commands.until(lambda c: c.seq == 20, meanwhile=lambda: publish(1, 20))
+    assert second.vx == 0.5 and second.mode == RobotMode.WALK and second.stamp_ns == 40_000_000
+    for seq in range(21, 30):
+        publish(1, seq)
+    again = commands.until(lambda c: c.seq == 20, meanwhile=lambda: publish(1, 20))
+    assert again.to_bytes() == second.to_bytes()
+    fresh = commands.until(lambda c: c.episode == 2, meanwhile=lambda: publish(2, 0))
+    assert fresh.vx == 0.0 and fresh.power
+    assert {int(c.seq) % 10 for c in commands.all} == {0}
+    end(operator, signal.SIGTERM)
+
+
+def test_keyboard_drives_and_leaves_exactly_one_stop(node):
+    commands = Commands(node)
+    master, slave = pty.openpty()
+    keyboard = start("keyboard_teleop", stdin=slave, stdout=slave)
+    shown = b""
+    while b"Ctrl-C" not in shown:  # what is typed before the node listens is dropped
+        shown += os.read(master, 4096)
+    os.write(master, b"p2www")
+    moving = commands.until(lambda c: abs(c.vx - 0.3) < 1e-9, timeout=15.0)
+    assert moving.mode == RobotMode.WALK and moving.power
+    os.write(master, b"x")
+    assert keyboard.wait(timeout=5) == 0
+    commands.until(lambda c: not c.link)
+    assert [bool(c.link) for c in commands.all[-2:]] == [True, False]
+    os.close(master)
+    os.close(slave)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "message"),
+    [
+        ("scripted_operator", [], "script must be given"),
+        ("scripted_operator", ["script:=/nowhere.yaml"], "/nowhere.yaml"),
+        ("rc_teleop", ["device:=wheel"], "no such file; known by name: gamepad, taranis_qx7"),
+        ("rc_teleop", ["rate:=9000.0"], "rate = 9000 Hz is outside 10 .. 200 Hz"),
+        ("keyboard_teleop", [], "the input is no terminal"),
+        ("joystick", ["device:=no_such_device"], "joystick"),
+    ],
+)
+def test_a_wrong_start_is_one_line_and_status_2(name, arguments, message):
+    ros = [part for argument in arguments for part in ("-p", argument)]
+    process = start(
+        name, "--ros-args", *ros, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 2, err
+    assert err.startswith(f"{name}: error: ") and message in err and len(err.splitlines()) == 1
