@@ -6,7 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.recording import LANE_TOPICS, Recording, Rows, stamps_ns
-from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sensors
+from cassie_msgs.layout import (
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotState,
+    Sensors,
+    header,
+)
 
 SEQ_STEP: dict[str, int] = {
     Sensors.TOPIC: 1,
@@ -37,6 +44,33 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
             seq = rows["seq"][rows["episode"] == episode].astype(np.int64)
             found += _seq_gaps(topic, int(episode), seq, step, from_start)
     return found + _truth_gaps(recording)
+
+
+class SeqMonitor:
+    """Counts, while messages come in, those that are missing between them."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[int, int]] = {}
+        self._missing: dict[str, int] = {}
+
+    def note(self, topic: str, raw: bytes) -> None:
+        """Take in a message of any topic."""
+        step = SEQ_STEP.get(topic)
+        if step is None:
+            return
+        _, _, episode, seq = header(raw)
+        if topic == OperatorCommand.TOPIC and seq == 0:
+            return  # a person's
+        before = self._last.get(topic)
+        if before is not None and episode == before[0] and seq > before[1] + step:
+            missing = (seq - before[1]) // step - 1
+            self._missing[topic] = self._missing.get(topic, 0) + missing
+        if before is None or (episode, seq) > before:
+            self._last[topic] = (episode, seq)
+
+    def gaps(self) -> list[str]:
+        """What was missing so far, one line a topic."""
+        return [f"{topic}: {count} samples" for topic, count in self._missing.items()]
 
 
 def first_occurrences(rows: Rows) -> Rows:

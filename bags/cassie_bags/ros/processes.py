@@ -1,0 +1,189 @@
+"""Nodes as processes of a run: found, started with parameters, watched and all ended."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from cassie_bags.errors import RunError
+
+GRACE = 5.0
+"""Wall time that a process has to end after Ctrl-C before it is killed. In s."""
+
+_DOMAINS = range(40, 100)  # DDS domains whose ports are free of the system's own on every OS
+_PARENT_DIES = 1  # PR_SET_PDEATHSIG
+
+
+def executable(package: str, name: str) -> Path:
+    """Program of a package, through the ament index.
+
+    Raises:
+        RunError: if it is not installed.
+    """
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    for prefix in filter(None, prefixes):
+        path = Path(prefix) / "lib" / package / name
+        if path.is_file():
+            return path
+    raise RunError(f"{package} {name} is not installed: run make build, then source env.sh")
+
+
+@contextlib.contextmanager
+def own_domain() -> Iterator[int]:
+    """A ROS domain that no other run on this machine uses at the same time.
+
+    Raises:
+        RunError: if all are taken.
+    """
+    folder = Path(tempfile.gettempdir())
+    for offset in range(len(_DOMAINS)):
+        domain = _DOMAINS[(os.getpid() + offset) % len(_DOMAINS)]
+        with (folder / f"cassie_domain_{domain}.lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                continue
+            yield domain
+            return
+    raise RunError(f"ROS domains {_DOMAINS[0]} .. {_DOMAINS[-1]} are all in use")
+
+
+def environment(domain: int) -> dict[str, str]:
+    """Environment of the nodes of one run: a domain of their own on this machine only."""
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def write_parameters(path: Path, parameters: Mapping[str, Any]) -> list[str]:
+    """Write a node's ROS parameters to a file; returns the words that make the node read it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {"/**": {"ros__parameters": dict(parameters)}}
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return ["--ros-args", "--params-file", str(path)]
+
+
+class Processes:
+    """The processes of one run. Leaving its `with` statement ends them all."""
+
+    def __init__(self, env: Mapping[str, str], logs: Path) -> None:
+        """Start nothing yet.
+
+        Args:
+            env: Environment of each process.
+            logs: Folder for what they print, one file each.
+        """
+        self._env = dict(env)
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        logs.mkdir(parents=True, exist_ok=True)
+
+    def start(self, name: str, command: Sequence[str | Path]) -> None:
+        """Start a process, in a session of its own so that Ctrl-C reaches it through us."""
+        with self.log(name).open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                [str(word) for word in command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=self._env,
+                start_new_session=True,
+                preexec_fn=_die_with_parent,
+            )
+
+    def log(self, name: str) -> Path:
+        """Where a process prints to."""
+        return self._logs / f"{name}.log"
+
+    def printed(self, name: str, text: str) -> bool:
+        """Whether a process has printed a text."""
+        return text.encode() in self.log(name).read_bytes()
+
+    def running(self, name: str) -> bool:
+        """Whether a process still runs."""
+        return self._running[name].poll() is None
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to a process."""
+        os.killpg(self._running[name].pid, number)
+
+    def check(self, *may_end: str) -> None:
+        """Hold that everything runs.
+
+        Args:
+            *may_end: Names of processes that may have ended, with exit code 0.
+
+        Raises:
+            RunError: naming a process that ended, its exit code and its last words.
+        """
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is None or (code == 0 and name in may_end):
+                continue
+            raise RunError(f"{name} ended with exit code {code}: {self._last_words(name)}")
+
+    def stop(self, *names: str) -> None:
+        """End processes with Ctrl-C, and with force what does not end in time.
+
+        Args:
+            *names: Which, in order; all if none is named.
+        """
+        chosen = {name: self._running[name] for name in names or tuple(self._running)}
+        for number, patience in (
+            (signal.SIGINT, GRACE),
+            (signal.SIGTERM, 1.0),
+            (signal.SIGKILL, GRACE),
+        ):
+            alive = [process for process in chosen.values() if process.poll() is None]
+            for process in alive:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, number)
+            if not alive or _all_end(alive, patience):
+                return
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _last_words(self, name: str) -> str:
+        lines = self.log(name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        return lines[-1] if lines else "it printed nothing"
+
+
+def _all_end(processes: Sequence[subprocess.Popen[bytes]], patience: float) -> bool:
+    deadline = time.monotonic() + patience
+    for process in processes:
+        try:
+            process.wait(max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            return False
+    return True
+
+
+def _die_with_parent() -> None:
+    """In the child: be terminated when the process that started it dies, however it dies."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)

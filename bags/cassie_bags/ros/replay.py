@@ -1,0 +1,158 @@
+"""Node `replay`: messages of a bag back onto their topics, paced by the robot's clock."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import remove_ros_args
+from rosgraph_msgs.msg import Clock
+
+from cassie_bags.bag_reader import BagIndex, read_messages
+from cassie_bags.errors import BagError
+from cassie_bags.robot_clock import CLOCK_TOPIC
+from cassie_bags.ros.raw_subscription import message_class
+from cassie_msgs.ros.fast_lane import WRITER
+from cassie_msgs.ros.process import Stop, run
+
+CLOCK_PERIOD = 10_000_000
+"""Robot time between two messages on /clock. In ns."""
+
+_LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+_LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
+_LOOK = 0.02  # s between two looks whether somebody listens
+
+
+class Replay(Node):
+    """Publishes a bag."""
+
+    def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
+        super().__init__("replay")
+        self._stop = stop
+        self._rate: float = arguments.rate
+        self._loop_forever: bool = arguments.loop
+        self._patience: float = arguments.wait
+        self._messages = self._load(arguments.file, arguments.topics)
+        self._clock = self.create_publisher(Clock, CLOCK_TOPIC, 10)
+
+    def loop(self) -> None:
+        """Play to the end, again and again if asked to."""
+        if not self._await_listeners():
+            return
+        start = self._messages[0][0]
+        length = self._messages[-1][0] - start + CLOCK_PERIOD
+        offset = 0  # robot time goes on over the rounds
+        while not self._stop.requested:
+            self._play(offset)
+            if not self._loop_forever:
+                break
+            offset += length
+        if not self._stop.requested:
+            for publisher in self._publishers_by_topic.values():
+                publisher.wait_for_all_acked()
+            self.get_logger().info(f"{len(self._messages)} messages replayed")
+
+    def _load(self, path: Path, topics: Sequence[str]) -> list[tuple[int, Any, bytes]]:
+        """Messages in order of robot time, each with its publisher.
+
+        Raises:
+            BagError: if the file is no bag, or has none of the topics asked for.
+        """
+        index = BagIndex()
+        found = list(read_messages(path, topics or None, index))
+        names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC})
+        for topic in topics:
+            if topic not in names:
+                raise BagError(f"{path} has no message on {topic}")
+        if not names:
+            raise BagError(f"{path} has no messages")
+        self._publishers_by_topic = {
+            topic: self.create_publisher(
+                message_class(index.types[topic]),
+                topic,
+                _LATCHED if topic in _LATCHED_TOPICS else WRITER,
+            )
+            for topic in names
+        }
+        messages = [
+            (robot, self._publishers_by_topic[topic], raw)
+            for topic, robot, _, raw in found
+            if topic in self._publishers_by_topic
+        ]
+        return sorted(messages, key=lambda entry: entry[0])
+
+    def _await_listeners(self) -> bool:
+        """Wait until each topic has a subscriber, as long as asked for; False if stopped."""
+        deadline = time.monotonic() + self._patience
+        while time.monotonic() < deadline:
+            publishers = self._publishers_by_topic.values()
+            if all(publisher.get_subscription_count() for publisher in publishers):
+                break
+            if self._stop.wait(_LOOK):
+                break
+        return not self._stop.requested
+
+    def _play(self, offset: int) -> None:
+        """Publish everything once.
+
+        Args:
+            offset: What /clock is ahead of the bag's robot time. In ns.
+        """
+        started = time.monotonic_ns()
+        first = self._messages[0][0]
+        next_clock = first
+        for robot, publisher, raw in self._messages:
+            due = started + int((robot - first) / self._rate)
+            wait = (due - time.monotonic_ns()) * 1e-9
+            if wait > 0.0005 and self._stop.wait(wait):
+                return
+            if robot >= next_clock:
+                self._publish_clock(robot + offset)
+                next_clock = robot + CLOCK_PERIOD
+            publisher.publish(raw)
+            if self._stop.requested:
+                return
+
+    def _publish_clock(self, robot: int) -> None:
+        seconds, nanoseconds = divmod(robot, 1_000_000_000)
+        self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+
+def _arguments(words: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="replay", description="Publish the messages of a bag on their topics, with /clock."
+    )
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--rate", type=_positive, default=1.0, help="robot time per wall time")
+    parser.add_argument("--topics", nargs="+", default=[], help="only these")
+    parser.add_argument("--loop", action="store_true", help="again and again")
+    parser.add_argument(
+        "--wait", type=float, default=0.0, help="wait up to so many seconds for subscribers"
+    )
+    return parser.parse_args(words)
+
+
+def _positive(word: str) -> float:
+    value = float(word)
+    if not 0.0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{word} is not a rate above 0")
+    return value
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_bags replay`."""
+    arguments = _arguments(remove_ros_args(sys.argv)[1:])
+    run("replay", lambda stop: Replay(arguments, stop))
+
+
+if __name__ == "__main__":
+    main()

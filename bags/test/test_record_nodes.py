@@ -1,0 +1,214 @@
+"""The record and replay nodes as processes, on a ROS domain of their own."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from synthetic import glide_messages
+
+pytest.importorskip("rclpy")
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rosbags.highlevel import AnyReader
+
+from cassie_bags.continuity import differences, gaps
+from cassie_bags.errors import RunError
+from cassie_bags.mcap_recover import recover
+from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages, read_recording
+from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_bags.ros.raw_subscription import message_class
+from cassie_bags.ros.record import COMPLETE, LANE_TYPES
+from cassie_msgs.ros.fast_lane import WRITER
+
+PATIENCE = 20.0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed() -> None:
+    try:
+        executable("cassie_bags", "record")
+    except RunError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        yield number
+
+
+@pytest.fixture
+def processes(domain: int, tmp_path: Path) -> Iterator[Processes]:
+    with Processes(environment(domain), tmp_path / "log") as group:
+        yield group
+
+
+@pytest.fixture
+def node(domain: int) -> Iterator[Node]:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("test", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[], bool]) -> None:
+    """Publish tick by tick, at a few thousand messages a second.
+
+    As the nodes do it, the first sample is repeated until every reader has `heard` it: that a
+    writer knows its reader does not mean that the reader knows the writer.
+    """
+    publishers = {
+        topic: node.create_publisher(message_class(kind), topic, WRITER)
+        for topic, kind in LANE_TYPES.items()
+    }
+    wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
+    ticks = len(messages["/cassie/state"])
+    while not heard():
+        for topic, list_ in messages.items():
+            publishers[topic].publish(list_[0])
+        time.sleep(0.1)
+    for tick in range(ticks):
+        for topic, list_ in messages.items():
+            every = -(-ticks // len(list_))
+            if tick % every == 0:
+                publishers[topic].publish(list_[tick // every])
+        if tick % 20 == 0:
+            time.sleep(0.005)
+    for publisher in publishers.values():
+        publisher.wait_for_all_acked()
+
+
+def start_recorder(processes: Processes, bag: Path, *options: str) -> None:
+    processes.start("record", [executable("cassie_bags", "record"), "-o", bag, *options])
+    wait_until(
+        lambda: processes.printed("record", "recording to") or not processes.running("record")
+    )
+
+
+def same(recording: Recording, messages: dict[str, list[bytes]]) -> list[str]:
+    return differences(recording, from_messages(messages, 1.0), RECORDED_TOPICS)
+
+
+def test_the_recorder_loses_nothing_and_closes_its_bag_on_ctrl_c(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    messages = glide_messages(4.0)
+    bag = tmp_path / "run.mcap"
+    start_recorder(processes, bag)
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    started = time.monotonic()
+    processes.stop("record")
+    assert time.monotonic() - started < 2.0
+    processes.check("record")
+    assert "Traceback" not in processes.log("record").read_text()
+    recording = read_recording(bag)
+    assert gaps(recording) == []
+    assert same(recording, messages) == []
+    assert "mujoco" in recording.metadata["cassie_versions"]
+    with AnyReader([bag]) as reader:
+        assert reader.duration == pytest.approx(4.0e9, rel=0.01)
+
+
+def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    messages = glide_messages(3.0)
+    bag = tmp_path / "run.mcap"
+    start_recorder(processes, bag)
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    wait_until(lambda: bag.stat().st_size > 100_000)
+    processes.signal("record", signal.SIGKILL)
+    wait_until(lambda: not processes.running("record"))
+    recover(bag, tmp_path / "saved.mcap")
+    recording = read_recording(tmp_path / "saved.mcap")
+    assert gaps(recording) == []
+    assert len(recording.truth) > 500
+
+
+def test_a_replay_publishes_every_message_with_its_type(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    from test_bag import write_bag
+
+    messages = glide_messages(2.0)
+    bag, copy = tmp_path / "run.mcap", tmp_path / "copy.mcap"
+    write_bag(bag, messages)
+    start_recorder(processes, copy)
+    replay = executable("cassie_bags", "replay")
+    started = time.monotonic()
+    processes.start("replay", [replay, bag, "--rate", "4", "--wait", str(PATIENCE)])
+    wait_until(lambda: not processes.running("replay"))
+    assert time.monotonic() - started >= 0.5
+    processes.check("replay")
+    processes.stop("record")
+    assert same(read_recording(copy), messages) == []
+    with AnyReader([copy]) as reader:
+        assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
+        assert reader.topics["/clock"].msgcount > 10
+
+
+def test_a_replay_of_some_topics_plays_these_again_and_again(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    from test_bag import write_bag
+
+    bag = tmp_path / "run.mcap"
+    write_bag(bag, glide_messages(0.5))
+    received: list[bytes] = []
+    state = message_class("cassie_msgs/msg/RobotState")
+    subscription = node.create_subscription(state, "/cassie/state", received.append, 10, raw=True)
+    command = [executable("cassie_bags", "replay"), bag, "--loop", "--rate", "10"]
+    processes.start("replay", [*command, "--wait", "9", "--topics", "/cassie/state"])
+    wait_until(lambda: processes.running("replay") and spin(node) and len(received) > 300)
+    processes.stop("replay")
+    processes.check("replay")
+    assert node.count_publishers("/cassie/sensors") == 0
+    node.destroy_subscription(subscription)
+
+
+def spin(node: Node) -> bool:
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    for _ in range(100):
+        executor.spin_once(timeout_sec=0.01)
+    executor.remove_node(node)
+    return True
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        (["replay", "none.mcap"], "No such file"),
+        (["replay", "text.mcap"], "is not an MCAP file"),
+        (["recover", "text.mcap"], "is not an MCAP file"),
+        (["record", "-o", "text.mcap/run.mcap"], "cannot write bag"),
+    ],
+)
+def test_a_wrong_file_ends_the_command_with_one_line(
+    processes: Processes, tmp_path: Path, command: list[str], reason: str
+):
+    (tmp_path / "text.mcap").write_text("no bag")
+    name, *words = command
+    paths = [str(tmp_path / word) if "." in word else word for word in words]
+    processes.start(name, [executable("cassie_bags", name), *paths])
+    wait_until(lambda: not processes.running(name))
+    with pytest.raises(RunError, match=f"exit code 2: {name}: error: .*{reason}"):
+        processes.check()
+    assert len(processes.log(name).read_text().splitlines()) == 1
