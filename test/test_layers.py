@@ -14,10 +14,9 @@ FOLDERS = {
     "cassie_teleop": ROOT / "cassie_teleop/cassie_teleop",
     "cassie_bags": ROOT / "bags/cassie_bags",
 }
-# cassie_msgs.layout and .tunables are plain numpy, so every layer may use them.
 MAY_IMPORT = {
     "cassie_msgs": set(),
-    "cassie_gaits": {"cassie_msgs"},
+    "cassie_gaits": set(),
     "cassie_control": {"cassie_gaits", "cassie_msgs"},
     "cassie_sim": {"cassie_gaits", "cassie_msgs"},
     "cassie_teleop": {"cassie_msgs"},

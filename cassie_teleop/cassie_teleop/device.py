@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from cassie_msgs.tunables import entries, from_mapping, tunable, unknown_name
+from cassie_msgs.tunables import entries, from_mapping, names, tunable, unknown_name
 from cassie_teleop.wish import MODES, Wish
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
@@ -91,7 +91,7 @@ def _device(content: Mapping[str, Any]) -> Device:
         setpoints={k: _part(AxisMap, v, f"setpoints.{k}") for k, v in setpoints.items()},
         power=_part(Switch, content["power"], "power"),
         mode={k: _part(Switch, v, f"mode.{k}") for k, v in modes.items()},
-        link_buttons=tuple(content.get("link", ())),
+        link_buttons=_link(content),
         dead_man=content.get("dead_man"),
     )
     _check_indices(device)
@@ -118,11 +118,18 @@ def _check_indices(device: Device) -> None:
 
 def _part(cls: type[PartT], mapping: object, name: str) -> PartT:
     if not isinstance(mapping, Mapping):
-        raise DeviceError(f"{name}: expected {', '.join(e.name for e in dataclasses.fields(cls))}")  # type: ignore[arg-type]
+        raise DeviceError(f"{name}: expected {', '.join(names(cls))}")
     try:
         return from_mapping(cls, mapping)
     except ValueError as error:
         raise DeviceError(f"{name}: {error}") from None
+
+
+def _link(content: Mapping[str, Any]) -> tuple[int, ...]:
+    value = content.get("link", [])
+    if not isinstance(value, list):
+        raise DeviceError(f"link = {value!r} is not a list of buttons")
+    return tuple(value)
 
 
 def _section(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -110,6 +110,8 @@ def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
         ("setpoints: {vx: {axis: 0}}", "setpoints.vx: scale must be given"),
         ("power: {}", "power: needs an axis or an on_button"),
         ("mode: {stand: {axis: 0}}", "unknown mode stand"),
+        ("link: 1", "link = 1 is not a list of buttons"),
+        ("setpoints: {vx: 3}", "setpoints.vx: expected axis, scale"),
         ("link: [5]", r"link\[0\] = 5: no such button"),
     ],
 )
