@@ -43,15 +43,18 @@ class WalkConfig:
         200.0, "N", 50.0, 400.0, "Force on the swing foot that ends a step"
     )
     earliest_touchdown: float = tunable(0.5, "", 0.1, 0.95, "Phase before which no step ends")
-    latest_touchdown: float = tunable(1.1, "", 1.0, 2.0, "Phase at which a step ends anyway")
+    latest_touchdown: float = tunable(1.25, "", 1.0, 2.0, "Phase at which a step ends anyway")
     foot_spread: float = tunable(
-        0.0, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
+        0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
     )
     least_foot_distance: float = tunable(
-        0.16, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
+        0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
     )
     speed_filter: float = tunable(
         0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity that reads the gait library"
+    )
+    double_support: float = tunable(
+        0.07, "s", 0.0, 0.2, "Time in which the weight goes over to the new foot"
     )
     pendulum_gain_x: float = tunable(
         0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes"
@@ -107,7 +110,7 @@ class TransitionConfig:
     """Between standing and walking."""
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
-    lean_roll: float = tunable(0.06, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    lean_roll: float = tunable(0.08, "rad", 0.0, 0.2, "Roll to the left of that lean")
     blend_time: float = tunable(0.3, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 

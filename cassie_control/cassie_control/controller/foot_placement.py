@@ -41,20 +41,26 @@ class SwingEnd:
 class PendulumPlacement:
     """Foot placement by the step-to-step map of a pendulum of constant height.
 
-    With x, v the CoM's position and velocity against the stance toe joint, w = sqrt(g / height),
-    and t the time to touchdown,
+    After a touchdown the weight goes over to the new foot within `double_support` (t), during
+    which the CoM coasts; then it falls away from the stance toe joint for the rest of the step,
+    T. With x, v the CoM's position and velocity against the toe joint and w = sqrt(g / height),
+    the velocity at touchdown v_end follows from
 
-        v_end = w x sinh(w t) + v cosh(w t)
+        v' = w x sinh(w T) + v cosh(w T).
 
-    is the velocity at touchdown. A foot set down at u ahead of the CoM turns it, one step of
-    duration T later, into v_next = v_end cosh(w T) - w u sinh(w T). In steady walking at speed s
-    the velocity at touchdown is w s T / 2 coth(w T / 2) and u = s T / 2. The foot goes to
+    A foot set down u ahead of the CoM turns that velocity, one step later, into
 
-        u = u_steady + gain (v_end - v_steady) coth(w T) / w + sum,
+        v_next = v_end cosh(w T) - w (u - v_end t) sinh(w T).
 
-    so that `gain` = 1 removes the error in one step. Sideways the steady motion also swings from
-    foot to foot: for feet W apart v_steady = side W w / 2 tanh(w T / 2), u = side W / 2. `sum`
-    adds up the mean speed error of each step, bounded: it takes out what the pendulum leaves out.
+    In steady walking at speed s, with L = s (t + T) of ground a step,
+    v_steady = L / (t + 2/w tanh(w T / 2)) and u_steady = v_steady (t + 1/w tanh(w T / 2)).
+    Sideways the CoM also swings from foot to foot, W apart: the same with coth in the place of
+    tanh and W in the place of L, towards the swing foot. The foot goes to
+
+        u = u_steady + gain (v_end - v_steady) (t + coth(w T) / w) + sum,
+
+    so that `gain` = 1 removes the error in one step. `sum` adds up the mean speed error of each
+    step, bounded: it takes out what the pendulum leaves out.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """
@@ -83,6 +89,7 @@ class PendulumPlacement:
         stance: LegReadings,
         swing: LegReadings,
         wish: Wish,
+        elapsed: float,
         remaining: float,
         step_time: float,
         length: float,
@@ -93,30 +100,36 @@ class PendulumPlacement:
             readings: The robot now.
             stance, swing: Its legs.
             wish: Commanded velocity.
-            remaining: Time to touchdown. In s.
+            elapsed: Time since the last touchdown. In s.
+            remaining: Time to the next one. In s.
             step_time: Duration of the next step. In s.
             length: Swing leg length at touchdown. In m.
         """
         c = self.config
         com = readings.com
-        height = max(0.4, com[2] - stance.ankle[2])
-        w = math.sqrt(GRAVITY / height)
-        sinh, cosh = math.sinh(w * remaining), math.cosh(w * remaining)
+        w = math.sqrt(GRAVITY / max(0.4, com[2] - stance.ankle[2]))
+        coast = c.double_support
+        coasting = min(max(0.0, coast - elapsed), remaining)
+        sinh, cosh = math.sinh(w * (remaining - coasting)), math.cosh(w * (remaining - coasting))
         vx, vy = readings.com_velocity[0], readings.com_velocity[1]
-        x_end = (com[0] - stance.ankle[0]) * cosh + vx / w * sinh
-        y_end = (com[1] - stance.ankle[1]) * cosh + vy / w * sinh
-        vx_end = w * (com[0] - stance.ankle[0]) * sinh + vx * cosh
-        vy_end = w * (com[1] - stance.ankle[1]) * sinh + vy * cosh
+        x = com[0] - stance.ankle[0] + vx * coasting
+        y = com[1] - stance.ankle[1] + vy * coasting
+        y_end = y * cosh + vy / w * sinh
+        vx_end = w * x * sinh + vx * cosh
+        vy_end = w * y * sinh + vy * cosh
 
-        coth = 1.0 / math.tanh(w * step_time)
-        tanh_half = math.tanh(0.5 * w * step_time)
-        travel_x, travel_y = 0.5 * wish.vx * step_time, 0.5 * wish.vy * step_time
-        half_width = HIP_Y + c.foot_spread
-        vx_steady = w * travel_x / tanh_half
-        vy_steady = w * (travel_y / tanh_half + swing.side * half_width * tanh_half)
-        ux = travel_x + c.pendulum_gain_x * (vx_end - vx_steady) * coth / w + self._sum_x
-        uy = travel_y + swing.side * half_width
-        uy += c.pendulum_gain_y * (vy_end - vy_steady) * coth / w + self._sum_y
+        single = max(0.1, step_time - coast)
+        slope = coast + 1.0 / (w * math.tanh(w * single))
+        tanh_half = math.tanh(0.5 * w * single) / w
+        coth_half = 1.0 / (w * w * tanh_half)
+        width = swing.side * 2.0 * (HIP_Y + c.foot_spread)
+        vx_steady = wish.vx * step_time / (coast + 2.0 * tanh_half)
+        vy_travel = wish.vy * step_time / (coast + 2.0 * tanh_half)
+        vy_swing = width / (coast + 2.0 * coth_half)
+        ux = vx_steady * (coast + tanh_half) + self._sum_x
+        ux += c.pendulum_gain_x * (vx_end - vx_steady) * slope
+        uy = vy_travel * (coast + tanh_half) + vy_swing * (coast + coth_half) + self._sum_y
+        uy += c.pendulum_gain_y * (vy_end - vy_travel - vy_swing) * slope
 
         # Feet must not cross: measure the sideways distance from the stance foot at touchdown.
         apart = swing.side * (y_end + uy)
@@ -155,6 +168,7 @@ class PaperPlacement:
         stance: LegReadings,
         swing: LegReadings,
         wish: Wish,
+        elapsed: float,
         remaining: float,
         step_time: float,
         length: float,
@@ -164,7 +178,6 @@ class PaperPlacement:
         vx, vy = self.velocity
         pitch = c.paper_kp_x * (vx - wish.vx) + c.paper_kd_x * (vx - self._last[0])
         roll = c.paper_kp_y * (vy - wish.vy) + c.paper_kd_y * (vy - self._last[1])
-        roll -= swing.side * -0.1 * max(0.0, min(1.0, vx)) * 0.0
         return SwingEnd(self.gait_end[0] + pitch, self.gait_end[1] + roll)
 
 

@@ -18,6 +18,9 @@ FloatArray = npt.NDArray[np.float64]
 
 LEFT, RIGHT = 0, 1
 
+_REACH = 0.06  # m that the swing leg grows at most when the ground is late
+_REACH_SPEED = 0.3  # m/s
+
 # Rows of eq:h0.
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 
@@ -169,10 +172,17 @@ class WalkingController:
         np.multiply(values[:, 1], 1.0 / step_time, out=self.desired_rates)
         if self.phase > 1.0:
             self.desired_rates[:] = 0.0
+            self._reach_down()
         self._adjust(readings, mode, gait, phase, step_time)
         self.desired[ROLL] = float(mode.roll) + float(mode.trims[3])
         self.desired[PITCH] = float(mode.pitch) + float(mode.trims[2])
         self.desired_rates[ROLL] = self.desired_rates[PITCH] = 0.0
+
+    def _reach_down(self) -> None:
+        """The ground is later than planned: the swing leg grows until it finds it."""
+        late = (self.phase - 1.0) * self.step_time
+        self.desired[LENGTH_SW] += min(_REACH, _REACH_SPEED * late)
+        self.desired_rates[LENGTH_SW] = _REACH_SPEED
 
     def _adjust(
         self, readings: Readings, mode: Mode, gait: FloatArray, phase: float, step_time: float
@@ -187,6 +197,7 @@ class WalkingController:
             stance,
             swing,
             self._wish,
+            self._elapsed,
             max(0.0, 1.0 - self.phase) * step_time,
             step_time,
             float(gait[LENGTH_SW, 5]),

@@ -1,0 +1,41 @@
+"""Limits and conditions of the mode supervisor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cassie_msgs.tunables import tunable
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupervisorConfig:
+    """Which set-points are let through, how fast they change, and when a mode may begin."""
+
+    vx_forward: float = tunable(1.0, "m/s", 0.0, 2.0, "Largest speed forward")
+    vx_backward: float = tunable(0.5, "m/s", 0.0, 1.5, "Largest speed backward")
+    vy_limit: float = tunable(0.3, "m/s", 0.0, 0.6, "Largest speed sideways")
+    yaw_rate_limit: float = tunable(0.6, "rad/s", 0.0, 1.5, "Largest turn rate")
+    height_low: float = tunable(0.45, "m", 0.38, 0.9, "Lowest pelvis height")
+    height_high: float = tunable(1.0, "m", 0.8, 1.05, "Largest pelvis height")
+    com_x_limit: float = tunable(0.05, "m", 0.0, 0.07, "Largest CoM shift fore and aft")
+    com_y_limit: float = tunable(0.06, "m", 0.0, 0.12, "Largest CoM shift sideways")
+    tilt_limit: float = tunable(0.25, "rad", 0.0, 0.4, "Largest torso roll and pitch")
+    trim_limit: float = tunable(0.1, "rad", 0.0, 0.2, "Largest trim")
+
+    acceleration: float = tunable(0.3, "m/s^2", 0.05, 2.0, "Change of commanded speed")
+    turn_acceleration: float = tunable(0.6, "rad/s^2", 0.05, 5.0, "Change of commanded turn rate")
+    height_rate: float = tunable(0.15, "m/s", 0.01, 1.0, "Change of commanded height")
+    shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
+    tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
+
+    walk_height: float = tunable(0.98, "m", 0.8, 1.05, "Height from which walking begins")
+    height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
+    stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
+    still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
+    weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
+    stop_speed: float = tunable(0.12, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
+    stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")
+    fall_tilt: float = tunable(0.8, "rad", 0.3, 1.5, "Torso tilt that counts as a fall")
+    fall_height: float = tunable(0.33, "m", 0.1, 0.6, "Pelvis height that counts as a fall")
+    upright_tilt: float = tunable(0.3, "rad", 0.1, 0.8, "Tilt below which drives may do more than damp")
+    upright_time: float = tunable(1.0, "s", 0.1, 10.0, "Time upright after a fall")

@@ -1,0 +1,259 @@
+"""Decides the robot's mode and what of the operator's wishes the controller gets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.set_points import SetPoints, approach, wishes
+from cassie_gaits import robot
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
+
+PERIOD_TICKS = 10
+"""The supervisor answers every so many states, and an answer holds so many ticks later."""
+
+_WEIGHT = robot.total_mass() * 9.81
+_SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
+
+
+@dataclass(frozen=True)
+class SupervisorStatus:
+    """What the supervisor tells people.
+
+    Attributes:
+        mode: In force from `effective_seq` of the last answer on.
+        requested: By the operator.
+        stand, walk, segway: Why that mode is refused now; empty when it would be entered.
+        faults: What is wrong, in words.
+        fallen: Whether Cassie fell and has not been set upright since.
+        link: Whether the operator's commands arrive over a good link.
+    """
+
+    mode: RobotMode = RobotMode.OFF
+    requested: RobotMode = RobotMode.STAND
+    stand: str = ""
+    walk: str = ""
+    segway: str = ""
+    faults: tuple[str, ...] = ()
+    fallen: bool = False
+    link: bool = False
+
+    @property
+    def readiness(self) -> str:
+        """Why the requested mode is not in force; empty when it is."""
+        if self.mode == self.requested:
+            return ""
+        reasons = {
+            RobotMode.STAND: self.stand,
+            RobotMode.WALK: self.walk,
+            RobotMode.SEGWAY: self.segway,
+        }
+        return reasons.get(self.requested, "")
+
+
+class ModeSupervisor:
+    """Stand, walk, damp or off, from the robot's state and the operator's wish.
+
+    - Without power: off. After a fall, or while the controller is lost: damp, until the torso has
+      been upright for `upright_time` (hung up, or set on its feet).
+    - Stand: whenever the torso is upright. From walking it first stops: set-points go to zero,
+      and once Cassie has stepped in place for `stop_time` the controller ends on the next
+      touchdown.
+    - Walk: from standing, once the feet carry the weight and the CoM has been still at
+      `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
+    - No command from the operator, or a bad link: stop and stand.
+
+    All decisions rest on the state's own clock, so that a recording replays to the same bits.
+
+    Args:
+        config: Limits and conditions.
+        period: Between control ticks; `step` is called every `PERIOD_TICKS` of them. In s.
+    """
+
+    def __init__(self, config: SupervisorConfig, period: float) -> None:
+        self.config = config
+        self._period = period * PERIOD_TICKS
+        self._mode = Mode()
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to off."""
+        self.status = SupervisorStatus()
+        self._set_points = SetPoints()
+        self._current = RobotMode.OFF
+        self._since = 0.0
+        self._still = 0.0
+        self._upright = 0.0
+        self._slow = 0.0
+        self._fallen = False
+        self._speed = (0.0, 0.0)
+
+    def step(
+        self,
+        state: RobotState,
+        operator: OperatorCommand | None,
+        controller_lost: bool = False,
+    ) -> Mode:
+        """Answer one state.
+
+        Args:
+            state: The robot now; its seq a multiple of `PERIOD_TICKS`.
+            operator: The command in force; None when none arrives any more.
+            controller_lost: Whether the controller has fallen silent.
+
+        Returns:
+            The mode from `effective_seq` on; reused by the next step.
+        """
+        self._observe(state)
+        linked = operator is not None and bool(operator.link)
+        wish = SetPoints(height=self._set_points.height)
+        requested = RobotMode.STAND
+        if operator is not None and linked:
+            wish = wishes(operator, self.config)
+            requested = _requested(operator)
+        powered = float(state.power) > 0.5
+        reasons = self._reasons(state, powered, controller_lost)
+        previous = self._current
+        self._current = self._next(requested, reasons, powered, controller_lost)
+        self._since = 0.0 if self._current is not previous else self._since + self._period
+        self._limit(wish, requested)
+        self.status = SupervisorStatus(
+            mode=self._current,
+            requested=requested,
+            stand=reasons[RobotMode.STAND],
+            walk=reasons[RobotMode.WALK],
+            segway=reasons[RobotMode.SEGWAY],
+            faults=self._faults(linked, controller_lost),
+            fallen=self._fallen,
+            link=linked,
+        )
+        return self._answer(state)
+
+    def _observe(self, state: RobotState) -> None:
+        c = self.config
+        pitch, roll = float(state.q[4]), float(state.q[5])
+        tilt = max(abs(pitch), abs(roll))
+        loaded = float(state.foot_force.max()) > 50.0
+        low = float(state.q[2]) < c.fall_height and loaded
+        if tilt > c.fall_tilt or (low and self._current in (RobotMode.STAND, RobotMode.WALK)):
+            self._fallen = True
+        upright = tilt < c.upright_tilt
+        self._upright = self._upright + self._period if upright else 0.0
+        if self._fallen and self._upright >= c.upright_time:
+            self._fallen = False
+        vx, vy, _ = state.com_velocity.tolist()
+        still = math.hypot(vx, vy) < c.still_speed
+        self._still = self._still + self._period if still else 0.0
+        share = min(1.0, self._period / _SPEED_FILTER_TIME)
+        self._speed = (
+            self._speed[0] + share * (vx - self._speed[0]),
+            self._speed[1] + share * (vy - self._speed[1]),
+        )
+
+    def _reasons(
+        self, state: RobotState, powered: bool, controller_lost: bool
+    ) -> dict[RobotMode, str]:
+        """Why each mode would be refused now; empty where it would not."""
+        common = ""
+        if not powered:
+            common = "the drives have no power"
+        elif controller_lost:
+            common = "the controller is silent"
+        elif self._fallen:
+            common = "Cassie fell: hang her up or set her upright"
+        elif self._upright <= 0.0:
+            common = f"the torso is tilted by more than {self.config.upright_tilt:g} rad"
+        return {
+            RobotMode.STAND: common or self._why_not_stand(),
+            RobotMode.WALK: common or self._why_not_walk(state),
+            RobotMode.SEGWAY: common or "there is no Segway under the feet",
+        }
+
+    def _why_not_stand(self) -> str:
+        c = self.config
+        if self._current is not RobotMode.WALK:
+            return ""
+        if self._slow >= c.stop_time:
+            return ""
+        speed = math.hypot(*self._speed)
+        if max(abs(self._set_points.vx), abs(self._set_points.vy)) > 0.0:
+            return f"slowing down from {speed:.2f} m/s"
+        return f"stepping in place first: {speed:.2f} m/s, stands below {c.stop_speed:g} m/s"
+
+    def _why_not_walk(self, state: RobotState) -> str:
+        c = self.config
+        if self._current is RobotMode.WALK:
+            return ""
+        if self._current is not RobotMode.STAND:
+            return "stand first"
+        carried = float(state.foot_force.sum())
+        if carried < c.weight_share * _WEIGHT or float(state.contact_probability.min()) < 0.5:
+            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let her down"
+        height = float(state.q[2])
+        if abs(height - c.walk_height) > c.height_tolerance:
+            return f"walking begins at {c.walk_height:g} m, pelvis at {height:.2f} m"
+        if min(self._still, self._since) < c.stand_time:
+            return f"standing still for {min(self._still, self._since):.1f} s of {c.stand_time:g} s"
+        return ""
+
+    def _next(
+        self,
+        requested: RobotMode,
+        reasons: dict[RobotMode, str],
+        powered: bool,
+        controller_lost: bool,
+    ) -> RobotMode:
+        if not powered:
+            return RobotMode.OFF
+        if self._fallen or controller_lost:
+            return RobotMode.DAMP
+        if self._current in (RobotMode.OFF, RobotMode.DAMP):
+            return RobotMode.DAMP if reasons[RobotMode.STAND] else RobotMode.STAND
+        if requested in reasons and not reasons[requested]:
+            return requested
+        return self._current
+
+    def _limit(self, wish: SetPoints, requested: RobotMode) -> None:
+        """Move the set-points towards what the mode in force permits of the wish."""
+        c = self.config
+        if self._current in (RobotMode.OFF, RobotMode.DAMP):
+            self._set_points = SetPoints(height=wish.height)
+        if self._current is not RobotMode.WALK or requested is not RobotMode.WALK:
+            wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+        if requested is RobotMode.WALK or self._current is RobotMode.WALK:
+            wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
+        approach(self._set_points, wish, c, self._period)
+        slow = (
+            self._current is RobotMode.WALK
+            and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0
+            and math.hypot(*self._speed) < c.stop_speed
+        )
+        self._slow = self._slow + self._period if slow else 0.0
+
+    def _faults(self, linked: bool, controller_lost: bool) -> tuple[str, ...]:
+        faults = []
+        if self._fallen:
+            faults.append("fallen: drives damp")
+        if not linked:
+            faults.append("operator lost: stopping and standing")
+        if controller_lost:
+            faults.append("gait controller lost: drives damp")
+        return tuple(faults)
+
+    def _answer(self, state: RobotState) -> Mode:
+        mode = self._mode
+        mode.seq[...] = state.seq
+        mode.episode[...] = state.episode
+        mode.stamp_ns = state.stamp_ns
+        mode.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+        mode.mode[...] = int(self._current)
+        mode.transition[...] = min(1.0, self._since)
+        self._set_points.write(mode)
+        return mode
+
+
+def _requested(operator: OperatorCommand) -> RobotMode:
+    wished = int(operator.mode)
+    permitted = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
+    return RobotMode(wished) if wished in permitted else RobotMode.STAND

@@ -1,0 +1,79 @@
+"""The operator's wishes, kept within limits and changed at limited rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_msgs.layout import Mode, OperatorCommand
+
+
+@dataclass
+class SetPoints:
+    """What the controller is given; SI units, see Mode.msg."""
+
+    vx: float = 0.0
+    vy: float = 0.0
+    yaw_rate: float = 0.0
+    height: float = 0.9
+    com_x: float = 0.0
+    com_y: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    trims: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def write(self, mode: Mode) -> None:
+        """Fill in the set-points of a mode message."""
+        for field in fields(self):
+            getattr(mode, field.name)[...] = getattr(self, field.name)
+
+
+def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
+    """An operator's command within the limits."""
+    c = config
+    trims = command.trims.tolist()
+    return SetPoints(
+        vx=_bounded(float(command.vx), -c.vx_backward, c.vx_forward),
+        vy=_bounded(float(command.vy), -c.vy_limit, c.vy_limit),
+        yaw_rate=_bounded(float(command.yaw_rate), -c.yaw_rate_limit, c.yaw_rate_limit),
+        height=_bounded(float(command.height), c.height_low, c.height_high),
+        com_x=_bounded(float(command.com_x), -c.com_x_limit, c.com_x_limit),
+        com_y=_bounded(float(command.com_y), -c.com_y_limit, c.com_y_limit),
+        roll=_bounded(float(command.roll), -c.tilt_limit, c.tilt_limit),
+        pitch=_bounded(float(command.pitch), -c.tilt_limit, c.tilt_limit),
+        trims=(
+            _bounded(trims[0], -c.trim_limit, c.trim_limit),
+            _bounded(trims[1], -c.trim_limit, c.trim_limit),
+            _bounded(trims[2], -c.trim_limit, c.trim_limit),
+            _bounded(trims[3], -c.trim_limit, c.trim_limit),
+        ),
+    )
+
+
+def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: float) -> None:
+    """Move set-points towards a wish by one period, each no faster than permitted."""
+    c = config
+    now.vx = _towards(now.vx, wish.vx, c.acceleration * period)
+    now.vy = _towards(now.vy, wish.vy, c.acceleration * period)
+    now.yaw_rate = _towards(now.yaw_rate, wish.yaw_rate, c.turn_acceleration * period)
+    now.height = _towards(now.height, wish.height, c.height_rate * period)
+    now.com_x = _towards(now.com_x, wish.com_x, c.shift_rate * period)
+    now.com_y = _towards(now.com_y, wish.com_y, c.shift_rate * period)
+    now.roll = _towards(now.roll, wish.roll, c.tilt_rate * period)
+    now.pitch = _towards(now.pitch, wish.pitch, c.tilt_rate * period)
+    step = c.tilt_rate * period
+    a, b = now.trims, wish.trims
+    now.trims = (
+        _towards(a[0], b[0], step),
+        _towards(a[1], b[1], step),
+        _towards(a[2], b[2], step),
+        _towards(a[3], b[3], step),
+    )
+
+
+def _bounded(value: float, low: float, high: float) -> float:
+    return max(low, min(high, value))
+
+
+def _towards(now: float, wish: float, step: float) -> float:
+    return now + max(-step, min(step, wish - now))
