@@ -106,6 +106,7 @@ class Plant:
         self.events.reset()
         self.gantry.release()
         self._wrench[:] = 0.0
+        self._pulled = False
         self._place()
         mujoco.mj_forward(self.model, self.data)
         self.sensors = self._make_sensors()
@@ -180,12 +181,13 @@ class Plant:
     def _physics_step(self) -> None:
         torque = self.drives.step(self.sensors.position, self.sensors.velocity)
         self._ctrl[:] = torque
-        if self.gantry.attached:
-            self._wrench[:] = self.gantry.step(
-                self.period, self._position, self._rotation, self._twist
-            )
-            if not self.gantry.attached:
-                self._wrench[:] = 0.0
+        gantry = self.gantry
+        if gantry.attached:
+            gantry.step(self.period, self._position, self._rotation, self._twist)
+            self._pulled = True
+        if self._pulled:  # once more after the gantry let go, at whoever's order
+            self._wrench[:] = gantry.wrench
+            self._pulled = gantry.attached
         self.events.apply(self._physics_steps, self.data, self.gantry, self._position)
         mujoco.mj_step(self.model, self.data)
         self._physics_steps += 1
@@ -296,5 +298,3 @@ def _compile(scenario: Scenario, meshes: bool, period: float) -> mujoco.MjModel:
     model.geom_friction[ground, 0] *= scale.friction * draw.friction
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
-
-

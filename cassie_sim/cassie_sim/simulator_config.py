@@ -19,6 +19,7 @@ _SCENARIO_KEYS = tuple(entry.name for entry in fields(Scenario))
 _OTHER_KEYS = (
     "name",
     "seed",
+    "drawn",
     "duration",
     "operator",
     "gait_library",
@@ -42,9 +43,7 @@ class SimulatorConfig(PlantConfig):
     start: str = tunable(
         "gantry", choices=STARTS, description="Pose at the start of an episode", live=False
     )
-    seed: int = tunable(
-        0, "", 0, None, "Robot and noise drawn; 0 is the nominal robot", live=False
-    )
+    seed: int = tunable(0, "", 0, None, "Robot and noise drawn; 0 is the nominal robot", live=False)
     scenario: str = tunable(
         "",
         description="YAML file with scene, start, draw and events, in place of the four above",
@@ -65,6 +64,7 @@ class SimulatorConfig(PlantConfig):
     start_timeout: float = tunable(
         10.0, "s", 0.0, 1e6, "Wall time in which the other nodes may join at the start", live=False
     )
+    paused: bool = tunable(False, description="Begin paused, at tick 0", live=False)
     scripted_operator: bool = tunable(
         False, description="The operator is a script that answers every 10th state", live=False
     )

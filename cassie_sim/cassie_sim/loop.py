@@ -1,0 +1,300 @@
+"""The simulator's loop: samples out, commands in, and who waits for whom.
+
+Knows neither ROS nor a clock of its own: messages travel through a `Lane`, wall time comes
+from the function it is given.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from cassie_msgs.layout import MotorCommand
+from cassie_sim.lane import Lane, Report
+from cassie_sim.pacing import Pace, RealTimeFactor
+from cassie_sim.plant import COMMAND_WATCHDOG, Plant
+from cassie_sim.power_switch import PowerSwitch
+from cassie_sim.requests import Requests
+from cassie_sim.simulator_config import SimulatorConfig
+
+REPEAT_PERIOD = 0.5
+"""Wall time after which an unanswered sample is sent again. In s."""
+
+_BROKEN_PATIENCE = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
+_BROKEN_PATIENCE_PERIOD = 0.1
+
+
+class Loop:
+    """Runs a plant tick by tick.
+
+    lockstep: sample k, command k, step. fixed_lag: sample k, step with command k - 1 while
+    command k is computed. realtime: a tick lasts a tick of wall time and takes the newest
+    command that has come.
+
+    Attributes:
+        plant: The plant; requests may replace it.
+        paused: Whether ticks wait for credit.
+        credit: Ticks that may run although paused.
+        credit_spent: Set when they have run.
+        broken: Whether lock-step is given up for want of commands.
+        times_broken: How often that happened.
+    """
+
+    MAX_CREDIT = 10_000
+
+    def __init__(
+        self,
+        plant: Plant,
+        lane: Lane,
+        config: SimulatorConfig,
+        report: Report,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.plant = plant
+        self.config = config
+        self.paused = config.paused
+        self.credit = 0
+        self.credit_spent = threading.Event()
+        self.broken = False
+        self.times_broken = 0
+        self.stopping = False
+        self.factor = RealTimeFactor()
+        self.requests = Requests()
+        self.switch = PowerSwitch(
+            scripted=config.scripted_operator, start_patience=config.start_timeout
+        )
+        self._lane, self._report, self._clock, self._sleep = lane, report, clock, sleep
+        self._tick_s = plant.tick_ns * 1e-9
+        self._pace = Pace(self._tick_s)
+        self._restart = False
+        self._answered = False
+        self._silent = False
+        self._refused = False
+        self._applied = -1
+        self._announced = 0.0
+        self._patience_due = 0.0
+        self._end = round(config.duration * config.control_rate)
+        self._lagging: MotorCommand | None = None
+        lane.on_operator = lambda command: self.switch.take(command, self.plant.episode)
+
+    def run(self) -> None:
+        """Run until the duration is over or `stop`."""
+        self.begin_episode(self.plant)
+        tick = {
+            "lockstep": self._lockstep_tick,
+            "fixed_lag": self._fixed_lag_tick,
+            "realtime": self._realtime_tick,
+        }[self.config.pacing]
+        while not self.stopping and not 0 < self._end <= self.plant.seq:
+            tick()
+
+    def stop(self) -> None:
+        """Let `run` return; call the lane's wake-up after it."""
+        self.stopping = True
+
+    def allow(self, ticks: int) -> None:
+        """Let some ticks run although paused; `credit_spent` is set when they have."""
+        self.credit = ticks
+        self.credit_spent.clear()
+
+    def begin_episode(self, plant: Plant) -> None:
+        """Start over with a plant that stands at tick 0 of a new episode."""
+        now = self._clock()
+        self.plant = plant
+        self.switch.reset()
+        self._lagging = None
+        self._applied = -1
+        self._restart = True
+        self._pace.start(now)
+        self.factor.start(0.0, now)
+
+    def _lockstep_tick(self) -> None:
+        seq = self._announce()
+        self._hold(seq)
+        answered = self._await_answer(seq)
+        if not self._interrupted:
+            self._advance(self._lane.command if answered else None)
+            self._keep_pace()
+
+    def _fixed_lag_tick(self) -> None:
+        seq = self._announce()
+        self._hold(seq)
+        if self._interrupted:
+            return
+        self._advance(self._lagging)
+        if self._await_answer(seq):
+            self._lagging = self._lagging or MotorCommand()
+            self._lagging.copy_from(self._lane.command)
+        else:
+            self._lagging = None
+        self._keep_pace()
+
+    def _realtime_tick(self) -> None:
+        seq = self._announce()
+        self._hold(seq)
+        due = self._pace.next_due(self._clock(), 1.0)
+        while not self._interrupted and self._wait_until(due):
+            pass
+        if not self._interrupted:
+            self._advance(self._fresh_command(seq))
+
+    def _announce(self) -> int:
+        self.requests.run_pending()
+        self._restart = False  # what a request restarted is announced now
+        plant = self.plant
+        seq = plant.seq
+        self._lane.announce(plant.sense(), plant)
+        self._announced = self._clock()
+        self.factor.update(seq * self._tick_s, self._announced)
+        return seq
+
+    @property
+    def _interrupted(self) -> bool:
+        return self._restart or self.stopping
+
+    def _wait(self, deadline: float) -> None:
+        """Wait for news until `deadline`; an unanswered sample is sent again meanwhile."""
+        now = self._clock()
+        if now - self._announced >= REPEAT_PERIOD:
+            self._lane.repeat()
+            self._announced = now
+        self._lane.wait(max(0.0, min(deadline, self._announced + REPEAT_PERIOD) - now))
+        self.requests.run_pending()
+
+    def _hold(self, seq: int) -> None:
+        """Wait while paused, and for the scripted operator where this tick needs it."""
+        if not self.paused and not self.switch.awaits(seq):
+            return
+        started = self._clock()
+        while not self._interrupted:
+            now = self._clock()
+            if self.paused and not self.credit:
+                started = now  # the script has its whole patience after a pause
+            elif not self.switch.awaits(seq):
+                break
+            elif now - started >= self.switch.patience:
+                self.switch.give_up()
+                self._report(
+                    "operator", "the scripted operator does not answer: power stays as it is"
+                )
+                break
+            self._wait(max(started + self.switch.patience, now))
+        self._pace.start(self._clock())
+
+    def _await_answer(self, seq: int) -> bool:
+        """Wait for the command to sample `seq`; False without one, or when interrupted."""
+        if self.broken or self._interrupted:
+            return self._await_in_real_time(seq)
+        started = self._clock()
+        limit = self.config.command_timeout + (0.0 if self._answered else self.config.start_timeout)
+        while not self._answers(seq):
+            self._wait(started + limit)
+            if self._interrupted:
+                return False
+            silence = self._clock() - started
+            if silence >= REPEAT_PERIOD:
+                self._report_silence(seq, silence)
+            if silence >= limit and not self._answers(seq):
+                self._break_lockstep()
+                return False
+        if not self._answered or self._silent:
+            self._note_answer()
+        return True
+
+    def _await_in_real_time(self, seq: int) -> bool:
+        now = self._clock()
+        due = self._pace.next_due(now, 1.0)
+        if now >= self._patience_due:
+            self._patience_due = now + _BROKEN_PATIENCE_PERIOD
+            due = max(due, now + _BROKEN_PATIENCE)
+        while not self._interrupted:
+            waited = self._wait_until(due)
+            if self._answers(seq):
+                self.broken = False
+                self._report("lockstep", None)
+                self._note_answer()
+                self._pace.start(self._clock())
+                return True
+            if not waited:
+                break
+        return False
+
+    def _wait_until(self, due: float) -> bool:
+        """Take in what arrives; False once `due` is over, after a last look."""
+        left = due - self._clock()
+        self._lane.wait(max(0.0, left))
+        self.requests.run_pending()
+        return left > 0.0
+
+    def _answers(self, seq: int) -> bool:
+        return self._lane.command_key == (self.plant.episode, seq)
+
+    def _fresh_command(self, seq: int) -> MotorCommand | None:
+        """The newest command, if it is new and not older than the watchdog allows."""
+        episode, answered = self._lane.command_key
+        watchdog = COMMAND_WATCHDOG / self._tick_s
+        fresh = episode == self.plant.episode and self._applied < answered
+        if fresh and seq - answered <= watchdog:
+            self._applied = answered
+            if not self._answered or self._silent:
+                self._note_answer()
+            return self._lane.command
+        if self._answered and seq - self._applied > watchdog:
+            self._report_silence(seq, (seq - self._applied) * self._tick_s)
+        return None
+
+    def _note_answer(self) -> None:
+        self._answered = True
+        self._silent = False
+        self._report("command", None)
+
+    def _report_silence(self, seq: int, silence: float) -> None:
+        if self._silent or (not self._answered and silence < self.config.start_timeout):
+            return
+        self._silent = True
+        missing = self._lane.missing()
+        reason = f" ({missing})" if missing else ""
+        self._report("command", f"no motor command for tick {seq} since {silence:.2g} s{reason}")
+
+    def _break_lockstep(self) -> None:
+        self.broken = True
+        self.times_broken += 1
+        self._pace.start(self._clock())
+        self._report("lockstep", "lockstep_broken: drives damp, robot time runs on with wall time")
+
+    def _advance(self, command: MotorCommand | None) -> None:
+        """One step of the plant; without a command in broken lock-step the drives damp."""
+        plant = self.plant
+        plant.power(self.switch.apply(plant.seq))
+        if command is None and self.broken:
+            plant.drives.damp()
+        if self.credit:
+            self._spend_credit()
+        try:
+            plant.step(command)
+        except ValueError as error:
+            self._refused = True
+            self._report("motor_command", str(error))
+        else:
+            if self._refused and command is not None:
+                self._refused = False
+                self._report("motor_command", None)
+
+    def _spend_credit(self) -> None:
+        self.credit -= 1
+        if not self.credit:
+            self.credit_spent.set()
+
+    def _keep_pace(self) -> None:
+        """Wait until the next tick is due; in broken lock-step the wait for answers does."""
+        if self.broken:
+            return
+        now = self._clock()
+        due = self._pace.next_due(now, self.config.max_rate)
+        while due > now and not self._interrupted:
+            self._sleep(min(due - now, 0.1))
+            self.requests.run_pending()
+            now = self._clock()

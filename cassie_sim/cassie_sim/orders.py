@@ -1,0 +1,64 @@
+"""Pushes and gantry moves that come in while the plant runs, checked like those of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cassie_msgs.tunables import from_mapping
+from cassie_sim.gantry import SPEED
+from cassie_sim.plant import Plant
+from cassie_sim.scenario import GantryMove, Push
+
+
+def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> str:
+    """Push a body from the next tick on.
+
+    Args:
+        plant: What is pushed.
+        body: Name of the body; empty is the pelvis.
+        force: World axes. Shape (3,), in N.
+        duration: In s.
+
+    Returns:
+        What happens, in words.
+
+    Raises:
+        ParameterError, SimulationError: naming the value and what is permitted.
+    """
+    mapping = {"t": 0.0, "body": body or "pelvis", "force": list(force), "duration": duration}
+    event = from_mapping(Push, mapping)
+    plant.events.push(event, plant.seq * plant.substeps)
+    x, y, z = event.force
+    return f"{event.body} pushed with ({x:g}, {y:g}, {z:g}) N for {duration:g} s"
+
+
+def move_gantry(plant: Plant, action: str, height: float, speed: float) -> str:
+    """Hold the pelvis at a height, lower it and let go there, or let go at once.
+
+    Args:
+        plant: Whose gantry moves.
+        action: "hold", "lower" or "release".
+        height: Of the pelvis, for hold and lower. In m.
+        speed: Of the winch; 0 is the default. In m/s.
+
+    Returns:
+        What happens, in words.
+
+    Raises:
+        ParameterError: naming the value and what is permitted.
+    """
+    mapping: dict[str, object] = {"t": 0.0, "action": action}
+    if action != "release":
+        mapping |= {"height": height, "speed": speed or SPEED}
+    move = from_mapping(GantryMove, mapping)
+    gantry = plant.gantry
+    if action == "hold":
+        gantry.hold(plant.pelvis_pose[0], move.height, move.speed)
+        return f"the gantry holds the pelvis at {move.height:g} m"
+    if not gantry.attached:
+        return "the gantry does not hold the robot"
+    if action == "lower":
+        gantry.lower(move.height, move.speed)
+        return f"the gantry lowers the pelvis to {move.height:g} m and lets go"
+    gantry.release()
+    return "the gantry has let go"

@@ -1,0 +1,128 @@
+"""The simulator's end of the control lane, and what it publishes beside it."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable
+
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from cassie_msgs.layout import LayoutError, MotorCommand, OperatorCommand, Sensors
+from cassie_msgs.ros.fast_lane import (
+    EVERY,
+    NEWEST,
+    WRITER,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+)
+from cassie_sim.ground_truth import TOPIC as GROUND_TRUTH_TOPIC
+from cassie_sim.ground_truth import GroundTruth
+from cassie_sim.lane import Report
+from cassie_sim.plant import Plant
+from cassie_sim.ros.joint_states import JointStates
+
+STANDARD_RATE = 100
+"""Highest rate of the topics for ROS tools, in robot time. In Hz."""
+
+_CLOCK = struct.Struct("<4siI")
+_CLOCK_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class SimulatorLane:
+    """`cassie_sim.lane.Lane` over DDS.
+
+    Args:
+        node: Node that the topics belong to.
+        control_rate: In Hz.
+        report: Where refused messages go.
+        watch: Called with the plant after each sample, for film and window.
+    """
+
+    def __init__(
+        self, node: Node, control_rate: int, report: Report, watch: Callable[[Plant], None]
+    ) -> None:
+        self._sensors = LanePublisher(node, Sensors)
+        self._truth = node.create_publisher(Odometry, GROUND_TRUTH_TOPIC, WRITER)
+        self._clock = node.create_publisher(Clock, "/clock", _CLOCK_QOS)
+        self._joint_states = JointStates(node)
+        self._commands = LaneSubscription(node, MotorCommand, qos=NEWEST)
+        self._operator = LaneSubscription(node, OperatorCommand, qos=EVERY)
+        self._waiter = LaneWaiter(node, [self._commands, self._operator])
+        self.wake = self._waiter.wake
+        self.command = MotorCommand()
+        self.command_key = (-1, -1)
+        self.on_operator: Callable[[OperatorCommand], None] = _ignore
+        self._operator_command = OperatorCommand()
+        self._report = report
+        self._watch = watch
+        self._ground_truth = GroundTruth()
+        self._decimation = max(1, control_rate // STANDARD_RATE)
+        self._last_sample = self._last_truth = self._last_clock = b""
+
+    def announce(self, sample: Sensors, plant: Plant) -> None:
+        """Publish a new sample first, then what goes with it while the others compute."""
+        self._last_sample = raw = sample.to_bytes()
+        self._sensors.publish_raw(raw)
+        self._last_truth = truth = self._ground_truth.write(plant)
+        self._truth.publish(truth)
+        if plant.seq % self._decimation == 0:
+            seconds, nanoseconds = divmod(plant.seq * plant.tick_ns, 1_000_000_000)
+            self._last_clock = _CLOCK.pack(b"\x00\x01\x00\x00", seconds, nanoseconds)
+            self._clock.publish(self._last_clock)
+            self._joint_states.publish(sample)
+        self._watch(plant)
+
+    def repeat(self) -> None:
+        """Publish the last sample, truth and clock again."""
+        self._sensors.publish_raw(self._last_sample)
+        self._truth.publish(self._last_truth)
+        self._clock.publish(self._last_clock)
+
+    def wait(self, timeout: float) -> None:
+        """Return when something arrives or `wake` is called, `timeout` s later at the latest."""
+        if timeout > 0.0:  # an empty wait still costs 60 us
+            self._waiter.wait(timeout)
+        self._take_command()
+        while (raw := self._operator.take_raw()) is not None:
+            self._take_operator_command(raw)
+
+    def missing(self) -> str:
+        """Who does not take part yet."""
+        absent = []
+        if not self._sensors.matched:
+            absent.append("nobody reads /cassie/sensors: is state_estimator running?")
+        if not self._commands.matched:
+            absent.append("nobody writes /cassie/motor_command: is gait_controller running?")
+        return " ".join(absent)
+
+    def flush(self, timeout: float) -> None:
+        """Wait until what was published has arrived, at most `timeout` s."""
+        deadline = time.monotonic() + timeout
+        for publisher in (self._sensors, self._truth):
+            left = max(0.0, deadline - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def _take_command(self) -> None:
+        try:
+            if self._commands.take(self.command):
+                self.command_key = (int(self.command.episode), int(self.command.seq))
+        except LayoutError as error:
+            self._report("motor_command", f"motor command refused: {error}")
+
+    def _take_operator_command(self, raw: bytes) -> None:
+        try:
+            self._operator_command.load(raw)
+        except LayoutError as error:
+            self._report("operator", f"operator command refused: {error}")
+            return
+        self.on_operator(self._operator_command)
+
+
+def _ignore(_: OperatorCommand) -> None:
+    return None

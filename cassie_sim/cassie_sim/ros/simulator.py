@@ -1,0 +1,131 @@
+"""Node `simulator`: Cassie in MuJoCo behind the topics of the real robot."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
+from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.process import Stop, run
+from cassie_sim.loop import Loop
+from cassie_sim.plant import Plant
+from cassie_sim.robot_urdf import robot_urdf
+from cassie_sim.ros.lane import SimulatorLane
+from cassie_sim.ros.services import Services
+from cassie_sim.scenario import Scenario
+from cassie_sim.simulator_config import SimulatorConfig, scenario_of
+from cassie_sim.video import Film, RenderError, Window
+
+_FLUSH = 1.0  # s; at the end, for what was published to arrive
+
+
+class Simulator(Node):
+    """Parameters, topics and services around a `Loop`."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__("simulator")
+        self._config = declare(self, SimulatorConfig())
+        scenario = scenario_of(self._config)
+        plant = self._make_plant(scenario)
+        # Rises over restarts too: that is how the other nodes know.
+        plant.episode = int(time.time()) & 0xFFFFFFFF
+        self._film = self._start_film(plant)
+        self._window = None if self._config.headless else Window(plant.model, plant.data)
+        self._film_period = max(1, round(self._config.control_rate / self._config.video_fps))
+        self._diagnostics = Diagnostics(self)
+        lane = SimulatorLane(self, self._config.control_rate, self._report, self._watch)
+        self._lane = lane
+        self._loop = Loop(plant, lane, self._config, self._report)
+        self._loop.requests.wake = lane.wake
+        self._stop = stop
+        stop.on_request(self._end_loop)
+        Services(self, self._loop, self._make_plant)
+        on_change(self, lambda: self._loop.config, self._set_config)
+        self._describe_robot()
+        self._timer = self.create_timer(
+            1.0, self._report_progress, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def loop(self) -> None:
+        """Run until Ctrl-C or the end of the duration."""
+        plant = self._loop.plant
+        self.get_logger().info(
+            f"episode {plant.episode}: {self._config.pacing}, {self._config.control_rate} Hz"
+        )
+        self._loop.run()
+        if self._stop.requested:
+            return
+        self.get_logger().info(f"{self._loop.plant.time:g} s of robot time are over")
+        self._lane.flush(_FLUSH)
+
+    def close(self) -> None:
+        """Finish the film and close the window."""
+        if self._film is not None:
+            self._film.close()
+        if self._window is not None:
+            self._window.close()
+
+    def _make_plant(self, scenario: Scenario) -> Plant:
+        pictures = bool(self._config.video) or not self._config.headless
+        return Plant(self._config, scenario, meshes=pictures)
+
+    def _start_film(self, plant: Plant) -> Film | None:
+        if not self._config.video:
+            return None
+        try:
+            return Film(plant.model, Path(self._config.video), self._config.video_fps)
+        except RenderError as error:
+            self.get_logger().error(f"no video: {error}")
+            return None
+
+    def _watch(self, plant: Plant) -> None:
+        if self._film is not None and plant.seq % self._film_period == 0:
+            self._film.snap(plant.data.qpos)
+        if self._window is not None:
+            self._window.show(time.monotonic())
+
+    def _report(self, condition: str, problem: str | None) -> None:
+        if problem is None:
+            self._diagnostics.set(condition, OK, "ok")
+        else:
+            self._diagnostics.set(condition, ERROR, problem)
+
+    def _report_progress(self) -> None:
+        loop = self._loop
+        self._diagnostics.set(
+            "loop",
+            OK,
+            "paused" if loop.paused else "running",
+            episode=loop.plant.episode,
+            tick=loop.plant.seq,
+            real_time_factor=f"{loop.factor.value:.3f}",
+            lockstep_broken=loop.times_broken,
+            pacing=self._config.pacing,
+        )
+
+    def _set_config(self, config: SimulatorConfig) -> None:
+        self._loop.config = config
+
+    def _end_loop(self) -> None:
+        self._loop.stop()
+        self._lane.wake()
+
+    def _describe_robot(self) -> None:
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._description = self.create_publisher(String, "/robot_description", latched)
+        self._description.publish(String(data=robot_urdf()))
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_sim simulator`."""
+    run("simulator", Simulator)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,304 @@
+"""The loop's rules about who waits for whom, on a fake plant, lane and clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
+from cassie_sim.loop import Loop
+from cassie_sim.simulator_config import SimulatorConfig
+
+TICK = 0.002
+
+
+class FakePlant:
+    """Notes what it is told."""
+
+    def __init__(self, episode: int = 7) -> None:
+        self.episode, self.seq, self.tick_ns = episode, 0, 2_000_000
+        self.applied: list[int | None] = []
+        self.powered: list[bool] = []
+        self.damped: list[int] = []
+        self.refuse = False
+        self.drives = SimpleNamespace(damp=lambda: self.damped.append(self.seq))
+        self._sample = Sensors()
+
+    def sense(self) -> Sensors:
+        self._sample.seq[...] = self.seq
+        self._sample.episode[...] = self.episode
+        return self._sample
+
+    def power(self, on: bool) -> None:
+        self.powered.append(on)
+
+    def step(self, command: MotorCommand | None) -> None:
+        self.applied.append(None if command is None else int(command.seq))
+        self.seq += 1
+        if self.refuse and command is not None:
+            raise ValueError("refused")
+
+
+class FakeWorld:
+    """Lane and clock: the other nodes answer after `delay`, as `answers` says."""
+
+    def __init__(self, answers: Callable[[int, int], bool] = lambda episode, seq: True) -> None:
+        self.now = 100.0
+        self.delay = 0.0004
+        self.answers = answers
+        self.command = MotorCommand()
+        self.command_key = (-1, -1)
+        self.on_operator: Callable[[OperatorCommand], None] = lambda command: None
+        self.on_wait: Callable[[], None] = lambda: None
+        self.announced: list[int] = []
+        self.times: list[float] = []
+        self.repeats: list[float] = []
+        self.reports: list[tuple[str, str | None]] = []
+        self._due: list[tuple[float, tuple[int, int]]] = []
+
+    def announce(self, sample: Sensors, plant: Any) -> None:
+        self.announced.append(int(sample.seq))
+        self.times.append(self.now)
+        self._ask(int(sample.episode), int(sample.seq))
+
+    def repeat(self) -> None:
+        self.repeats.append(self.now)
+        self._ask(self._last[0], self._last[1])
+
+    def _ask(self, episode: int, seq: int) -> None:
+        self._last = (episode, seq)
+        if self.answers(episode, seq):
+            self._due.append((self.now + self.delay, (episode, seq)))
+
+    def wait(self, timeout: float) -> None:
+        self.on_wait()
+        arrival = self._due[0][0] if self._due else float("inf")
+        self.now = max(self.now, min(self.now + timeout + 1e-9, arrival))
+        if self._due and arrival <= self.now:
+            self.command_key = self._due.pop(0)[1]
+            self.command.seq[...] = self.command_key[1]
+
+    def missing(self) -> str:
+        return ""
+
+    def report(self, condition: str, problem: str | None) -> None:
+        self.reports.append((condition, problem))
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def make(
+    world: FakeWorld | None = None, ticks: int = 20, **config: Any
+) -> tuple[Loop, FakePlant, FakeWorld]:
+    """A loop that ends by itself after some ticks."""
+    world = world or FakeWorld()
+    plant = FakePlant()
+    settings = replace(SimulatorConfig(), duration=ticks * TICK, max_rate=0.0, **config)
+    loop = Loop(
+        plant,  # type: ignore[arg-type]
+        world,
+        settings,
+        world.report,
+        clock=lambda: world.now,
+        sleep=world.sleep,
+    )
+    return loop, plant, world
+
+
+def operator(seq: int, power: bool, *, scripted: bool = True, episode: int = 7) -> OperatorCommand:
+    command = OperatorCommand()
+    command.episode[...] = episode
+    command.seq[...] = seq
+    command.effective_seq[...] = seq + 10
+    command.power[...] = power
+    command.scripted[...] = scripted
+    return command
+
+
+def test_lockstep_applies_command_k_to_tick_k() -> None:
+    loop, plant, world = make()
+    loop.run()
+    assert plant.applied == list(range(20))
+    assert world.announced == list(range(20))
+    assert not world.repeats
+
+
+def test_fixed_lag_applies_command_k_minus_1_to_tick_k() -> None:
+    loop, plant, _ = make(pacing="fixed_lag")
+    loop.run()
+    assert plant.applied == [None, *range(19)]
+
+
+def test_realtime_keeps_wall_time_and_takes_the_newest_command() -> None:
+    loop, plant, world = make(pacing="realtime")
+    world.delay = 0.0031  # answers take longer than a tick
+    loop.run()
+    assert plant.applied == [None, None, *range(1, 19)] or plant.applied == [None, *range(19)]
+    assert world.now - world.times[0] == pytest.approx(20 * TICK, abs=1e-6)
+
+
+def test_realtime_runs_on_without_commands_and_reports_it_once() -> None:
+    loop, plant, world = make(
+        FakeWorld(lambda episode, seq: seq < 10), ticks=100, pacing="realtime"
+    )
+    loop.run()
+    assert plant.applied[:10] == list(range(10))
+    assert plant.applied[10:] == [None] * 90
+    assert len([1 for name, problem in world.reports if name == "command" and problem]) == 1
+
+
+def test_pace_is_the_wall_clocks_at_rate_one() -> None:
+    loop, _, world = make()
+    loop.config = replace(loop.config, max_rate=1.0)
+    loop.run()
+    assert world.now - world.times[0] == pytest.approx(20 * TICK, abs=1e-6)
+
+
+def test_an_unanswered_sample_is_sent_again_every_half_second() -> None:
+    asked: list[int] = []
+
+    def third_time(episode: int, seq: int) -> bool:
+        asked.append(seq)
+        return seq != 5 or asked.count(5) == 3
+
+    loop, plant, world = make(FakeWorld(third_time))
+    loop.run()
+    assert plant.applied == list(range(20))
+    assert [t - world.times[5] for t in world.repeats] == pytest.approx([0.5, 1.0])
+    assert not loop.times_broken
+
+
+def test_broken_lockstep_damps_in_real_time_and_resumes_with_the_newest_seq() -> None:
+    loop, plant, world = make(
+        FakeWorld(lambda episode, seq: seq < 10 or seq >= 60), ticks=100, command_timeout=5.0
+    )
+    loop.run()
+    assert plant.applied == [*range(10), *[None] * 50, *range(60, 100)]
+    assert plant.damped == list(range(10, 60))
+    assert world.times[11] - world.times[10] == pytest.approx(5.0)
+    # Real time but for one longer wait in each 0.1 s.
+    assert world.times[60] - world.times[11] == pytest.approx(49 * TICK, abs=0.05)
+    assert loop.times_broken == 1
+    states = [problem for name, problem in world.reports if name == "lockstep"]
+    assert "lockstep_broken" in states[0]
+    assert states[1:] == [None]
+
+
+def test_an_answer_to_an_older_sample_does_not_mend_lockstep() -> None:
+    world = FakeWorld(lambda episode, seq: seq < 5)
+    loop, plant, _ = make(world, ticks=30, command_timeout=1.0)
+    world.on_wait = lambda: setattr(world, "command_key", (7, 5)) if plant.seq > 6 else None
+    loop.run()
+    assert plant.applied == [*range(5), *[None] * 25]
+
+
+def test_first_answer_has_the_start_timeout_besides() -> None:
+    loop, _, world = make(FakeWorld(lambda episode, seq: False), ticks=2, start_timeout=3.0)
+    loop.run()
+    assert world.times[1] - world.times[0] == pytest.approx(3.0 + 5.0)
+
+
+def test_a_pause_holds_the_tick_repeats_it_and_is_no_silence() -> None:
+    loop, plant, world = make(paused=True)
+
+    def resume_later() -> None:
+        if world.now > 100.0 + 20.0:
+            loop.paused = False
+
+    world.on_wait = resume_later
+    loop.run()
+    assert len(world.repeats) == pytest.approx(40, abs=2)
+    assert plant.applied == list(range(20))
+    assert not loop.times_broken
+
+
+def test_step_credit_runs_that_many_ticks_of_a_pause() -> None:
+    loop, plant, world = make(paused=True)
+    seen: list[int] = []
+
+    def watch() -> None:
+        if world.now > 101.0 and not seen:
+            loop.allow(3)
+            seen.append(plant.seq)
+        if world.now > 110.0:
+            seen.append(plant.seq)
+            loop.stop()
+
+    world.on_wait = watch
+    loop.run()
+    assert seen == [0, 3]
+    assert loop.credit_spent.is_set()
+
+
+def test_scripted_power_holds_from_its_effective_tick() -> None:
+    loop, plant, world = make(ticks=40, scripted_operator=True)
+    world.on_wait = lambda: world.on_operator(operator(plant.seq // 10 * 10, plant.seq >= 10))
+    loop.run()
+    assert plant.powered == [False] * 20 + [True] * 20
+
+
+def test_a_silent_script_is_waited_for_then_given_up_once() -> None:
+    loop, plant, world = make(ticks=60, scripted_operator=True)
+    world.on_wait = lambda: (
+        world.on_operator(operator(plant.seq // 10 * 10, True)) if plant.seq < 15 else None
+    )
+    loop.run()
+    assert plant.powered == [False] * 10 + [True] * 50
+    assert [name for name, problem in world.reports if problem] == ["operator"]
+    waits = [b - a for a, b in zip(world.times, world.times[1:], strict=False)]
+    assert max(waits) == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_persons_power_switch_acts_at_the_next_tick_whatever_the_nodes_do() -> None:
+    loop, plant, world = make(FakeWorld(lambda episode, seq: seq < 5), ticks=30)
+
+    def press() -> None:
+        world.on_operator(operator(0, plant.seq < 8, scripted=False, episode=0))
+
+    world.on_wait = press
+    loop.run()
+    assert plant.powered[1:8] == [True] * 7
+    assert not any(plant.powered[9:])
+
+
+def test_reset_begins_an_episode_and_old_answers_do_not_count() -> None:
+    world = FakeWorld(lambda episode, seq: seq < 5 or episode == 8)
+    loop, old, _ = make(world, ticks=10)
+    fresh = FakePlant(episode=8)
+
+    def reset() -> None:
+        if world.now > 101.0 and loop.plant is old:  # type: ignore[comparison-overlap]
+            loop.requests.call(lambda: loop.begin_episode(fresh))  # type: ignore[arg-type]
+
+    world.on_wait = reset
+    loop.run()
+    assert old.applied == list(range(5))
+    assert fresh.applied == list(range(10))
+    assert world.announced == [*range(6), *range(10)]
+
+
+def test_refused_commands_are_reported_once_and_the_end_of_it_too() -> None:
+    loop, plant, world = make()
+    plant.refuse = True
+    world.on_wait = lambda: setattr(plant, "refuse", plant.seq < 10)
+    loop.run()
+    reports = [problem for name, problem in world.reports if name == "motor_command"]
+    assert [bool(problem) for problem in dict.fromkeys(reports)] == [True, False]
+
+
+def test_a_request_that_fails_fails_for_its_caller_only() -> None:
+    loop, plant, _ = make()
+
+    def fail() -> None:
+        raise ValueError("no such body")
+
+    future = loop.requests.call(fail)
+    loop.run()
+    assert len(plant.applied) == 20
+    with pytest.raises(ValueError, match="no such body"):
+        future.result(timeout=0)

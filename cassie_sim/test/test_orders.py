@@ -1,0 +1,77 @@
+"""Pushes and gantry moves that come in while the plant runs."""
+
+from __future__ import annotations
+
+import pytest
+
+from cassie_sim.orders import move_gantry, push
+from cassie_sim.plant import Plant, PlantConfig
+
+
+@pytest.fixture(scope="module")
+def plant() -> Plant:
+    return Plant(PlantConfig())
+
+
+@pytest.fixture(autouse=True)
+def _reset(plant: Plant) -> None:
+    plant.reset()
+
+
+def _run(plant: Plant, ticks: int) -> None:
+    for _ in range(ticks):
+        plant.sense()
+        plant.step(None)
+
+
+def test_a_push_lasts_its_time_and_moves_the_pelvis(plant: Plant) -> None:
+    _run(plant, 50)
+    push(plant, "", (200.0, 0.0, 0.0), 0.1)
+    speed = float(plant.pelvis_twist[0])
+    _run(plant, 50)
+    assert plant.pelvis_twist[0] > speed + 0.1
+    _run(plant, 2)
+    pelvis = plant.model.body("pelvis").id
+    assert plant.data.xfrc_applied[pelvis, 0] == pytest.approx(plant.gantry.wrench[0])
+
+
+def test_release_drops_the_robot(plant: Plant) -> None:
+    _run(plant, 50)
+    move_gantry(plant, "release", 0.0, 0.0)
+    _run(plant, 20)
+    assert plant.pelvis_twist[2] < -0.3
+    assert not plant.data.xfrc_applied.any()
+
+
+def test_lower_moves_at_its_speed(plant: Plant) -> None:
+    _run(plant, 50)
+    height = plant.gantry.height
+    move_gantry(plant, "lower", 1.0, 0.5)
+    _run(plant, 50)
+    assert plant.gantry.height == pytest.approx(height - 0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("body", "force", "duration", "words"),
+    [
+        ("pelvsi", (1.0, 0.0, 0.0), 1.0, "unknown body pelvsi"),
+        ("", (float("nan"), 0.0, 0.0), 1.0, "force"),
+        ("", (1.0, 0.0, 0.0), -1.0, "duration = -1 s is outside"),
+    ],
+)
+def test_a_wrong_push_is_refused(
+    plant: Plant, body: str, force: tuple[float, ...], duration: float, words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        push(plant, body, force, duration)
+
+
+@pytest.mark.parametrize(
+    ("action", "height", "words"),
+    [("drop", 0.9, "not one of hold, lower, release"), ("hold", 9.0, "height = 9 m is outside")],
+)
+def test_a_wrong_gantry_move_is_refused(
+    plant: Plant, action: str, height: float, words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        move_gantry(plant, action, height, 0.1)

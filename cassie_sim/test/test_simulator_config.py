@@ -1,0 +1,81 @@
+"""What can be asked of the simulator, and what is refused with which words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cassie_msgs.tunables import ParameterError
+from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.scenario import Draw
+from cassie_sim.simulator_config import SimulatorConfig, load_scenario, scenario_of
+
+
+def test_parameters_make_a_scenario() -> None:
+    config = replace(
+        SimulatorConfig(), scene="slope", scene_parameters="{angle: 3.0}", start="standing", seed=4
+    )
+    scenario = scenario_of(config)
+    assert scenario.scene == "slope"
+    assert scenario.scene_parameters == {"angle": 3.0}
+    assert scenario.start == "standing"
+    assert scenario.draw == Draw.from_seed(4)
+
+
+def test_seed_0_is_the_nominal_robot() -> None:
+    assert scenario_of(SimulatorConfig()).draw == Draw()
+
+
+def test_a_file_of_an_experiment_is_read_without_what_others_read(tmp_path: Path) -> None:
+    file = tmp_path / "e.yaml"
+    file.write_text(
+        "name: x\nduration: 3\nstart: standing\nseed: 5\noperator: [{t: 0, power: true}]\n"
+        "pushes: [{t: 1.0, force: [10, 0, 0]}]\nexpect: {fell: false}\n"
+    )
+    scenario = load_scenario(file)
+    assert scenario.start == "standing"
+    assert scenario.pushes[0].force == (10.0, 0.0, 0.0)
+    assert scenario.draw == Draw.from_seed(5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("strat: standing", "did you mean start"),
+        ("- 1", "not a mapping"),
+        ("{", "not YAML"),
+        ("pushes: [{t: 1}]", "force"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "e.yaml"
+    file.write_text(text)
+    with pytest.raises(ParameterError, match=words):
+        load_scenario(file)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="cannot be read"):
+        load_scenario(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"scene": "moon"}, "moon"),
+        ({"scene": "slope", "scene_parameters": "{angel: 3.0}"}, "angle"),
+        ({"scene": "slope", "scene_parameters": "{angle: 80.0}"}, "80 deg is outside -30 .. 30"),
+    ],
+)
+def test_a_wrong_scene_is_refused(changes: dict[str, str], words: str) -> None:
+    config = replace(SimulatorConfig(), **changes)
+    with pytest.raises(ValueError, match=words):
+        Plant(PlantConfig(), scenario_of(config))
+
+
+def test_a_control_rate_that_does_not_divide_is_refused() -> None:
+    config = replace(SimulatorConfig(), control_rate=300)
+    with pytest.raises(ValueError, match="300 Hz does not divide physics_rate = 2000 Hz"):
+        Plant(config)
