@@ -11,15 +11,15 @@ from cassie_msgs.tunables import tunable
 class JointGains:
     """Position and velocity gains of one leg's drives while walking."""
 
-    kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
+    kp_hip_roll: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
-    kp_hip_pitch: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
-    kp_knee: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kp_hip_pitch: float = tunable(700.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
+    kp_knee: float = tunable(800.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kp_toe: float = tunable(20.0, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
-    kd_hip_roll: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    kd_hip_roll: float = tunable(22.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
-    kd_knee: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_hip_pitch: float = tunable(35.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
+    kd_knee: float = tunable(28.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
 
 
@@ -32,8 +32,8 @@ class WalkConfig:
         300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
     )
     kd_torso_pitch: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
-    kp_torso_roll: float = tunable(300.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip")
-    kd_torso_roll: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    kp_torso_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip")
+    kd_torso_roll: float = tunable(25.0, "Nms/rad", 0.0, 200.0, "Its damping")
     law: str = tunable(
         "pendulum",
         choices=("pendulum", "paper"),
@@ -63,10 +63,10 @@ class WalkConfig:
         0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
     integral_x: float = tunable(
-        0.02, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
+        0.05, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
-    integral_limit: float = tunable(0.08, "m", 0.0, 0.2, "Bound of that sum")
+    integral_y: float = tunable(0.05, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_limit: float = tunable(0.12, "m", 0.0, 0.2, "Bound of that sum")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
