@@ -32,7 +32,7 @@ _PANELS = (
     ("height", "height\n(m)"),
 )
 
-_STYLE: dict[str, Any] = {
+STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -64,7 +64,7 @@ def draw_all(track: Track, phases: Sequence[Phase], title: str, folder: Path) ->
         "footsteps": lambda: footsteps(track, title),
     }
     files = {}
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         for name, drawer in drawers.items():
             files[name] = folder / f"{name}.png"
             drawer().savefig(files[name])

@@ -8,58 +8,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from typing import Protocol, TypeVar
 
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages
-from cassie_msgs.layout import (
-    ControllerStatus,
-    Mode,
-    MotorCommand,
-    OperatorCommand,
-    RobotState,
-    Sample,
-    Sensors,
-)
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.estimator.kinematic import KinematicEstimator
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_sim import ground_truth
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import Plant
 from cassie_sim.power_switch import PERIOD
+from cassie_teleop.script import ScriptedOperator
 
 Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
-
-SampleT = TypeVar("SampleT", bound=Sample)
-
-
-class EstimatorLike(Protocol):
-    """What it needs of an estimator."""
-
-    def step(self, sensors: Sensors) -> RobotState: ...
-
-
-class ControllerLike(Protocol):
-    """What it needs of a controller."""
-
-    status: ControllerStatus
-
-    def step(self, state: RobotState, mode: Mode) -> MotorCommand: ...
-
-
-class SupervisorLike(Protocol):
-    """What it needs of a supervisor."""
-
-    def step(
-        self,
-        state: RobotState,
-        operator: OperatorCommand | None,
-        controller: ControllerStatus | None,
-    ) -> Mode: ...
-
-
-class OperatorLike(Protocol):
-    """What it needs of a scripted operator."""
-
-    def answer(self, state: RobotState) -> OperatorCommand: ...
 
 
 class Loop:
@@ -83,10 +45,10 @@ class Loop:
     def __init__(
         self,
         plant: Plant,
-        estimator: EstimatorLike,
-        controller: ControllerLike,
-        supervisor: SupervisorLike,
-        operator: OperatorLike,
+        estimator: KinematicEstimator,
+        controller: GaitController,
+        supervisor: ModeSupervisor,
+        operator: ScriptedOperator,
         observer: Observer,
         *,
         fixed_lag: bool = False,
@@ -97,9 +59,8 @@ class Loop:
         self._truth = ground_truth.GroundTruth()
         self._mode, self._next_mode = Mode(), Mode()
         self._lagging = MotorCommand()
-        self._status = ControllerStatus()
         self._power = self._next_power = False
-        self._has_status = self._has_lagging = False
+        self._has_lagging = False
         self.refused = 0
         """Commands that the plant refused."""
 
@@ -113,33 +74,24 @@ class Loop:
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
         if seq % PERIOD == 0:
-            self._schedule(state, seq, stamp)
+            self._answer(state, stamp)
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
         if seq % PERIOD == 0:
-            self._status.copy_from(self._controller.status)
-            self._has_status = True
-            self._observe(self._status, stamp)
+            self._observe(self._controller.status, stamp)
         plant.power(self._power)
         self._step_plant(command)
 
-    def _schedule(self, state: RobotState, seq: int, stamp: int) -> None:
+    def _answer(self, state: RobotState, stamp: int) -> None:
         """Put in force what was answered to the state before, answer this one."""
         self._mode.copy_from(self._next_mode)
         self._power = self._next_power
         operator = self._operator.answer(state)
         self._observe(operator, stamp)
         self._next_power = bool(operator.power)
-        mode = self._supervisor.step(state, operator, self._status if self._has_status else None)
-        self._address(mode, seq, stamp)
-        mode.effective_seq[...] = seq + PERIOD
+        mode = self._supervisor.step(state, operator)
         self._observe(mode, stamp)
         self._next_mode.copy_from(mode)
-
-    def _address(self, sample: Sample, seq: int, stamp: int) -> None:
-        sample.seq[...] = seq
-        sample.episode[...] = self._plant.episode
-        sample.stamp_ns = stamp
 
     def _step_plant(self, command: MotorCommand) -> None:
         applied: MotorCommand | None = command

@@ -14,7 +14,6 @@ from cassie_bags.bag_reader import BagIndex, read_messages
 from cassie_bags.errors import BagError
 from cassie_bags.odometry import read_odometry
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
-from cassie_sim import ground_truth
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[Any]
@@ -23,7 +22,7 @@ Rows = npt.NDArray[Any]
 LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
 """Sample type of each topic of the control lane."""
 
-GROUND_TRUTH_TOPIC = ground_truth.TOPIC
+GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
 RECORDED_TOPICS = (*LANE_TOPICS, GROUND_TRUTH_TOPIC)
 
 

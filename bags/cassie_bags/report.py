@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from cassie_bags.experiment_file import Experiment
@@ -25,6 +25,7 @@ class Outcome:
         metrics: The run in numbers.
         failures: What it did not keep of what was expected; empty if it passed.
         how: "dds" or "in-process".
+        lockstep_broken: Whether the simulator gave up lock-step.
         files: Files it left, by name.
     """
 
@@ -32,7 +33,8 @@ class Outcome:
     metrics: Metrics
     failures: Sequence[str]
     how: str
-    files: Mapping[str, str]
+    lockstep_broken: bool = False
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -50,6 +52,7 @@ def json_line(outcome: Outcome) -> str:
         "failures": list(outcome.failures),
         "fell": metrics.fell,
         "fall_time": metrics.fall_time,
+        "lockstep_broken": outcome.lockstep_broken,
         "real_time_factor": metrics.run["real_time_factor"],
         "duration": metrics.run["duration"],
         "tracked": {

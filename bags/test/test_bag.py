@@ -19,6 +19,7 @@ from cassie_bags.continuity import differences, gaps
 from cassie_bags.errors import BagError
 from cassie_bags.mcap_recover import recover
 from cassie_bags.mcap_writer import CHUNK_NS, QOS_LANE, BagWriter
+from cassie_bags.odometry import TYPE as ODOMETRY
 from cassie_bags.recording import (
     GROUND_TRUTH_TOPIC,
     LANE_TOPICS,
@@ -27,7 +28,7 @@ from cassie_bags.recording import (
     read_recording,
 )
 from cassie_msgs.layout import RobotState
-from cassie_sim.ground_truth import TYPE as ODOMETRY
+from cassie_sim import ground_truth
 
 TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()} | {GROUND_TRUTH_TOPIC: ODOMETRY}
 
@@ -240,3 +241,7 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
     assert count == 1000
     assert index.types["/cassie/state"] == "cassie_msgs/msg/RobotState"
     assert index.complete
+
+
+def test_the_true_pose_is_looked_for_where_the_simulator_puts_it():
+    assert (GROUND_TRUTH_TOPIC, ODOMETRY) == (ground_truth.TOPIC, ground_truth.TYPE)

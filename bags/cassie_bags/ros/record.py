@@ -18,14 +18,14 @@ from rclpy.utilities import remove_ros_args
 
 from cassie_bags.continuity import SeqMonitor
 from cassie_bags.mcap_writer import BagWriter
+from cassie_bags.odometry import TYPE as ODOMETRY
+from cassie_bags.provenance import versions
 from cassie_bags.recording import GROUND_TRUTH_TOPIC, LANE_TOPICS
 from cassie_bags.robot_clock import RobotClock
 from cassie_bags.ros.raw_subscription import RawSubscription, offered_qos, qos_numbers
-from cassie_bags.versions import versions
 from cassie_bags.yaml_file import read_yaml
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
-from cassie_sim.ground_truth import TYPE as ODOMETRY
 
 LANE_TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()}
 LANE_TYPES[GROUND_TRUTH_TOPIC] = ODOMETRY
@@ -71,7 +71,6 @@ class Recorder(Node):
         self._first: int | None = None
         self._last = 0
         self._bag = BagWriter(arguments.output)
-        self._bag.add_metadata("cassie_versions", versions())
         for name, content in _metadata(arguments.metadata).items():
             self._bag.add_metadata(name, content)
         for topic in LANE_TYPES if self._all else self._wanted & LANE_TYPES.keys():
@@ -160,7 +159,7 @@ class Recorder(Node):
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     if path is None:
-        return {}
+        return {"cassie_versions": versions()}
     content = read_yaml(path)
     return {
         str(name): {str(key): str(value) for key, value in record.items()}

@@ -1,0 +1,104 @@
+"""The cores of one experiment, built from its file as the nodes build theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.experiment_file import Experiment
+from cassie_bags.in_process import Loop, Observer
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_msgs.tunables import ParameterError, from_mapping
+from cassie_sim.plant import Plant
+from cassie_sim.simulator_config import SimulatorConfig
+from cassie_teleop.script import ScriptedOperator
+
+SET_BY_FILE = (
+    *("scenario", "scene", "scene_parameters", "start", "seed", "duration"),
+    *("paused", "scripted_operator"),
+)
+"""Parameters of the simulator that follow from other keys of an experiment."""
+
+ConfigT = TypeVar("ConfigT")
+
+
+def simulator_config(experiment: Experiment) -> SimulatorConfig:
+    """The simulator's parameters, `max_rate` 0 unless the file says otherwise.
+
+    Raises:
+        ExperimentError: if one is unknown, out of range, or set by another key of the file.
+    """
+    given = experiment.parameters["simulator"]
+    for name in SET_BY_FILE:
+        if name in given:
+            raise ExperimentError(f"simulator.{name} follows from other keys of an experiment")
+    return _config(SimulatorConfig, {"max_rate": 0.0, **given}, "simulator")
+
+
+def check_parameters(experiment: Experiment) -> None:
+    """Hold the parameters of every node against what it has.
+
+    Raises:
+        ExperimentError: naming parameter, value and range.
+    """
+    simulator_config(experiment)
+    _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
+    _config(ControllerConfig, experiment.parameters["controller"], "controller")
+    _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
+
+
+def library_path(experiment: Experiment) -> Path:
+    """File of the experiment's gait library."""
+    return Path(experiment.gait_library) if experiment.gait_library else default_library_path()
+
+
+def make_loop(experiment: Experiment, observer: Observer) -> Loop:
+    """The cores of a drawn experiment, at tick 0.
+
+    Args:
+        experiment: What to run, drawn.
+        observer: Gets every message.
+
+    Raises:
+        CassieError, ParameterError: naming what cannot be used.
+    """
+    config = simulator_config(experiment)
+    if config.pacing == "realtime":
+        raise ExperimentError(
+            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
+            "fixed_lag"
+        )
+    period = 1.0 / config.control_rate
+    parameters = experiment.parameters
+    return Loop(
+        Plant(config, experiment.scenario),
+        KinematicEstimator(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
+        GaitController(
+            _config(ControllerConfig, parameters["controller"], "controller"),
+            load_library(library_path(experiment)),
+            period,
+        ),
+        ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
+        ScriptedOperator(experiment.operator),
+        observer,
+        fixed_lag=config.pacing == "fixed_lag",
+    )
+
+
+def tick_count(experiment: Experiment) -> int:
+    """Control ticks of the run, as the simulator counts them."""
+    return round(experiment.duration * simulator_config(experiment).control_rate)
+
+
+def _config(cls: type[ConfigT], given: Mapping[str, Any], section: str) -> ConfigT:
+    try:
+        return from_mapping(cls, given)
+    except ParameterError as error:
+        raise ExperimentError(f"{section}: {error}") from None

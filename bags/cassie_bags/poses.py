@@ -1,0 +1,57 @@
+"""Configurations of the MuJoCo model out of a recording, for pictures."""
+
+from __future__ import annotations
+
+import contextlib
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.track import Track
+from cassie_gaits.names import LEGS
+from cassie_sim.errors import SimulationError
+from cassie_sim.poses import set_drives
+from cassie_sim.scenario import Scenario
+from cassie_sim.scenes import scene_spec
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Puppet:
+    """The robot in its scene, put into the poses of a recording.
+
+    Args:
+        scenario: What the recording was made in.
+
+    Raises:
+        SimulationError: if the scene cannot be built.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=True)
+        self.model = spec.compile()
+        self._data = mujoco.MjData(self.model)
+
+    def pose(self, track: Track, index: int) -> FloatArray:
+        """Configuration of one sample, springs as measured, rods where the loops close.
+
+        Args:
+            track: Signals of the run.
+            index: Sample.
+
+        Returns:
+            `qpos`, a copy.
+        """
+        data, row = self._data, track.sensors[index]
+        with contextlib.suppress(SimulationError):  # a fallen robot may leave its joint limits
+            set_drives(self.model, data, row["drive_position"])
+        for leg, name in enumerate(LEGS):
+            for joint, value in zip(
+                ("shin", "tarsus"), row["joint_position"][3 * leg : 3 * leg + 2], strict=True
+            ):
+                data.joint(f"{name}_{joint}").qpos[0] = value
+        x, y, z, w = track.orientation[index]
+        data.qpos[:3] = track.position[index]
+        data.qpos[3:7] = (w, x, y, z)
+        return np.array(data.qpos)

@@ -1,0 +1,158 @@
+"""One experiment with every node as a process, in lock-step over DDS, recorded."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from tqdm import tqdm
+
+from cassie_bags.cores import library_path, simulator_config
+from cassie_bags.errors import RunError
+from cassie_bags.experiment_file import Experiment
+from cassie_bags.provenance import metadata_of
+from cassie_bags.resolve import write_resolved
+from cassie_bags.ros.processes import (
+    Processes,
+    environment,
+    executable,
+    own_domain,
+    write_parameters,
+)
+from cassie_bags.ros.record import COMPLETE
+from cassie_bags.ros.spectator import Spectator
+
+START_PATIENCE = 30.0
+"""Wall time in which every node must take part. In s."""
+
+STALL_PATIENCE = 30.0
+"""Wall time for which robot time may stand still. In s."""
+
+_LOOK = 0.1  # s between two looks at the processes
+
+NODES = {
+    "state_estimator": ("cassie_control", "estimator"),
+    "gait_controller": ("cassie_control", "controller"),
+    "mode_supervisor": ("cassie_control", "supervisor"),
+    "scripted_operator": ("cassie_teleop", None),
+    "simulator": ("cassie_sim", "simulator"),
+}
+"""Package and section of the experiment of each node, by executable."""
+
+
+def run_over_dds(experiment: Experiment, folder: Path) -> Path:
+    """Run a drawn experiment with all nodes as processes.
+
+    The simulator begins paused. Each node answers the first sample, which is repeated until the
+    recorder has heard everything; then robot time starts. Nothing is left running, whatever
+    happens.
+
+    Args:
+        experiment: What to run, drawn.
+        folder: Where bag, drawn file, parameters and logs go.
+
+    Returns:
+        The bag.
+
+    Raises:
+        RunError: if a node does not take part, dies or stalls; the message says which and its
+            last words.
+    """
+    scenario = folder / "experiment.yaml"
+    bag = folder / "run.mcap"
+    write_resolved(experiment, scenario)
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
+    with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
+        record = executable("cassie_bags", "record")
+        processes.start("record", [record, "-o", bag, "--metadata", metadata])
+        _start_nodes(experiment, scenario, folder, processes)
+        with Spectator(domain) as spectator:
+            _wait(processes, lambda: processes.printed("record", COMPLETE), _missing)
+            spectator.resume(START_PATIENCE)
+            _watch(experiment, processes, spectator)
+        processes.stop("record")
+        processes.check("record", "simulator")
+    return bag
+
+
+def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[str, Any]]:
+    """ROS parameters of each node, by executable.
+
+    Args:
+        experiment: What to run, drawn.
+        scenario: Its file.
+    """
+    config = simulator_config(experiment)
+    parameters: dict[str, dict[str, Any]] = {
+        name: dict(experiment.parameters[section]) if section else {}
+        for name, (_, section) in NODES.items()
+    }
+    parameters["simulator"] |= {
+        "scenario": str(scenario),
+        "scripted_operator": True,
+        "paused": True,
+        "duration": experiment.duration,
+        "max_rate": config.max_rate,
+    }
+    parameters["gait_controller"]["gait_library"] = str(library_path(experiment))
+    parameters["mode_supervisor"]["scripted_operator"] = True
+    parameters["scripted_operator"]["script"] = str(scenario)
+    for name in ("state_estimator", "gait_controller", "mode_supervisor"):
+        parameters[name]["control_rate"] = config.control_rate
+    return parameters
+
+
+def _start_nodes(
+    experiment: Experiment, scenario: Path, folder: Path, processes: Processes
+) -> None:
+    parameters: Mapping[str, Mapping[str, Any]] = node_parameters(experiment, scenario)
+    for name, (package, _) in NODES.items():
+        words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
+        processes.start(name, [executable(package, name), *words])
+
+
+def _missing(processes: Processes) -> str:
+    return "not every topic of the control lane is published"
+
+
+def _wait(
+    processes: Processes, condition: Callable[[], bool], missing: Callable[[Processes], str]
+) -> None:
+    """Wait for a condition while all processes run.
+
+    Raises:
+        RunError: if one ends, or the condition does not come about in time.
+    """
+    deadline = time.monotonic() + START_PATIENCE
+    while not condition():
+        processes.check()
+        if time.monotonic() > deadline:
+            raise RunError(f"{missing(processes)} after {START_PATIENCE:g} s")
+        time.sleep(_LOOK / 5)
+
+
+def _watch(experiment: Experiment, processes: Processes, spectator: Spectator) -> None:
+    """Wait for the simulator to end, with a progress bar on a terminal.
+
+    Raises:
+        RunError: if a node ends before, or robot time stands still.
+    """
+    reached, since = -1.0, time.monotonic()
+    with tqdm(
+        total=experiment.duration, unit="s", disable=not sys.stderr.isatty(), leave=False
+    ) as bar:
+        while processes.running("simulator"):
+            processes.check("simulator")
+            now = spectator.robot_time()
+            if now > reached:
+                reached, since = now, time.monotonic()
+                bar.update(now - bar.n)
+            elif time.monotonic() - since > STALL_PATIENCE:
+                raise RunError(f"robot time stands still at {reached:g} s")
+            time.sleep(_LOOK)
+    processes.check("simulator")

@@ -1,0 +1,134 @@
+"""Command `experiment`: run an experiment file, report on it, exit by what it expects."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+from tqdm import tqdm
+
+from cassie_bags.cores import check_parameters, make_loop, tick_count
+from cassie_bags.diagnosis import lockstep_broken, problems
+from cassie_bags.errors import RunError
+from cassie_bags.evaluate import draw, evaluate
+from cassie_bags.experiment_file import Experiment, load_experiment
+from cassie_bags.in_process import Store, run
+from cassie_bags.observers import BagObserver, both
+from cassie_bags.recording import read_recording
+from cassie_bags.report import Outcome, json_line, table
+from cassie_bags.resolve import resolve, write_resolved
+from cassie_bags.track import make_track
+
+PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
+"""Exit codes."""
+
+
+def main() -> int:
+    """Entry point of `ros2 run cassie_bags experiment`."""
+    arguments = _arguments()
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        experiment = resolve(load_experiment(arguments.file, arguments.set, arguments.seed))
+        check_parameters(experiment)
+        outcome = _run(experiment, arguments.out, in_process=arguments.in_process)
+        if arguments.out is not None:
+            outcome = _keep(outcome, arguments.out, pictures=not arguments.no_pictures)
+    except KeyboardInterrupt:
+        print("experiment: stopped", file=sys.stderr)
+        return STOPPED
+    except RunError as error:
+        print(f"experiment: error: {error}", file=sys.stderr)
+        return NO_RUN
+    except (ValueError, OSError) as error:
+        print(f"experiment: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return WRONG_INPUT
+    print(table(outcome), file=sys.stderr)
+    print(json_line(outcome), flush=True)
+    return PASSED if outcome.passed else NOT_AS_EXPECTED
+
+
+def _run(experiment: Experiment, out: Path | None, *, in_process: bool) -> Outcome:
+    """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None."""
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    if in_process:
+        return _in_process(experiment, out)
+    if out is not None:
+        return _over_dds(experiment, out)
+    with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
+        return _over_dds(experiment, Path(folder))
+
+
+def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
+    store = Store()
+    ticks = range(tick_count(experiment))
+    bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    if folder is None:
+        wall_time = run(make_loop(experiment, store), bar)
+    else:
+        with BagObserver(folder / "run.mcap", experiment) as bag:
+            wall_time = run(make_loop(experiment, both(store, bag)), bar)
+    return evaluate(experiment, store.recording(wall_time), "in-process")
+
+
+def _over_dds(experiment: Experiment, folder: Path) -> Outcome:
+    from cassie_bags.ros.dds_run import run_over_dds
+
+    bag = run_over_dds(experiment, folder)
+    broken = lockstep_broken(problems(bag))
+    return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
+
+
+def _keep(outcome: Outcome, folder: Path, *, pictures: bool) -> Outcome:
+    """Leave table, JSON and pictures beside the bag; returns the outcome with their names."""
+    bag = folder / "run.mcap"
+    files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
+    write_resolved(outcome.experiment, files["experiment"])
+    if pictures:
+        files |= draw(outcome.experiment, make_track(read_recording(bag)), folder)
+    names = {name: str(path) for name, path in files.items()}
+    outcome = dataclasses.replace(outcome, files=names)
+    files["table"].write_text(table(outcome) + "\n", encoding="utf-8")
+    (folder / "result.json").write_text(json_line(outcome) + "\n", encoding="utf-8")
+    return outcome
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="experiment",
+        description="Run an experiment file with all nodes as processes. Prints a table on stderr "
+        "and one line of JSON on stdout.",
+        epilog="Exit codes: 0 as expected, 1 not as expected, 2 wrong file or arguments, "
+        "3 the run did not come to its end, 130 stopped.",
+    )
+    parser.add_argument("file", type=Path, help="YAML file, see bags/README.md")
+    parser.add_argument("--seed", type=int, default=None, help="seed in place of the file's")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=None, help="keep bag, pictures, table and JSON in this folder"
+    )
+    parser.add_argument(
+        "--in-process",
+        action="store_true",
+        help="the same cores in one process, without ROS, as fast as it goes",
+    )
+    parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
