@@ -92,6 +92,10 @@ class StandConfig:
         350.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
     kd_com_x: float = tunable(180.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    kp_com_y: float = tunable(
+        100.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
+    )
+    kd_com_y: float = tunable(120.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
@@ -102,6 +106,9 @@ class StandConfig:
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
     height_integral: float = tunable(1.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
+    height_damping: float = tunable(
+        0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
+    )
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
 
 

@@ -95,7 +95,7 @@ class Readings:
         self.com = (0.0, 0.0, 0.0)
         self.com_velocity = (0.0, 0.0, 0.0)
         self.com_from_feet = (0.0, 0.0, 0.0)
-        self.velocity = (0.0, 0.0)
+        self.velocity = (0.0, 0.0, 0.0)
         self.height = 0.0
         self.time = 0.0
 
@@ -121,9 +121,9 @@ class Readings:
         )
         x, y, z = state.com_velocity.tolist()
         self.com_velocity = (x, y, z)
-        vx, vy = v[:2].tolist()
+        vx, vy, vz = v[:3].tolist()
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        self.velocity = (c * vx + s * vy, c * vy - s * vx)
+        self.velocity = (c * vx + s * vy, c * vy - s * vx, vz)
 
     def _set_tilt(self) -> None:
         cp, sp = math.cos(self.pitch), math.sin(self.pitch)

@@ -39,7 +39,9 @@ class StandingController:
         mean leg length        = height, plus the sum of the height error,
         leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
 
-    The weight is fed forward through the leg Jacobians, shared by the load on the feet.
+    The weight is fed forward through the leg Jacobians. Its shares move the centre of pressure
+    sideways, to CoM y + (kp (CoM y - commanded) + kd CoM velocity y) / weight, which damps the
+    rocking from foot to foot. `height_damping` takes the bounce out of the leaf springs.
 
     Args:
         config: Gains.
@@ -77,33 +79,44 @@ class StandingController:
         for i, leg in enumerate(readings.legs):
             # Slower than the legs' bounce, which feed-forward that followed it would feed.
             self._ground[i] += self._settle * (leg.contact - self._ground[i])
-        total = self._ground[0] + self._ground[1]
-        com_y = float(mode.com_y)
-        roll = float(mode.roll) + lean - com_y / max(0.4, readings.height)
-        roll_error = readings.roll - roll
-        difference = (
-            self.config.roll_length * roll_error
+        both = min(self._ground)
+        roll = float(mode.roll) + lean - float(mode.com_y) / max(0.4, readings.height)
+        # Only while both feet carry: to shorten the leg of a lifted foot would rock on.
+        difference = both * (
+            self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
-        ) * min(1.0, total)
-        length = self._mean_length(readings, float(mode.height), total)
+        )
+        length = self._mean_length(readings, float(mode.height), both)
+        left = self._left_share(readings, float(mode.com_y))
         for i, leg in enumerate(readings.legs):
-            share = self._ground[i] / max(1.0, total)
+            share = left if i == 0 else 1.0 - left
+            other = self._ground[1 - i]
             self._leg(
                 i,
                 leg,
                 readings,
                 command,
                 length - 0.5 * leg.side * difference,
-                share,
+                self._ground[i] * (1.0 - other * (1.0 - share)),
                 mode,
             )
 
-    def _mean_length(self, readings: Readings, height: float, total: float) -> float:
-        if total > 1.5:
+    def _left_share(self, readings: Readings, com_y: float) -> float:
+        """Share of the weight for the left foot that brings the CoM over the middle."""
+        c = self.config
+        y, vy = readings.com_from_feet[1], readings.com_velocity[1]
+        wanted = (c.kp_com_y * (y - com_y) + c.kd_com_y * vy) / WEIGHT
+        apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
+        return max(0.05, min(0.95, 0.5 + (y + wanted) / apart))
+
+    def _mean_length(self, readings: Readings, height: float, both: float) -> float:
+        c = self.config
+        if both > 0.7:
             error = height - readings.height
-            self._height_sum += self.config.height_integral * self._period * error
+            self._height_sum += c.height_integral * self._period * error
             self._height_sum = max(-0.08, min(0.08, self._height_sum))
-        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum
+        bounce = both * c.height_damping * readings.velocity[2]
+        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum - bounce
 
     def _leg(
         self,
