@@ -94,19 +94,13 @@ class LanePublisher(Generic[SampleT]):
         return int(self._publisher.get_subscription_count())
 
 
-class LaneSubscription(Generic[SampleT]):
-    """Takes samples of one type; waits with a `LaneWaiter` or not at all."""
+class RawSubscription:
+    """Takes messages of any type as bytes; waits with a `LaneWaiter` or not at all."""
 
-    def __init__(
-        self,
-        node: Node,
-        sample_type: type[SampleT],
-        topic: str | None = None,
-        qos: QoSProfile = NEWEST,
-    ) -> None:
-        """Create the subscription; `topic` defaults to the one the type travels on."""
-        self.topic = topic or sample_type.TOPIC
-        self._type = message_type(sample_type)
+    def __init__(self, node: Node, message_class: Any, topic: str, qos: QoSProfile) -> None:
+        """Create the subscription, which no executor serves."""
+        self.topic = topic
+        self._type = message_class
         self._subscription = node.create_subscription(
             self._type,
             self.topic,
@@ -117,12 +111,31 @@ class LaneSubscription(Generic[SampleT]):
         )
         self.handle = self._subscription.handle
         self._take = self.handle.take_message
-        self._drain = qos.depth > 1
 
     def take_raw(self) -> bytes | None:
         """The oldest message not yet taken, as bytes; None if there is none."""
         taken = self._take(self._type, True)
         return None if taken is None else taken[0]
+
+    @property
+    def matched(self) -> int:
+        """Number of publishers that send to here."""
+        return int(self._subscription.get_publisher_count())
+
+
+class LaneSubscription(RawSubscription, Generic[SampleT]):
+    """Takes samples of one type."""
+
+    def __init__(
+        self,
+        node: Node,
+        sample_type: type[SampleT],
+        topic: str | None = None,
+        qos: QoSProfile = NEWEST,
+    ) -> None:
+        """Create the subscription; `topic` defaults to the one the type travels on."""
+        super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos)
+        self._drain = qos.depth > 1
 
     def take_next(self, sample: SampleT) -> bool:
         """Load the oldest message not yet taken; says whether there was one.
@@ -151,16 +164,11 @@ class LaneSubscription(Generic[SampleT]):
         sample.load(taken[0])
         return True
 
-    @property
-    def matched(self) -> int:
-        """Number of publishers that send to here."""
-        return int(self._subscription.get_publisher_count())
-
 
 class LaneWaiter:
     """Waits until one of some subscriptions has a message, or `wake` is called."""
 
-    def __init__(self, node: Node, subscriptions: Iterable[LaneSubscription[Any]]) -> None:
+    def __init__(self, node: Node, subscriptions: Iterable[RawSubscription]) -> None:
         """Prepare the wait set; it belongs to the thread that waits."""
         self._handles = [subscription.handle for subscription in subscriptions]
         self._guard = node.create_guard_condition(_nothing, callback_group=_NotForExecutors())

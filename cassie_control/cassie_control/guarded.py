@@ -1,0 +1,155 @@
+"""The cores with a safe answer where they have none: drives damp, and the reason is kept.
+
+The nodes and the run in one process both use these, so that they agree on bad input too.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from cassie_control.controller.gait_controller import DAMPING
+from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_msgs.layout import (
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotMode,
+    RobotState,
+    Sample,
+    Sensors,
+)
+
+SampleT = TypeVar("SampleT", bound=Sample)
+
+
+class Estimator(Protocol):
+    """What a state estimator can do."""
+
+    def reset(self) -> None: ...
+
+    def step(self, sensors: Sensors) -> RobotState: ...
+
+
+class Controller(Protocol):
+    """What a controller can do."""
+
+    def reset(self) -> None: ...
+
+    def step(self, state: RobotState, mode: Mode) -> MotorCommand: ...
+
+
+class Supervisor(Protocol):
+    """What a supervisor can do."""
+
+    def reset(self) -> None: ...
+
+    def step(
+        self, state: RobotState, operator: OperatorCommand | None, controller_lost: bool = False
+    ) -> Mode: ...
+
+
+class GuardedEstimator:
+    """An estimator that answers a sample it cannot use with a state of NaN.
+
+    Attributes:
+        problem: Why the last sample could not be used; empty when it could.
+    """
+
+    def __init__(self, core: Estimator) -> None:
+        self.core = core
+        self.problem = ""
+        self._invalid = RobotState()
+        self._invalid.q[:] = self._invalid.v[:] = np.nan
+
+    def reset(self) -> None:
+        """Start afresh."""
+        self.problem = ""
+        self.core.reset()
+
+    def step(self, sensors: Sensors) -> RobotState:
+        """The state at this sample; reused by the next step."""
+        try:
+            state = self.core.step(sensors)
+        except Exception as error:  # whatever broke, the drives must damp
+            self.problem = _describe(error)
+            self._invalid.power[...] = sensors.power
+            return _answering(self._invalid, sensors)
+        self.problem = ""
+        return state
+
+
+class GuardedController:
+    """A controller that damps where it cannot compute.
+
+    Attributes:
+        problem: Why the last state could not be answered; empty when it could.
+    """
+
+    def __init__(self, core: Controller) -> None:
+        self.core = core
+        self.problem = ""
+        self._damping = MotorCommand()
+        self._damping.kd[:] = DAMPING
+
+    def reset(self) -> None:
+        """Start afresh."""
+        self.problem = ""
+        self.core.reset()
+
+    def step(self, state: RobotState, mode: Mode) -> MotorCommand:
+        """Set-points for one tick; reused by the next step."""
+        try:
+            command = self.core.step(state, mode)
+        except Exception as error:  # whatever broke, the drives must damp
+            self.problem = _describe(error)
+            return _answering(self._damping, state)
+        self.problem = ""
+        return command
+
+
+class GuardedSupervisor:
+    """A supervisor that has the drives damped where it cannot decide.
+
+    Attributes:
+        problem: Why the last state could not be answered; empty when it could.
+    """
+
+    def __init__(self, core: Supervisor) -> None:
+        self.core = core
+        self.problem = ""
+        self._damping = Mode()
+        self._damping.mode[...] = int(RobotMode.DAMP)
+
+    def reset(self) -> None:
+        """Start afresh."""
+        self.problem = ""
+        self.core.reset()
+
+    def step(
+        self, state: RobotState, operator: OperatorCommand | None, controller_lost: bool = False
+    ) -> Mode:
+        """The mode for the ticks from `effective_seq` on; reused by the next step."""
+        try:
+            if not np.isfinite(state.q.sum() + state.v.sum()):
+                raise ValueError("the state is not finite")  # it must not enter the core's filters
+            mode = self.core.step(state, operator, controller_lost)
+        except Exception as error:  # whatever broke, the drives must damp
+            self.problem = _describe(error)
+            self._damping.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+            return _answering(self._damping, state)
+        self.problem = ""
+        return mode
+
+
+def _answering(answer: SampleT, question: Sample) -> SampleT:
+    answer.seq[...] = question.seq
+    answer.episode[...] = question.episode
+    answer.stamp_ns = question.stamp_ns
+    return answer
+
+
+def _describe(error: Exception) -> str:
+    text = str(error) or "no further words"
+    return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"

@@ -1,0 +1,77 @@
+"""What the nodes of this package share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+
+from cassie_control.errors import ControlError
+from cassie_msgs.layout import Sample
+from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
+from cassie_msgs.tunables import tunable
+
+START_PATIENCE = 10.0
+"""Wall time that the other nodes have to appear. In s."""
+
+LOOK_PERIOD = 0.1
+"""Wall time between looks at who is silent. In s."""
+
+SILENT_AFTER = 0.8
+"""Wall time without samples after which their sender counts as lost; an unanswered sample is
+repeated after 0.5 s. In s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaneConfig:
+    """Parameters of every node of this package."""
+
+    control_rate: int = tunable(
+        500, "Hz", 50, 4000, "Rate of sensor samples, the same as the simulator's", live=False
+    )
+
+    @property
+    def period(self) -> float:
+        """Between samples. In s."""
+        return 1.0 / self.control_rate
+
+
+class Conditions:
+    """Reports on /diagnostics and in the log: what is wrong, and when it is over."""
+
+    def __init__(self, node: Node) -> None:
+        self._diagnostics = Diagnostics(node)
+        self._wrong: set[str] = set()
+        self._diagnostics.set("node", OK, "running")
+
+    def set(self, subject: str, problem: str, **values: Any) -> bool:
+        """Say what is wrong with `subject`; empty when nothing is. Cheap while that stays so.
+
+        While something is wrong, further words about the same subject are not repeated.
+
+        Returns:
+            Whether the subject has just gone wrong or right.
+        """
+        if bool(problem) == (subject in self._wrong):
+            return False
+        if problem:
+            self._wrong.add(subject)
+            self._diagnostics.set(subject, ERROR, problem, **values)
+        else:
+            self._wrong.discard(subject)
+            self._diagnostics.set(subject, OK, "ok", **values)
+        return True
+
+
+def check_rate(sample: Sample, control_rate: int) -> None:
+    """Hold that samples come at the rate the cores were made for.
+
+    Raises:
+        ControlError: naming both rates.
+    """
+    seq, stamp = int(sample.seq), sample.stamp_ns
+    if seq and abs(stamp - seq * 1_000_000_000 // control_rate) > 500_000_000 // control_rate:
+        raise ControlError(
+            f"control_rate = {control_rate} Hz, but samples come at {seq * 1e9 / stamp:.6g} Hz"
+        )

@@ -1,0 +1,139 @@
+"""Node `gait_controller`: states and modes in, motor commands out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from rclpy.node import Node
+
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.guarded import GuardedController
+from cassie_control.ros.common import (
+    LOOK_PERIOD,
+    SILENT_AFTER,
+    START_PATIENCE,
+    Conditions,
+    LaneConfig,
+    check_rate,
+)
+from cassie_control.ros.mode_source import ModeSource
+from cassie_control.schedule import STATUS_TICKS
+from cassie_control.silence import Silence
+from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.tunables import tunable
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitControllerConfig(LaneConfig):
+    """Parameters of the node beside those of the controller."""
+
+    gait_library: str = tunable(
+        "", description="Gait library file (JSON); empty is the one that is installed", live=False
+    )
+
+
+class GaitControllerNode(Node):
+    """Answers each state with a command; a repeated state with the same command again."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__("gait_controller")
+        self._lane = declare(self, GaitControllerConfig())
+        self._config = declare(self, ControllerConfig())
+        library = self._load(self._lane.gait_library)
+        self._core = GaitController(self._config, library, self._lane.period)
+        self._controller = GuardedController(self._core)
+        self._changed: ControllerConfig | None = None
+        on_change(self, lambda: self._config, self._set_config)
+        self._stop = stop
+        self._conditions = Conditions(self)
+        self._states = LaneSubscription(self, RobotState)
+        self._commands = LanePublisher(self, MotorCommand)
+        self._status = LanePublisher(self, ControllerStatus)
+        self._modes = ModeSource(self, stop, self._states, self._conditions, self._lane.period)
+        self._waiter = LaneWaiter(self, [self._states])
+        stop.on_request(self._waiter.wake)
+        self._state = RobotState()
+        self._answered = (-1, -1)
+        self._reply = self._status_reply = b""
+
+    def loop(self) -> None:
+        """Answer states until stopped."""
+        silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        while not self._stop.requested:
+            if self._take():
+                self._answer()
+                silence.heard(time.monotonic())
+                continue
+            if silence.lost(time.monotonic()):
+                problem = "no states: are simulator and state_estimator running?"
+                self._conditions.set("state_estimator", problem)
+            self._waiter.wait(LOOK_PERIOD)
+
+    def _take(self) -> bool:
+        """Load the newest state; says whether there is one."""
+        try:
+            overtaking, self._modes.overtaking = self._modes.overtaking, None
+            if self._states.take(self._state):
+                return True
+            if overtaking is not None:
+                self._state.load(overtaking)
+            return overtaking is not None
+        except ValueError as error:
+            self._conditions.set("state", str(error))
+            return False
+
+    def _answer(self) -> None:
+        state = self._state
+        episode, seq = key = int(state.episode), int(state.seq)
+        if key == self._answered:
+            self._commands.publish_raw(self._reply)
+            if self._status_reply:
+                self._status.publish_raw(self._status_reply)
+            return
+        if episode != self._answered[0]:
+            self._begin(episode)
+        if self._changed is not None:
+            self._core.configure(self._changed)
+            self._changed = None
+        command = self._controller.step(state, self._modes.at(seq))
+        self._reply = command.to_bytes()
+        self._commands.publish_raw(self._reply)
+        self._answered = key
+        if seq % STATUS_TICKS == 0:
+            self._tell(seq)
+        self._conditions.set("state_estimator", "")
+        self._conditions.set("state", self._controller.problem)
+
+    def _tell(self, seq: int) -> None:
+        status = self._core.status
+        status.supervisor_lost[...] = float(self._modes.lost)
+        self._status_reply = status.to_bytes()
+        self._status.publish_raw(self._status_reply)
+
+    def _begin(self, episode: int) -> None:
+        check_rate(self._state, self._lane.control_rate)
+        self._controller.reset()
+        self._modes.reset(episode)
+        self.get_logger().info(f"episode {episode}")
+
+    def _load(self, path: str) -> GaitLibrary:
+        return load_library(path or default_library_path())
+
+    def _set_config(self, config: ControllerConfig) -> None:
+        self._config = self._changed = config
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_control gait_controller`."""
+    run("gait_controller", GaitControllerNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""Node `mode_supervisor`: decides the mode, limits the set-points, watches the other nodes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from cassie_control.guarded import GuardedSupervisor
+from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, check_rate
+from cassie_control.ros.operator_source import OperatorSource
+from cassie_control.ros.supervisor_status import StatusTopic
+from cassie_control.ros.watch import Watch
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_msgs.layout import Mode, RobotState, header
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.tunables import tunable
+
+# Every 10th state counts, and none of these may be lost while the operator is waited for.
+_STATES = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=5 * PERIOD_TICKS
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeSupervisorConfig(LaneConfig):
+    """Parameters of the node beside those of the supervisor."""
+
+    scripted_operator: bool = tunable(
+        False, description="The operator is a script that answers every 10th state", live=False
+    )
+
+
+class ModeSupervisorNode(Node):
+    """Answers every 10th state with the mode from ten ticks later on."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__("mode_supervisor")
+        self._lane = declare(self, ModeSupervisorConfig())
+        self._config = declare(self, SupervisorConfig())
+        self._core = ModeSupervisor(self._config, self._lane.period)
+        self._supervisor = GuardedSupervisor(self._core)
+        on_change(self, lambda: self._config, self._set_config)
+        self._stop = stop
+        self._conditions = Conditions(self)
+        self._states = LaneSubscription(self, RobotState, qos=_STATES)
+        self._modes = LanePublisher(self, Mode)
+        self._status = StatusTopic(self, self._lane.control_rate)
+        self._watch = Watch(self, self._conditions)
+        self._operator = OperatorSource(
+            self, stop, self._states, self._conditions, scripted=self._lane.scripted_operator
+        )
+        self._waiter = LaneWaiter(self, [self._states])
+        stop.on_request(self._waiter.wake)
+        self._state = RobotState()
+        self._last = (-1, -1)
+        self._replies: list[bytes] = []
+
+    def loop(self) -> None:
+        """Answer states until stopped."""
+        next_look = time.monotonic()
+        while not self._stop.requested:
+            self._waiter.wait(LOOK_PERIOD)
+            self._take_states()
+            now = time.monotonic()
+            if now >= next_look:
+                next_look = now + LOOK_PERIOD
+                if self._watch.look(now):
+                    self._status.publish(self._core.status, self._state, self._watch.faults)
+
+    def _take_states(self) -> None:
+        while not self._stop.requested:
+            raw = self._operator.take_state()
+            if raw is None:
+                return
+            _, _, episode, seq = header(raw)
+            self._watch.heard_state(time.monotonic())
+            repeated = (episode, seq) == self._last
+            self._last = (episode, seq)
+            if repeated:
+                self._repeat()
+            elif seq % PERIOD_TICKS == 0:
+                self._answer(raw, episode, seq)
+
+    def _repeat(self) -> None:
+        """A repeated state says that an answer may have got lost, or that a node is new."""
+        for reply in self._replies:
+            self._modes.publish_raw(reply)
+
+    def _answer(self, raw: bytes, episode: int, seq: int) -> None:
+        try:
+            new_episode = episode != int(self._state.episode)
+            self._state.load(raw)
+        except ValueError as error:
+            self._conditions.set("state", str(error))
+            return
+        if new_episode:
+            self._begin(episode)
+        operator = self._operator.at(seq)
+        lost = self._watch.controller_lost(time.monotonic())
+        mode = self._supervisor.step(self._state, operator, lost)
+        reply = mode.to_bytes()
+        self._modes.publish_raw(reply)
+        self._replies = [*self._replies[-1:], reply]  # the one in force and the one to come
+        self._conditions.set("state", self._supervisor.problem)
+        faults = self._watch.faults
+        if self._supervisor.problem:
+            faults = (*faults, f"drives damp: {self._supervisor.problem}")
+        self._status.follow(seq, self._core.status, self._state, faults)
+
+    def _begin(self, episode: int) -> None:
+        check_rate(self._state, self._lane.control_rate)
+        self._supervisor.reset()
+        self._operator.reset(episode)
+        self._replies.clear()
+        self.get_logger().info(f"episode {episode}")
+
+    def _set_config(self, config: SupervisorConfig) -> None:
+        self._config = self._core.config = config
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_control mode_supervisor`."""
+    run("mode_supervisor", ModeSupervisorNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,148 @@
+"""The estimate as ROS tools want it: /imu/data, /odom and /tf, decimated."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu
+
+from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.ros.stencil import Stencil
+
+RATE = 100
+"""Highest rate of these topics, in robot time. In Hz."""
+
+ODOM_FRAME, BASE_FRAME, IMU_FRAME = "odom", "base_link", "imu_link"
+
+# Variances of the IMU's own figures: rad^2, (rad/s)^2, (m/s^2)^2.
+_IMU_VARIANCE = (math.radians(0.35) ** 2, math.radians(0.1) ** 2, 0.04**2)
+
+
+class StandardTopics:
+    """Publishes samples and states on standard topics; /tf where tf2_msgs is installed."""
+
+    def __init__(self, node: Node, control_rate: int) -> None:
+        qos = QoSProfile(depth=10)
+        self._period = max(1, control_rate // RATE)
+        self._offset = min(2, self._period - 1)  # a tick on which the supervisor does not answer
+        self._imu = node.create_publisher(Imu, "/imu/data", qos)
+        self._odom = node.create_publisher(Odometry, "/odom", qos)
+        self._imu_bytes = _imu_stencil()
+        self._odom_bytes = _odom_stencil()
+        self._tf_type, self._tf = _transform_publisher(node, qos)
+
+    def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
+        """Publish, if it is this tick's turn."""
+        if seq % self._period != self._offset:
+            return
+        stamp = state.stamp_ns
+        orientation = sample.orientation.tolist()
+        rates = sample.angular_velocity.tolist()
+        acceleration = sample.linear_acceleration.tolist()
+        self._imu.publish(self._imu_bytes.fill(stamp, orientation, rates, acceleration))
+        x, y, z, yaw, pitch, roll = state.q[:6].tolist()
+        quaternion = quaternion_of(yaw, pitch, roll)
+        linear = into_frame(quaternion, state.v[:3].tolist())
+        covariance = state.covariance.tolist()
+        self._odom.publish(
+            self._odom_bytes.fill(
+                stamp,
+                (x, y, z),
+                quaternion,
+                _diagonal(covariance[0:3] + covariance[5:2:-1]),
+                linear,
+                state.angular_velocity.tolist(),
+                _diagonal(covariance[6:9] + covariance[9:12]),
+            )
+        )
+        if self._tf is not None:
+            self._tf.publish(self._transform(stamp, (x, y, z), quaternion))
+
+    def _transform(
+        self,
+        stamp_ns: int,
+        position: tuple[float, float, float],
+        quaternion: tuple[float, float, float, float],
+    ) -> Any:
+        transform = TransformStamped(child_frame_id=BASE_FRAME)
+        transform.header.frame_id = ODOM_FRAME
+        transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+        t, r = transform.transform.translation, transform.transform.rotation
+        t.x, t.y, t.z = position
+        r.x, r.y, r.z, r.w = quaternion
+        return self._tf_type(transforms=[transform])
+
+
+def quaternion_of(yaw: float, pitch: float, roll: float) -> tuple[float, float, float, float]:
+    """Quaternion x, y, z, w of z-y-x Euler angles, in rad."""
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    return (
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+        cy * cp * cr + sy * sp * sr,
+    )
+
+
+def into_frame(
+    quaternion: tuple[float, float, float, float], vector: list[float]
+) -> tuple[float, float, float]:
+    """A world vector in the frame that the quaternion x, y, z, w turns into the world."""
+    x, y, z, w = quaternion
+    vx, vy, vz = vector
+    tx, ty, tz = 2.0 * (vy * z - vz * y), 2.0 * (vz * x - vx * z), 2.0 * (vx * y - vy * x)
+    return (
+        vx + w * tx + ty * z - tz * y,
+        vy + w * ty + tz * x - tx * z,
+        vz + w * tz + tx * y - ty * x,
+    )
+
+
+def _diagonal(variances: list[float]) -> list[float]:
+    matrix = [0.0] * 36
+    matrix[::7] = variances
+    return matrix
+
+
+def _imu_stencil() -> Stencil:
+    message = Imu()
+    message.header.frame_id = IMU_FRAME
+    for name, variance in zip(
+        ("orientation", "angular_velocity", "linear_acceleration"), _IMU_VARIANCE, strict=True
+    ):
+        getattr(message, f"{name}_covariance")[::4] = variance
+    return Stencil(
+        message, [("orientation", 4), ("angular_velocity", 3), ("linear_acceleration", 3)]
+    )
+
+
+def _odom_stencil() -> Stencil:
+    message = Odometry(child_frame_id=BASE_FRAME)
+    message.header.frame_id = ODOM_FRAME
+    return Stencil(
+        message,
+        [
+            ("pose.pose.position", 3),
+            ("pose.pose.orientation", 4),
+            ("pose.covariance", 36),
+            ("twist.twist.linear", 3),
+            ("twist.twist.angular", 3),
+            ("twist.covariance", 36),
+        ],
+    )
+
+
+def _transform_publisher(node: Node, qos: QoSProfile) -> tuple[Any, Any]:
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        node.get_logger().debug("no /tf: tf2_msgs is not installed")
+        return None, None
+    return TFMessage, node.create_publisher(TFMessage, "/tf", qos)

@@ -1,0 +1,97 @@
+"""Node `state_estimator`: sensor samples in, state estimates out."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+
+from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_control.guarded import GuardedEstimator
+from cassie_control.ros.common import (
+    LOOK_PERIOD,
+    SILENT_AFTER,
+    START_PATIENCE,
+    Conditions,
+    LaneConfig,
+    check_rate,
+)
+from cassie_control.ros.odometry import StandardTopics
+from cassie_control.silence import Silence
+from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.process import Stop, run
+
+
+class StateEstimator(Node):
+    """Answers each sensor sample with a state; a repeated sample with the same state again."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__("state_estimator")
+        self._lane = declare(self, LaneConfig())
+        self._config = declare(self, EstimatorConfig())
+        self._core = KinematicEstimator(self._config, self._lane.period)
+        self._estimator = GuardedEstimator(self._core)
+        on_change(self, lambda: self._config, self._set_config)
+        self._stop = stop
+        self._conditions = Conditions(self)
+        self._samples = LaneSubscription(self, Sensors)
+        self._states = LanePublisher(self, RobotState)
+        self._standard = StandardTopics(self, self._lane.control_rate)
+        self._waiter = LaneWaiter(self, [self._samples])
+        stop.on_request(self._waiter.wake)
+        self._sample = Sensors()
+        self._answered = (-1, -1)
+        self._reply = b""
+
+    def loop(self) -> None:
+        """Answer samples until stopped."""
+        silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        while not self._stop.requested:
+            self._waiter.wait(LOOK_PERIOD)
+            if self._take():
+                silence.heard(time.monotonic())
+                self._answer()
+            elif silence.lost(time.monotonic()):
+                self._conditions.set("simulator", "no sensor samples: is the simulator running?")
+
+    def _take(self) -> bool:
+        try:
+            return self._samples.take(self._sample)
+        except ValueError as error:
+            self._conditions.set("sensors", str(error))
+            return False
+
+    def _answer(self) -> None:
+        sample = self._sample
+        episode, seq = key = int(sample.episode), int(sample.seq)
+        if key == self._answered:
+            self._states.publish_raw(self._reply)
+            return
+        if episode != self._answered[0]:
+            self._begin(episode)
+        state = self._estimator.step(sample)
+        self._reply = state.to_bytes()
+        self._states.publish_raw(self._reply)
+        self._answered = key
+        self._conditions.set("simulator", "")
+        self._conditions.set("sensors", self._estimator.problem)
+        self._standard.publish(seq, sample, state)
+
+    def _begin(self, episode: int) -> None:
+        check_rate(self._sample, self._lane.control_rate)
+        self._estimator.reset()
+        self.get_logger().info(f"episode {episode}")
+
+    def _set_config(self, config: EstimatorConfig) -> None:
+        self._config = self._core.config = config
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_control state_estimator`."""
+    run("state_estimator", StateEstimator)
+
+
+if __name__ == "__main__":
+    main()

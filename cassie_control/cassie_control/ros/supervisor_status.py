@@ -1,0 +1,60 @@
+"""What the supervisor tells people, on /cassie/supervisor_status."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from cassie_control.supervisor.mode_supervisor import SupervisorStatus
+from cassie_msgs.layout import RobotState
+from cassie_msgs.msg import SupervisorStatus as SupervisorStatusMessage
+
+RATE = 10
+"""In robot time. In Hz."""
+
+
+class StatusTopic:
+    """Publishes the status `RATE` times a second and at each change."""
+
+    def __init__(self, node: Node, control_rate: int) -> None:
+        self._publisher = node.create_publisher(
+            SupervisorStatusMessage, "/cassie/supervisor_status", QoSProfile(depth=10)
+        )
+        self._logger = node.get_logger()
+        self._period = max(1, control_rate // RATE)
+        self._due = 0
+        self._told: tuple[object, ...] = ()
+        self._mode = ""
+
+    def follow(
+        self, seq: int, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]
+    ) -> None:
+        """Publish if it is time, or if something changed other than a figure in a reason."""
+        now = (status.mode, status.requested, status.faults, status.fallen, status.link, faults)
+        if now == self._told and 0 <= seq - (self._due - self._period) < self._period:
+            return
+        self._due = seq + self._period
+        self._told = now
+        self.publish(status, state, faults)
+
+    def publish(self, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]) -> None:
+        """Publish now."""
+        message = SupervisorStatusMessage(
+            mode=status.mode.name.lower(),
+            requested=status.requested.name.lower(),
+            readiness=status.readiness,
+            stand_readiness=status.stand,
+            walk_readiness=status.walk,
+            segway_readiness=status.segway,
+            faults=[*status.faults, *(fault for fault in faults if fault not in status.faults)],
+            fallen=status.fallen,
+            link=status.link,
+            episode=int(state.episode),
+            seq=int(state.seq),
+        )
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(state.stamp_ns, 10**9)
+        message.header.frame_id = "base_link"
+        self._publisher.publish(message)
+        if message.mode != self._mode:
+            self._mode = message.mode
+            self._logger.info(f"mode {self._mode}")

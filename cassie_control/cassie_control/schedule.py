@@ -1,0 +1,102 @@
+"""When the supervisor's answers hold, and what holds when they stay away.
+
+On every 10th state k the supervisor publishes the mode for tick k + 10 and the nine after it.
+In lock-step the controller computes a tick only with the mode made for it, so the supervisor
+costs the loop no time and the result does not depend on the machine.
+"""
+
+from __future__ import annotations
+
+from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_msgs.layout import Mode, RobotMode
+
+STATUS_TICKS = 5
+"""The controller publishes its status on every so many ticks."""
+
+_KEPT = 4
+
+
+class ModeTable:
+    """The modes that have arrived, by the first tick they hold for."""
+
+    def __init__(self) -> None:
+        self._modes: dict[int, Mode] = {}
+        self._off = Mode()
+
+    def reset(self, episode: int) -> None:
+        """A new episode: off until the first answer holds."""
+        self._modes.clear()
+        self._off = Mode()
+        self._off.episode[...] = episode
+
+    def add(self, mode: Mode) -> None:
+        """Keep a copy of a mode."""
+        copy = Mode()
+        copy.copy_from(mode)
+        self._modes[int(mode.effective_seq)] = copy
+        while len(self._modes) > _KEPT:
+            del self._modes[min(self._modes)]
+
+    def may_begin(self, tick: int) -> bool:
+        """Whether this tick needs no further answer.
+
+        Tick 0 needs the answer to state 0, although off holds until tick 10: so the supervisor
+        takes part before robot time passes.
+        """
+        first = PERIOD_TICKS if tick == 0 else tick - tick % PERIOD_TICKS
+        return first == 0 or first in self._modes
+
+    def at(self, tick: int) -> Mode | None:
+        """The mode made for a tick, or None if it has not come."""
+        if tick < PERIOD_TICKS:
+            return self._off
+        return self._modes.get(tick - tick % PERIOD_TICKS)
+
+    @property
+    def newest(self) -> Mode:
+        """The mode that holds for the latest ticks; off before the first."""
+        return self._modes[max(self._modes)] if self._modes else self._off
+
+
+class StopAndStand:
+    """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
+
+    Off and damping stay what they are; other set-points keep their values.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    DECELERATION = 0.4
+    """Of the commanded velocities. In m/s^2, for the turn rate in rad/s^2."""
+
+    STEPPING_TIME = 1.5
+    """Stepping in place between slowing down and standing. In s."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._mode = Mode()
+        self._slow = 0.0
+        self._since = 0.0
+
+    def start(self, last: Mode) -> None:
+        """Begin from the last mode that holds."""
+        self._mode.copy_from(last)
+        self._slow = self._since = 0.0
+
+    def step(self) -> Mode:
+        """The mode of the next tick; reused by the next step."""
+        mode = self._mode
+        change = self.DECELERATION * self._period
+        moving = False
+        for value in (mode.vx, mode.vy, mode.yaw_rate):
+            speed = float(value)
+            value[...] = max(0.0, speed - change) if speed > 0.0 else min(0.0, speed + change)
+            moving = moving or speed != 0.0
+        self._slow = 0.0 if moving else self._slow + self._period
+        if mode.mode == RobotMode.WALK and self._slow >= self.STEPPING_TIME:
+            mode.mode[...] = int(RobotMode.STAND)
+            self._since = 0.0
+        self._since += self._period
+        mode.transition[...] = min(1.0, max(float(mode.transition), self._since))
+        return mode
