@@ -117,10 +117,8 @@ class Dynamics:
             )
             full[tree.heels_q[i]] = linkage.heel_angle(knee, shin, tarsus)
             full[tree.cranks_q[i] : tree.cranks_q[i] + 2] = linkage.crank_angles(toe)
-            turn = _rod_turn(linkage.achilles_direction(knee, shin, tarsus))
-            if leg == "right":
-                turn[:2] *= -1.0
-            full[tree.balls_q[i] : tree.balls_q[i] + 4] = turn
+            w, *turn = linkage.achilles_turn(leg, knee, shin, tarsus)
+            full[tree.balls_q[i] : tree.balls_q[i] + 4] = (*turn, w)
         return full
 
     def embedding(self, q: npt.ArrayLike) -> FloatArray:
@@ -240,17 +238,6 @@ class Dynamics:
             own = self._gap_jacobian(loop)[:, loop.follows]
             drift[loop.follows] = -np.linalg.pinv(own) @ (tip - target)
         return drift
-
-
-_ROD_AXES = linkage.link_rotation(next(r for r in robot.LEFT_LEG if r.name == "achilles_rod"))
-
-
-def _rod_turn(direction: FloatArray) -> FloatArray:
-    """Least turn of the left achilles rod from its neutral axes; x, y, z, w in these axes."""
-    x, y, z = _ROD_AXES.T @ direction
-    quaternion = np.array([0.0, -z, y, 1.0 + x])
-    unit: FloatArray = quaternion / np.linalg.norm(quaternion)
-    return unit
 
 
 def _checked(values: npt.ArrayLike, name: str) -> FloatArray:

@@ -19,6 +19,8 @@ import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.errors import KinematicsError
+from cassie_gaits.leg_kernels import heel_deflection
+from cassie_gaits.leg_records import HEEL_LOOP_TYPE, RecordArray
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,43 +66,45 @@ def _ancestors(name: str) -> list[str]:
     return chain
 
 
+_PINS = {rod.rod: pin_in_target(rod) for rod in robot.RODS}
+
+
 def _turn_about_z(name: str) -> float:
     """Angle that a link's frame has turned about the common z axis, less its joint angle."""
     link = _LINKS[name]
     return math.atan2(link.x_axis[1], link.x_axis[0]) - link.joint.zero
 
 
-def _floats(vector: npt.ArrayLike) -> tuple[float, ...]:
-    return tuple(np.asarray(vector, dtype=np.float64).tolist())
+def _about_z(angle: float) -> FloatArray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-# Hip pitch frame to tarsus, in the plane of the leg.
-KNEE_X, KNEE_Y, _KNEE_Z = _LINKS["knee"].position
-SHIN_X, SHIN_Y, _ = _LINKS["shin"].position
-TARSUS_X, TARSUS_Y, _ = _LINKS["tarsus"].position
-KNEE_TURN = _turn_about_z("knee")
-TARSUS_TURN = KNEE_TURN + _turn_about_z("tarsus")
+def heel_loop() -> RecordArray:
+    """Geometry of the achilles rod's loop, for `heel_deflection`. Shape (1,), in m and rad."""
+    spring, knee = _LINKS["heel_spring"], _LINKS["knee"]
+    rod, base = _RODS["achilles_rod"], np.array(_LINKS["achilles_rod"].position)
+    loop = np.zeros(1, HEEL_LOOP_TYPE)
+    for name in ("knee", "shin", "tarsus"):
+        loop[name] = _LINKS[name].position[:2]
+    loop["knee_turn"] = _turn_about_z("knee")
+    loop["tarsus_turn"] = _turn_about_z("knee") + _turn_about_z("tarsus")
+    loop["base"] = base - (0.0, 0.0, knee.position[2])
+    loop["heel"] = spring.position
+    axes, pin = link_rotation(spring), _PINS[rod.rod]
+    loop["still"] = axes[:, 2] * pin[2]
+    loop["cosine"] = axes[:, :2] @ pin[:2]
+    loop["sine"] = axes[:, :2] @ (-pin[1], pin[0])
+    loop["reach"] = pin @ pin - rod.length * rod.length
+    # In the neutral pose the spring is relaxed: its angle is zero.
+    position, rotation = _neutral("heel_spring", "hip_pitch")
+    to_base = axes @ rotation.T @ (base - position)
+    loop["branch"] = -np.sign(to_base @ loop["sine"][0])
+    return loop
 
-# Achilles rod: base seen from the hip pitch link, heel spring in the tarsus.
-_BASE_X, _BASE_Y, _base_z = _LINKS["achilles_rod"].position
-_BASE_Z = _base_z - _KNEE_Z
-_LENGTH = _RODS["achilles_rod"].length
-_HEEL_X, _HEEL_Y, _HEEL_Z = _LINKS["heel_spring"].position
-_R_HEEL = link_rotation(_LINKS["heel_spring"])
-_HEEL_PIN = pin_in_target(_RODS["achilles_rod"])
 
-# Tip of the heel spring from its joint, in tarsus axes: _T0 + _TC cos(heel) + _TS sin(heel).
-_T0X, _T0Y, _T0Z = _floats(_R_HEEL[:, 2] * _HEEL_PIN[2])
-_TCX, _TCY, _TCZ = _floats(_R_HEEL[:, :2] @ _HEEL_PIN[:2])
-_TSX, _TSY, _TSZ = _floats(_R_HEEL[:, :2] @ (-_HEEL_PIN[1], _HEEL_PIN[0]))
-_HEEL_REACH = float(_HEEL_PIN @ _HEEL_PIN) - _LENGTH * _LENGTH
-
-# Plantar rod: crank in the tarsus, toe in the tarsus.
-_CRANK_X, _CRANK_Y, _ = _LINKS["foot_crank"].position
-TOE_X, TOE_Y, _ = _LINKS["toe"].position
-_ARM = _LINKS["plantar_rod"].position[0]
-_PLANTAR = _RODS["plantar_rod"].length
-_TOE_PIN_X, _TOE_PIN_Y, _ = _floats(pin_in_target(_RODS["plantar_rod"]))
+_HEEL_LOOP = heel_loop()
+_TURNS = {name: link_rotation(link) for name, link in _LINKS.items()}
 
 
 def heel_angle(knee: float, shin: float, tarsus: float) -> float:
@@ -128,72 +132,56 @@ def heel_angle_and_slopes(
     Raises:
         KinematicsError: if the rod does not reach, or an angle is not finite.
     """
-    upper = knee + KNEE_TURN
-    lower = upper + shin
-    foot = knee + shin + tarsus + TARSUS_TURN
-    if not -100.0 < foot + lower < 100.0:
-        raise KinematicsError(f"leg angles are ({knee}, {shin}, {tarsus}) rad, expected finite")
-    cos_u, sin_u = math.cos(upper), math.sin(upper)
-    cos_l, sin_l = math.cos(lower), math.sin(lower)
-    cos_f, sin_f = math.cos(foot), math.sin(foot)
-    # Joint axes from the tarsus axis backwards, and the rod's base from there; hip pitch axes.
-    shin_x, shin_y = -cos_l * TARSUS_X + sin_l * TARSUS_Y, -sin_l * TARSUS_X - cos_l * TARSUS_Y
-    knee_x = shin_x - cos_u * SHIN_X + sin_u * SHIN_Y
-    knee_y = shin_y - sin_u * SHIN_X - cos_u * SHIN_Y
-    base_x, base_y = knee_x - KNEE_X + _BASE_X, knee_y - KNEE_Y + _BASE_Y
-    # From the heel spring's joint to the base; tarsus axes.
-    w_x = cos_f * base_x + sin_f * base_y - _HEEL_X
-    w_y = -sin_f * base_x + cos_f * base_y - _HEEL_Y
-    w_z = _BASE_Z - _HEEL_Z
-    a = w_x * _TCX + w_y * _TCY + w_z * _TCZ
-    b = w_x * _TSX + w_y * _TSY + w_z * _TSZ
-    fixed = w_x * _T0X + w_y * _T0Y + w_z * _T0Z
-    c = 0.5 * (w_x * w_x + w_y * w_y + w_z * w_z + _HEEL_REACH) - fixed
-    amplitude = math.sqrt(a * a + b * b)
-    if not -amplitude <= c <= amplitude:
+    result = heel_deflection(knee, shin, tarsus, _HEEL_LOOP[0])
+    if not math.isfinite(result[0]):
+        if not math.isfinite(knee + shin + tarsus):
+            raise KinematicsError(f"leg angles are ({knee}, {shin}, {tarsus}) rad, expected finite")
         raise KinematicsError(
             f"achilles rod does not reach at knee {knee:.3f}, shin {shin:.3f}, "
             f"tarsus {tarsus:.3f} rad"
         )
-    heel = math.atan2(b, a) + _HEEL_BRANCH * math.acos(c / amplitude)
-    if heel > math.pi:
-        heel -= 2.0 * math.pi
-    elif heel < -math.pi:
-        heel += 2.0 * math.pi
-    # The rod keeps its length: what the tip moves along the rod sums to zero.
-    cos_h, sin_h = math.cos(heel), math.sin(heel)
-    tip_x = _HEEL_X + _T0X + _TCX * cos_h + _TSX * sin_h
-    tip_y = _HEEL_Y + _T0Y + _TCY * cos_h + _TSY * sin_h
-    by_heel = b * cos_h - a * sin_h
-    x, y = cos_f * tip_x - sin_f * tip_y, sin_f * tip_x + cos_f * tip_y
-    rod_x, rod_y = base_x - x, base_y - y
-    by_tarsus = rod_y * x - rod_x * y
-    by_shin = rod_y * (x - shin_x) - rod_x * (y - shin_y)
-    by_knee = rod_y * (x - knee_x) - rod_x * (y - knee_y)
-    return heel, -by_knee / by_heel, -by_shin / by_heel, -by_tarsus / by_heel
+    return result
 
 
 def achilles_direction(knee: float, shin: float, tarsus: float) -> FloatArray:
-    """Unit vector along the left achilles rod to the heel spring, in hip pitch axes. (3,)."""
+    """Unit vector along the left achilles rod to the heel spring, in hip pitch axes. (3,).
+
+    Raises:
+        KinematicsError: if the rod does not reach, or an angle is not finite.
+    """
+    tip, rotation = np.zeros(3), np.eye(3)
     heel = heel_angle(knee, shin, tarsus)
-    lower, foot = knee + KNEE_TURN + shin, knee + shin + tarsus + TARSUS_TURN
-    offset = np.array([_HEEL_X, _HEEL_Y, _HEEL_Z])
-    turned = np.array([[math.cos(heel), -math.sin(heel)], [math.sin(heel), math.cos(heel)]])
-    in_heel = np.array([*(turned @ _HEEL_PIN[:2]), _HEEL_PIN[2]])
-    tip = (
-        np.array([KNEE_X, KNEE_Y, _KNEE_Z])
-        + _about_z(knee + KNEE_TURN) @ (SHIN_X, SHIN_Y, 0.0)
-        + _about_z(lower) @ (TARSUS_X, TARSUS_Y, 0.0)
-        + _about_z(foot) @ (offset + _R_HEEL @ in_heel)
-    )
-    along = tip - np.asarray(_LINKS["achilles_rod"].position)
+    for name, angle in (("knee", knee), ("shin", shin), ("tarsus", tarsus), ("heel_spring", heel)):
+        link = _LINKS[name]
+        tip = tip + rotation @ link.position
+        rotation = rotation @ _TURNS[name] @ _about_z(angle - link.joint.zero)
+    tip = tip + rotation @ _PINS["achilles_rod"]
+    along = tip - _LINKS["achilles_rod"].position
     unit: FloatArray = along / np.linalg.norm(along)
     return unit
 
 
-def _about_z(angle: float) -> FloatArray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+def achilles_turn(leg: str, knee: float, shin: float, tarsus: float) -> FloatArray:
+    """Turn of an achilles rod's ball joint, without a spin about the rod.
+
+    Args:
+        leg: "left" or "right".
+        knee: q4. In rad.
+        shin: q5. In rad.
+        tarsus: q6. In rad.
+
+    Returns:
+        Unit quaternion w, x, y, z from the rod's neutral axes, in these axes. Shape (4,).
+
+    Raises:
+        KinematicsError: if the rod does not reach, or an angle is not finite.
+    """
+    x, y, z = _TURNS["achilles_rod"].T @ achilles_direction(knee, shin, tarsus)
+    quaternion = np.array([1.0 + x, 0.0, -z, y])
+    if leg == "right":
+        quaternion[1:3] *= -1.0  # the mirror image in the rod's xy plane
+    unit: FloatArray = quaternion / np.linalg.norm(quaternion)
+    return unit
 
 
 def crank_angles(toe: float) -> tuple[float, float]:
@@ -207,19 +195,14 @@ def crank_angles(toe: float) -> tuple[float, float]:
     """
     if not -10.0 < toe < 10.0:
         raise KinematicsError(f"toe angle is {toe} rad, expected a finite joint angle")
-    cos_t, sin_t = math.cos(toe), math.sin(toe)
-    x = TOE_X + cos_t * _TOE_PIN_X - sin_t * _TOE_PIN_Y - _CRANK_X
-    y = TOE_Y + sin_t * _TOE_PIN_X + cos_t * _TOE_PIN_Y - _CRANK_Y
-    reach = (x * x + y * y + _ARM * _ARM - _PLANTAR * _PLANTAR) / (2.0 * _ARM * math.hypot(x, y))
+    crank, length = np.array(_LINKS["foot_crank"].position), _RODS["plantar_rod"].length
+    arm = _LINKS["plantar_rod"].position[0]
+    pin = _about_z(toe) @ _PINS["plantar_rod"] + _LINKS["toe"].position
+    x, y, _ = (pin - crank).tolist()
+    reach = (x * x + y * y + arm * arm - length * length) / (2.0 * arm * math.hypot(x, y))
     if not -1.0 <= reach <= 1.0:
         raise KinematicsError(f"plantar rod does not reach at toe {toe:.3f} rad")
     # The crank follows the toe nearly in parallel: of the two solutions, the lower one.
-    crank = math.atan2(y, x) - math.acos(reach)
-    rod = math.atan2(y - _ARM * math.sin(crank), x - _ARM * math.cos(crank))
-    return crank, rod - crank
-
-
-_HEEL_BRANCH = 1.0
-_neutral_knee, _neutral_tarsus = (_LINKS[name].joint.zero for name in ("knee", "tarsus"))
-if abs(heel_angle(_neutral_knee, 0.0, _neutral_tarsus)) > 1e-6:
-    _HEEL_BRANCH = -1.0
+    angle = math.atan2(y, x) - math.acos(reach)
+    rod = math.atan2(y - arm * math.sin(angle), x - arm * math.cos(angle))
+    return angle, rod - angle

@@ -15,108 +15,34 @@ of the same models.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-Vector = tuple[float, float, float]
+from cassie_gaits.robot_parts import Drive, Joint, Link, Rod, Vector
+
+__all__ = [
+    "DRIVES",
+    "DRIVE_DELAY",
+    "FOOT_CONTACTS",
+    "IMU_POSITION",
+    "JOINT_ENCODER_BITS",
+    "LEFT_LEG",
+    "NEUTRAL_TARSUS",
+    "PELVIS",
+    "RODS",
+    "SOLE_RADIUS",
+    "Drive",
+    "Joint",
+    "Link",
+    "Rod",
+    "Vector",
+    "leg_links",
+    "mirror_vector",
+    "mirrored",
+    "total_mass",
+]
 
 NEUTRAL_TARSUS = math.radians(13.0)
 """q4 + q5 + q6 with relaxed springs, eq:SpringRelaxed. In rad."""
-
-
-@dataclass(frozen=True)
-class Joint:
-    """The joint between a link and its parent.
-
-    Attributes:
-        kind: "hinge" (about the link's z axis), "ball" or "fixed".
-        zero: Joint angle in the pose that `Link.x_axis`, `Link.y_axis` describe. In rad.
-        limits: Lower and upper stop, or None. In rad.
-        damping: Viscous friction. In Nms/rad.
-        armature: Inertia of the rotor reflected to the joint. In kg m^2.
-        stiffness: Of the leaf spring that the joint stands for, relaxed at 0. In Nm/rad.
-    """
-
-    kind: str = "hinge"
-    zero: float = 0.0
-    limits: tuple[float, float] | None = None
-    damping: float = 0.0
-    armature: float = 0.0
-    stiffness: float = 0.0
-
-
-@dataclass(frozen=True)
-class Link:
-    """A rigid body.
-
-    Attributes:
-        name: Name, without the leg for links of a leg.
-        parent: Name of the link that carries it.
-        position: Origin in the parent's frame. In m.
-        x_axis: The link's x axis in the parent's frame.
-        y_axis: The link's y axis in the parent's frame.
-        mass: In kg.
-        com: Centre of mass in the link's frame. In m.
-        inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass. In kg m^2.
-        joint: How it moves against its parent.
-        mirror_axis: Axis of the link's frame that the mirror image negates: 1 is y, 2 is z.
-        mesh: File stem of its mesh in `cassie_description`, or None.
-        capsule: Radius and end points of its collision shape, or None. In m.
-    """
-
-    name: str
-    parent: str
-    position: Vector
-    x_axis: Vector
-    y_axis: Vector
-    mass: float
-    com: Vector
-    inertia: tuple[float, float, float, float, float, float]
-    joint: Joint
-    mirror_axis: int = 2
-    mesh: str | None = None
-    capsule: tuple[float, Vector, Vector] | None = None
-
-
-@dataclass(frozen=True)
-class Rod:
-    """A loop closure: the far end of link `rod` is pinned to a point of link `target`.
-
-    Attributes:
-        rod: Link that ends the loop; the pin is at (length, 0, 0) in its frame.
-        target: Link that it is pinned to.
-        length: Length of the rod. In m.
-    """
-
-    rod: str
-    target: str
-    length: float
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A motor with its gear.
-
-    Attributes:
-        gear: Motor turns for one turn of the joint.
-        motor_torque: Largest torque of the motor. In Nm.
-        no_load_speed: Speed of the motor without load. In rpm.
-        encoder_bits: Counts of the motor-side encoder in a turn, as a power of two.
-    """
-
-    gear: float
-    motor_torque: float
-    no_load_speed: float
-    encoder_bits: int
-
-    @property
-    def torque_limit(self) -> float:
-        """Largest torque at the joint. In Nm."""
-        return self.gear * self.motor_torque
-
-    @property
-    def speed_limit(self) -> float:
-        """Speed of the joint without load. In rad/s."""
-        return self.no_load_speed * 2.0 * math.pi / 60.0 / self.gear
 
 
 def _deg(low: float, high: float) -> tuple[float, float]:
@@ -228,7 +154,7 @@ RODS: tuple[Rod, ...] = (
     Rod("achilles_rod", "heel_spring", 0.5012),
     Rod("plantar_rod", "toe", 0.35012),
 )
-"""Loop closures of each leg. The pin in the target follows from the geometry at the neutral pose."""
+"""Loop closures of each leg. Where the pin is in the target follows from the neutral pose."""
 
 FOOT_CONTACTS: tuple[Vector, Vector] = (
     (-0.052821, 0.092622, 0.0),
@@ -257,7 +183,11 @@ DRIVE_DELAY = 0.003
 
 def mirror_vector(vector: Vector, axis: int) -> Vector:
     """The vector with its component along `axis` (1 is y, 2 is z) negated."""
-    return (vector[0], -vector[1] if axis == 1 else vector[1], -vector[2] if axis == 2 else vector[2])
+    return (
+        vector[0],
+        -vector[1] if axis == 1 else vector[1],
+        -vector[2] if axis == 2 else vector[2],
+    )
 
 
 def mirrored(link: Link) -> Link:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.linkage import achilles_turn
 from cassie_gaits.names import DRIVES, LEGS
 from cassie_gaits.robot import NEUTRAL_TARSUS
 from cassie_sim.errors import SimulationError
@@ -33,8 +34,11 @@ def set_drives(
         springs: Deflections of shin and heel spring of both legs. In rad.
 
     Raises:
-        SimulationError: if no pose closes the loops to a micrometre.
+        SimulationError: if a drive position is not finite, or no pose closes the loops to a
+            micrometre.
     """
+    if not np.isfinite(drives).all():
+        raise SimulationError(f"drive positions are {list(drives)} rad, must be finite")
     for name, value in zip(DRIVES, drives, strict=True):
         data.qpos[_address(model, name)] = value
     for index, leg in enumerate(LEGS):
@@ -45,7 +49,8 @@ def set_drives(
         data.qpos[_address(model, f"{leg}_foot_crank")] = toe
         data.qpos[_address(model, f"{leg}_plantar_rod")] = -toe
         ball = _address(model, f"{leg}_achilles_rod")
-        data.qpos[ball : ball + 4] = (1.0, 0.0, 0.0, 0.0)
+        # From elsewhere the loop may close with the tarsus folded the wrong way.
+        data.qpos[ball : ball + 4] = achilles_turn(leg, knee, 0.0, NEUTRAL_TARSUS - knee)
     _close_loops(model, data)
 
 

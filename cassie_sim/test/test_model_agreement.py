@@ -1,7 +1,7 @@
 """The MuJoCo model and the models for control are the same robot.
 
 Both come from one table, but everything else is different code: tree, loops, coordinates. The
-MuJoCo side closes its loops by Newton's method and knows nothing of the closed forms.
+MuJoCo side closes its loops by Newton's method, to which a closed form is no more than a start.
 """
 
 from __future__ import annotations

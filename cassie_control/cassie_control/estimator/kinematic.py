@@ -18,10 +18,6 @@ from cassie_msgs.tunables import tunable
 
 FloatArray = npt.NDArray[np.float64]
 
-LOWER_LEG_WEIGHT = 8.7
-"""Weight below the springs, which they do not feel when the foot carries it. In N. Calibrated in
-simulation: true ground force minus spring force, standing with 40 to 160 N on a foot."""
-
 _ORIENTATION_VARIANCE = (0.01, math.radians(0.35) ** 2, math.radians(0.35) ** 2)
 _RATE_VARIANCE = math.radians(0.1) ** 2
 
@@ -160,8 +156,8 @@ class KinematicEstimator:
             self._foot_velocities[i] = result.foot_velocity
             self._moment += result.com_moment
             self._moment_rate += result.com_rate
-            x, y, z = leg.force(float(sensors.drive_torque[5 * i + 4]))
-            force = float(up[0]) * x + float(up[1]) * y + float(up[2]) * z + LOWER_LEG_WEIGHT
+            x, y, z = leg.force(float(sensors.drive_torque[5 * i + 4]), up)
+            force = float(up[0]) * x + float(up[1]) * y + float(up[2]) * z
             state.foot_force[i] = force
             load = (force - config.load_from) / config.load_span
             state.foot_load[i] = max(0.0, min(1.0, load))

@@ -1,0 +1,122 @@
+"""Foot force from the springs: against the whole dynamics, and where springs tell nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cassie_gaits import robot
+from cassie_gaits.dynamics import Dynamics
+from cassie_gaits.leg_chain import LegChain
+from cassie_gaits.linkage import heel_angle_and_slopes
+from cassie_gaits.names import COORDINATES, LEGS
+
+DYNAMICS = Dynamics()
+UP = np.array([0.0, 0.0, 1.0])
+RELAXED = np.array([0.0, 0.0, 0.4, -1.2, 0.0, robot.NEUTRAL_TARSUS + 1.2, -1.6])
+
+
+def bent(*offsets: float) -> np.ndarray:
+    return RELAXED + np.array(offsets)
+
+
+def random_pose(seed: int, leg: str) -> tuple[np.ndarray, list[int]]:
+    """A loaded leg under a tilted torso, its hips at zero, and the indices of its joints."""
+    rng = np.random.default_rng(seed)
+    q = np.zeros(20)
+    q[COORDINATES.index("pitch")] = rng.uniform(-0.2, 0.2)
+    for name in LEGS:  # the other leg anywhere its rods reach
+        q[COORDINATES.index(f"{name}_knee")] = -1.0
+        q[COORDINATES.index(f"{name}_tarsus")] = 1.0 + robot.NEUTRAL_TARSUS
+    joints = list(range(COORDINATES.index(f"{leg}_hip_roll"), COORDINATES.index(f"{leg}_toe") + 1))
+    knee = rng.uniform(-2.0, -0.9)
+    tarsus = robot.NEUTRAL_TARSUS - knee + rng.uniform(-0.02, 0.05)
+    shin, toe = rng.uniform(-0.06, 0.0), rng.uniform(-2.0, -1.2)
+    q[joints[2:]] = rng.uniform(0.3, 0.8), knee, shin, tarsus, toe
+    return q, joints
+
+
+def force_on(leg: str, joints: np.ndarray, toe_torque: float = 0.0, up: np.ndarray = UP):
+    chain = LegChain(leg)
+    chain.update(joints, np.zeros(7))
+    return np.array(chain.force(toe_torque, up))
+
+
+@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("toe_torque", [0.0, -8.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_springs_balance_the_force_that_the_whole_model_needs(leg, toe_torque, seed):
+    q, joints = random_pose(seed, leg)
+    needed = DYNAMICS.gravity(q) - DYNAMICS.spring_torque(q)
+    needed[joints[6]] -= toe_torque
+    # Force ahead and up at the sole and moment about the axis to the left balance these three.
+    balance = joints[4:]
+    wrench = DYNAMICS.sole_jacobian(q, leg)[[0, 2, 4]][:, balance].T
+    ahead, up, _ = np.linalg.solve(wrench, needed[balance])
+    pitch = q[COORDINATES.index("pitch")]
+    c, s = math.cos(pitch), math.sin(pitch)
+    force = force_on(leg, q[joints], toe_torque, np.array([-s, 0.0, c]))
+    np.testing.assert_allclose(force, [c * ahead - s * up, 0.0, s * ahead + c * up], atol=0.2)
+
+
+@pytest.mark.parametrize("leg", LEGS)
+def test_relaxed_leg_carries_its_own_lower_part_only(leg):
+    knee = math.radians(-45.0)  # where the heel spring is relaxed too
+    joints = np.array([0.0, 0.0, 0.4, knee, 0.0, robot.NEUTRAL_TARSUS - knee, -1.6])
+    assert 0.0 < force_on(leg, joints)[2] < 25.0
+    np.testing.assert_allclose(force_on(leg, joints, up=np.zeros(3)), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("leg", LEGS)
+def test_springs_and_slopes_are_those_of_the_linkage(leg):
+    chain = LegChain(leg)
+    joints = bent(0.1, -0.1, 0.2, 0.0, -0.04, 0.03, 0.0)
+    state = chain.update(joints, np.zeros(7))
+    heel, _, *slopes = heel_angle_and_slopes(*joints[3:6])
+    assert state.springs.tolist() == [joints[4], heel]
+    assert state.heel_gradient.tolist() == slopes
+
+
+def test_legs_mirror_each_other():
+    joints = bent(0.1, -0.05, 0.0, 0.0, -0.04, 0.03, 0.0)
+    mirrored = joints * [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    up = np.array([-0.1, 0.05, 0.99])
+    across = np.array([1.0, -1.0, 1.0])
+    right = force_on("right", mirrored, 3.0, up * across)
+    np.testing.assert_allclose(force_on("left", joints, 3.0, up), right * across, atol=1e-9)
+
+
+@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("seed", range(5))
+def test_lower_leg_weighs_what_the_whole_model_says(leg, seed):
+    q, joints = random_pose(seed, leg)
+    q[COORDINATES.index("pitch")] = 0.0
+    shin, tarsus, toe = DYNAMICS.gravity(q)[joints[4:]]
+    state = LegChain(leg).update(q[joints], np.zeros(7))
+    weight = 9.81 * state.lower_leg @ UP
+    np.testing.assert_allclose(weight, [shin - toe, tarsus - toe], atol=0.03)
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        bent(0.0, 0.0, 0.0, 0.6, 0.0, 0.4, 0.0),  # the achilles rod does not reach
+        bent(0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0),
+        bent(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0),
+    ],
+)
+def test_impossible_angles_show_no_force(joints):
+    for leg in LEGS:
+        np.testing.assert_array_equal(force_on(leg, joints), 0.0)
+
+
+def test_force_stays_finite_wherever_the_joints_go():
+    chain, rng = LegChain("left"), np.random.default_rng(0)
+    for _ in range(2000):
+        joints = rng.uniform(-3.5, 3.5, 7)
+        state = chain.update(joints, np.zeros(7))
+        assert np.isfinite(chain.force(0.0, UP)).all()
+        assert np.isfinite(state.springs).all()
+        assert np.abs(state.heel_gradient).max() < 1000.0
