@@ -82,14 +82,14 @@ def knee_phase_portrait(track: Track, title: str) -> Figure:
     points = np.stack([angle, rate], axis=1)
     segments = np.stack([points[:-1], points[1:]], axis=1)[shown[1:] & shown[:-1]]
     colours = track.commanded["vx"][1:][shown[1:] & shown[:-1]]
-    lines = LineCollection(list(segments), cmap="viridis", linewidths=0.5, alpha=0.8)
-    lines.set_array(colours)
+    lines = LineCollection(list(segments), linewidths=0.5, alpha=0.8, colors=BLUE)
+    if len(colours) and np.ptp(colours) > 0.0:
+        lines.set(array=colours, cmap="viridis")
+        figure.colorbar(lines, ax=axes, label="commanded speed (m/s)", shrink=0.8)
     axes.add_collection(lines)
     axes.autoscale_view()
     axes.set(xlabel="left knee angle (rad)", ylabel="left knee rate (rad/s)")
     axes.set_title(f"Left knee, {'walking' if walking.any() else 'standing'}: {title}")
-    if np.ptp(colours) > 0.0 if len(colours) else False:
-        figure.colorbar(lines, ax=axes, label="commanded speed (m/s)", shrink=0.8)
     return figure
 
 
@@ -127,15 +127,16 @@ def footsteps(track: Track, title: str) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
     figure, axes = _figure(7.0, 4.6)
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
-    seen: set[int] = set()
-    for placement in placements(track):
-        colour, name = ((BLUE, "left foot"), (ORANGE, "right foot"))[placement.leg]
-        ends = np.stack([placement.heel, placement.tip])
-        axes.plot(
-            ends[:, 0], ends[:, 1], color=colour, alpha=0.55, solid_capstyle="round",
-            linewidth=3.0, label=None if placement.leg in seen else name,
-        )  # fmt: skip
-        seen.add(placement.leg)
+    for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
+        label: str | None = name
+        for placement in placements(track):
+            if placement.leg == leg:
+                ends = np.stack([placement.heel, placement.tip])
+                axes.plot(
+                    ends[:, 0], ends[:, 1], color=colour, alpha=0.55, linewidth=3.0,
+                    solid_capstyle="round", label=label,
+                )  # fmt: skip
+                label = None
     axes.plot(*track.position[0, :2], "o", color=DARK, markersize=4, label="start")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.05)

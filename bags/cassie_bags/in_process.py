@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages
 from cassie_control.controller.gait_controller import GaitController
 from cassie_control.estimator.kinematic import KinematicEstimator
+from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
+from cassie_control.schedule import STATUS_TICKS
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_sim import ground_truth
@@ -53,8 +55,11 @@ class Loop:
         *,
         fixed_lag: bool = False,
     ) -> None:
-        self._plant, self._estimator, self._controller = plant, estimator, controller
-        self._supervisor, self._operator, self._observer = supervisor, operator, observer
+        self._plant, self._operator, self._observer = plant, operator, observer
+        self._estimator = GuardedEstimator(estimator)
+        self._controller = GuardedController(controller)
+        self._supervisor = GuardedSupervisor(supervisor)
+        self._status = controller.status
         self._fixed_lag = fixed_lag
         self._truth = ground_truth.GroundTruth()
         self._mode, self._next_mode = Mode(), Mode()
@@ -77,8 +82,8 @@ class Loop:
             self._answer(state, stamp)
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
-        if seq % PERIOD == 0:
-            self._observe(self._controller.status, stamp)
+        if seq % STATUS_TICKS == 0:
+            self._observe(self._status, stamp)
         plant.power(self._power)
         self._step_plant(command)
 

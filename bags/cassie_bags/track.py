@@ -20,6 +20,9 @@ BoolArray = npt.NDArray[np.bool_]
 TRACKED = ("vx", "vy", "yaw_rate", "height")
 """Quantities that an operator commands and a run is judged by. In m/s, m/s, rad/s, m."""
 
+FLIGHT = 0.25
+"""Time around a step for which no foot need carry load. In s."""
+
 
 @dataclass(frozen=True)
 class Track:
@@ -36,7 +39,8 @@ class Track:
         mode: Mode that the supervisor set. Shape (n,).
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
         foot_load: Share of the load threshold on each foot. Shape (n, 2).
-        carries: Whether the robot stands or walks on its own legs. Shape (n,).
+        carries: Whether the robot stands or walks on its own legs: a foot carries load within
+            `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
     """
 
@@ -72,7 +76,8 @@ def make_track(recording: Recording) -> Track:
     seq = sensors["seq"].astype(np.int64)
     mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
     load = state["foot_load"]
-    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK]) & (load.sum(axis=1) > 0.5)
+    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK])
+    own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), FLIGHT)
     achieved = _velocities(truth, angles)
     achieved["height"] = truth["position"][:, 2] - _ground(legs, load)
     return Track(
@@ -117,6 +122,18 @@ def _last_rise(times: npt.NDArray[np.int64]) -> int:
     """Index after the last step back in time, where the last episode begins."""
     back = np.flatnonzero(np.diff(times) < 0)
     return int(back[-1]) + 1 if len(back) else 0
+
+
+def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:
+    """Where a flag is set at most `width` (s) away."""
+    if not flags.any():
+        return flags
+    set_at = time[flags]
+    after = np.searchsorted(set_at, time).clip(0, len(set_at) - 1)
+    before = (after - 1).clip(0)
+    distance = np.minimum(np.abs(set_at[after] - time), np.abs(set_at[before] - time))
+    near: BoolArray = distance <= width
+    return near
 
 
 def _velocities(truth: Rows, angles: FloatArray) -> dict[str, FloatArray]:
