@@ -22,8 +22,8 @@ from cassie_bags.errors import RunError
 from cassie_bags.mcap_recover import recover
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages, read_recording
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
-from cassie_bags.ros.raw_subscription import message_class
 from cassie_bags.ros.record import COMPLETE, LANE_TYPES
+from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
 PATIENCE = 20.0
