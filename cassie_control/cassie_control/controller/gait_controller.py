@@ -49,7 +49,9 @@ class GaitController:
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
         self.walking = WalkingController(config.walk, library, period)
-        self.status = ControllerStatus()
+        self._status = ControllerStatus()
+        self._state = RobotState()
+        self._mode = Mode()
         self._command = MotorCommand()
         self._last = MotorCommand()
         limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
@@ -89,7 +91,7 @@ class GaitController:
         self._choose(int(mode.mode))
         self._act(mode)
         self._blend_in()
-        self._describe(state, mode)
+        self._state, self._mode = state, mode
         return command
 
     def _choose(self, mode: int) -> None:
@@ -146,8 +148,10 @@ class GaitController:
             now *= 1.0 - share
             now += share * before
 
-    def _describe(self, state: RobotState, mode: Mode) -> None:
-        status, walking = self.status, self.walking
+    @property
+    def status(self) -> ControllerStatus:
+        """What the last step did; reused. Filled in when asked for, which is not every tick."""
+        status, walking, state, mode = self._status, self.walking, self._state, self._mode
         status.seq[...] = state.seq
         status.episode[...] = state.episode
         status.stamp_ns = state.stamp_ns
@@ -167,18 +171,11 @@ class GaitController:
             status.y[:] = 0.0
             status.dy[:] = 0.0
         status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
+        return status
 
 
 def _check(state: RobotState) -> None:
-    total = (
-        state.q.sum()
-        + state.v.sum()
-        + state.foot_load.sum()
-        + state.foot_force.sum()
-        + state.com_position.sum()
-        + state.com_velocity.sum()
-    )
-    if math.isfinite(total):
+    if math.isfinite(state.floats.sum()):
         return
     for name, _, _ in RobotState.LAYOUT:
         values = np.atleast_1d(getattr(state, name))

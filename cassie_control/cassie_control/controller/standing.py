@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cassie_control.controller.config import StandConfig
 from cassie_control.controller.readings import (
     ANKLE_HEIGHT,
@@ -59,7 +57,6 @@ class StandingController:
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
-        self._force = np.zeros(3)
 
     def start(self, readings: Readings) -> None:
         """Begin from the present pose: the feet stay where they are."""
@@ -167,9 +164,8 @@ class StandingController:
             c.kd_knee,
             c.kd_toe,
         )
-        np.multiply(readings.tilt[2], c.gravity * WEIGHT * share, out=self._force)
-        roll_torque, yaw_torque, pitch_torque, knee_torque = leg.gravity_torques(self._force)
-        command.torque[base : base + 5] = (roll_torque, yaw_torque, pitch_torque, knee_torque, toe)
+        held = leg.weight_torques(readings.tilt, c.gravity * WEIGHT * share, 0.0, 0.0)
+        command.torque[base : base + 5] = (*held, toe)
 
     def _toe_torque(self, leg: LegReadings, readings: Readings, com_x: float) -> float:
         c = self.config

@@ -65,7 +65,6 @@ class WalkingController:
         self._buffer = np.zeros((2, 9, 6))
         self._start = np.zeros(9)
         self._start_rates = np.zeros(9)
-        self._force = np.zeros(3)
         self._wish = Wish()
         self._heading = 0.0
         self._travel = (0.0, 0.0)
@@ -267,8 +266,20 @@ class WalkingController:
             v[6],
         )
         # An unloaded stance leg keeps its joints in place until it carries the torso.
-        command.kp[base : base + 5] = (c.kp_torso_roll, j.kp_hip_yaw, c.kp_torso_pitch, j.kp_knee, 0.0)
-        command.kd[base : base + 5] = (c.kd_torso_roll, j.kd_hip_yaw, c.kd_torso_pitch, j.kd_knee, 0.0)
+        command.kp[base : base + 5] = (
+            c.kp_torso_roll,
+            j.kp_hip_yaw,
+            c.kp_torso_pitch,
+            j.kp_knee,
+            0.0,
+        )
+        command.kd[base : base + 5] = (
+            c.kd_torso_roll,
+            j.kd_hip_yaw,
+            c.kd_torso_pitch,
+            j.kd_knee,
+            0.0,
+        )
         self._feed_forward(readings, leg, command, base)
         if load < 1.0:
             command.velocity[base] *= load
@@ -282,9 +293,7 @@ class WalkingController:
         knee = virtual_leg.knee_angle(length)
         knee_rate = virtual_leg.knee_rate(knee, length, rates[LENGTH_SW])
         hip_pitch = virtual_leg.hip_pitch_angle(desired[PITCH_SW], readings.pitch, length)
-        hip_rate = virtual_leg.hip_pitch_rate(
-            knee, rates[PITCH_SW], readings.pitch_rate, knee_rate
-        )
+        hip_rate = virtual_leg.hip_pitch_rate(knee, rates[PITCH_SW], readings.pitch_rate, knee_rate)
         command.position[base : base + 5] = (
             desired[ROLL_SW] - readings.roll,
             desired[YAW_SW],
@@ -320,14 +329,11 @@ class WalkingController:
         self, readings: Readings, leg: LegReadings, command: MotorCommand, base: int
     ) -> None:
         """Torques that hold the leg's share of the weight, along the line from foot to CoM."""
-        total = sum(other.load for other in readings.legs)
+        total = readings.legs[0].load + readings.legs[1].load
         share = leg.load / total if total > 1.0 else leg.load
         x = readings.com[0] - leg.ankle[0]
         y = readings.com[1] - leg.ankle[1]
         z = max(0.4, readings.com[2] - leg.ankle[2])
-        scale = self.config.gravity * WEIGHT * share
-        tilt = readings.tilt
-        np.multiply(tilt[2], scale, out=self._force)
-        self._force += tilt[0] * (scale * x / z) + tilt[1] * (scale * y / z)
-        roll, yaw, pitch, knee = leg.gravity_torques(self._force)
-        command.torque[base : base + 5] = (roll, yaw, pitch, knee, 0.0)
+        force = self.config.gravity * WEIGHT * share
+        held = leg.weight_torques(readings.tilt, force, x / z, y / z)
+        command.torque[base : base + 5] = (*held, 0.0)

@@ -107,9 +107,7 @@ def fuse_velocity(  # type: ignore[no-untyped-def]
         height = 0.0
         for i in range(2):
             height += load[i] / total * (SOLE_RADIUS - _rotated(rotation, feet[i], 2))
-        position[2] += (1.0 - math.exp(-height_bandwidth * share * period)) * (
-            height - position[2]
-        )
+        position[2] += (1.0 - math.exp(-height_bandwidth * share * period)) * (height - position[2])
     noise = velocity_noise * velocity_noise
     variance[0] = (1.0 - gain) ** 2 * (variance[0] + _ACCELERATION_VARIANCE * period)
     variance[0] += gain * gain * noise + gain * 0.1 * noise
