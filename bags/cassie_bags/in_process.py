@@ -34,7 +34,8 @@ Observer = Callable[[str, bytes, int], None]
 class TellingController(Controller, Protocol):
     """A controller that says what it is doing."""
 
-    status: ControllerStatus
+    @property
+    def status(self) -> ControllerStatus: ...
 
 
 class Loop:
@@ -70,7 +71,7 @@ class Loop:
         self._estimator = GuardedEstimator(estimator)
         self._controller = GuardedController(controller)
         self._supervisor = GuardedSupervisor(supervisor)
-        self._status = controller.status
+        self._telling = controller
         self._fixed_lag = fixed_lag
         self._truth = ground_truth.GroundTruth()
         self._mode, self._next_mode = Mode(), Mode()
@@ -94,7 +95,7 @@ class Loop:
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
         if seq % STATUS_TICKS == 0:
-            self._observe(self._status, stamp)
+            self._observe(self._telling.status, stamp)
         plant.power(self._power)
         self._step_plant(command)
 
