@@ -27,7 +27,7 @@ from cassie_sim.sensors import FaithfulSensors, IdealSensors, ImuErrors
 FloatArray = npt.NDArray[np.float64]
 
 STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
-"""Leg pose at the start, about 0.9 m tall with level soles. One leg, in rad."""
+"""Leg pose at the start: the pelvis 1 m above level soles. One leg, in rad."""
 
 HANGING_HEIGHT = 1.15
 """Pelvis height while hanging from the gantry at the start. In m."""
