@@ -81,7 +81,7 @@ def test_a_run_leaves_bag_pictures_table_and_json(file: Path, tmp_path: Path):
     assert process.returncode == 0, process.stderr
     names = {path.name for path in out.iterdir()}
     pictures = {"knee_phase_portrait.png", "speed_tracking.png", "footsteps.png", "strip.png"}
-    assert names >= pictures | {"run.mcap", "experiment.yaml", "table.txt", "result.json"}
+    assert names >= pictures | {"bag.mcap", "experiment.yaml", "table.txt", "result.json"}
     for path in result(process)["files"].values():
         assert Path(path).stat().st_size > 100
 
@@ -120,7 +120,7 @@ def test_a_missing_file_exits_with_2(tmp_path: Path):
 
 
 def test_ctrl_c_ends_a_run_without_a_traceback_and_closes_its_bag(file: Path, tmp_path: Path):
-    bag = tmp_path / "run.mcap"
+    bag = tmp_path / "bag.mcap"
     words = [str(file), "--in-process", "--set", "duration=600", "--out", str(tmp_path)]
     with subprocess.Popen(
         [*COMMAND, *words],

@@ -78,7 +78,7 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     runs.append(experiment(file, "--out", folders[2], "--no-pictures", "--in-process"))
     for run in runs:
         assert run.returncode == 0, run.stderr
-    dds, loaded, process = (read_recording(folder / "run.mcap") for folder in folders)
+    dds, loaded, process = (read_recording(folder / "bag.mcap") for folder in folders)
     assert gaps(dds) == gaps(loaded) == gaps(process) == []
     assert len(process.truth) == 2500
     assert differences(dds, process, RECORDED_TOPICS) == []
@@ -86,7 +86,7 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     contents = [json.loads(run.stdout) for run in runs]
     for key in ("phases", "peak_torque", "draw"):
         assert contents[0][key] == contents[2][key]
-    _check_other_topics(folders[0] / "run.mcap")
+    _check_other_topics(folders[0] / "bag.mcap")
 
 
 def _check_other_topics(bag: Path) -> None:

@@ -62,7 +62,7 @@ def run_over_dds(experiment: Experiment, folder: Path) -> Path:
         RunError: if a node does not take part, dies or stalls; the message says which and its
             last words.
     """
-    bag = folder / "run.mcap"
+    bag = folder / "bag.mcap"
     metadata = folder / "metadata.yaml"
     folder.mkdir(parents=True, exist_ok=True)
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
