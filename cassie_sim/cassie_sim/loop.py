@@ -74,6 +74,8 @@ class Loop:
         self._silent = False
         self._refused = False
         self._applied = -1
+        self._last_silence = 0
+        self._second = config.control_rate
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
@@ -107,6 +109,7 @@ class Loop:
         self.switch.reset()
         self._lagging = None
         self._applied = -1
+        self._last_silence = 0
         self._restart = True
         self._pace.start(now)
         self.factor.start(0.0, now)
@@ -135,7 +138,8 @@ class Loop:
     def _realtime_tick(self) -> None:
         seq = self._announce()
         self._hold(seq)
-        due = self._pace.next_due(self._clock(), 1.0)
+        rate = min(self.config.max_rate, 1.0) or 1.0
+        due = self._pace.next_due(self._clock(), rate)
         while not self._interrupted and self._wait_until(due):
             pass
         if not self._interrupted:
@@ -239,10 +243,12 @@ class Loop:
         fresh = episode == self.plant.episode and self._applied < answered
         if fresh and seq - answered <= watchdog:
             self._applied = answered
-            if not self._answered or self._silent:
+            # A machine that stutters is told of once, not at each stop and start.
+            if not self._answered or (self._silent and seq > self._last_silence + self._second):
                 self._note_answer()
             return self._lane.command
         if self._answered and seq - self._applied > watchdog:
+            self._last_silence = seq
             self._report_silence(seq, (seq - self._applied) * self._tick_s)
         return None
 

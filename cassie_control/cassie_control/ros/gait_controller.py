@@ -112,7 +112,7 @@ class GaitControllerNode(Node):
         self._conditions.set("state", self._controller.problem)
 
     def _tell(self, seq: int) -> None:
-        status = self._core.status
+        status = self._controller.status(self._state)
         status.supervisor_lost[...] = float(self._modes.lost)
         self._status_reply = status.to_bytes()
         self._status.publish_raw(self._status_reply)

@@ -70,7 +70,7 @@ class ModeSupervisorNode(Node):
             now = time.monotonic()
             if now >= next_look:
                 next_look = now + LOOK_PERIOD
-                if self._watch.look(now):
+                if self._watch.look(now) or self._status.is_due(now):
                     self._status.publish(self._core.status, self._state, self._watch.faults)
 
     def _take_states(self) -> None:
