@@ -10,7 +10,8 @@ import numpy as np
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.standing import StandingController
-from cassie_control.controller.walking import LEFT, WalkingController
+from cassie_control.controller.step_timing import LEFT
+from cassie_control.controller.walking import WalkingController
 from cassie_control.errors import ControlError
 from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
@@ -158,12 +159,13 @@ class GaitController:
         status.mode_seq[...] = mode.effective_seq
         status.mode[...] = mode.mode
         walks = self.activity is Activity.WALKING
-        status.phase[...] = walking.phase if walks else 0.0
-        status.stance_leg[...] = walking.stance if walks else -1.0
-        status.step_count[...] = walking.steps if walks else 0.0
+        timing = walking.timing
+        status.phase[...] = timing.phase if walks else 0.0
+        status.stance_leg[...] = timing.stance if walks else -1.0
+        status.step_count[...] = timing.steps if walks else 0.0
         status.gait_speed[...] = walking.gait_speed
-        status.step_time[...] = walking.step_time
-        status.velocity[:] = walking.velocity
+        status.step_time[...] = timing.step_time
+        status.velocity[:] = timing.velocity
         if walks:
             np.subtract(walking.outputs, walking.desired, out=status.y)
             np.subtract(walking.rates, walking.desired_rates, out=status.dy)
