@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import enum
-import math
 
 import numpy as np
 
 from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.limits import limit
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.standing import StandingController
 from cassie_control.controller.step_timing import LEFT
 from cassie_control.controller.walking import WalkingController
 from cassie_control.errors import ControlError
+from cassie_control.finite import check
 from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
@@ -71,7 +72,7 @@ class GaitController:
         self.activity = Activity.IDLE
         self._since = 0.0
         self._blend = 0.0
-        self._command.kp[:] = self._command.kd[:] = self._command.torque[:] = 0.0
+        self._command.floats[:] = 0.0
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.
@@ -80,18 +81,29 @@ class GaitController:
             The command; reused by the next step.
 
         Raises:
-            ControlError: if the state holds a value that is not finite.
+            ControlError: if state or mode hold a value that is not finite, or the mode is
+                unknown: everything then stays as it was. Or if the command came out not finite:
+                the controller then starts afresh.
         """
-        _check(state)
+        check(state, "state", ControlError)
+        check(mode, "mode", ControlError)
+        wanted = int(mode.mode)
+        if wanted > RobotMode.SEGWAY:
+            raise ControlError(f"mode is {wanted}, must be 0 .. {RobotMode.SEGWAY:d}")
         self.readings.update(state)
         command = self._command
         command.seq[...] = state.seq
         command.episode[...] = state.episode
         command.stamp_ns = state.stamp_ns
         self._since += self._period
-        self._choose(int(mode.mode))
+        self._choose(wanted)
         self._act(mode)
         self._blend_in()
+        try:
+            limit(command)
+        except ControlError:
+            self.reset()
+            raise
         self._state, self._mode = state, mode
         return command
 
@@ -174,14 +186,3 @@ class GaitController:
             status.dy[:] = 0.0
         status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
         return status
-
-
-def _check(state: RobotState) -> None:
-    if math.isfinite(state.floats.sum()):
-        return
-    for name, _, _ in RobotState.LAYOUT:
-        values = np.atleast_1d(getattr(state, name))
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise ControlError(f"state {name}[{bad[0]}] is {values[bad[0]]}, must be finite")
-    raise ControlError("state overflows")

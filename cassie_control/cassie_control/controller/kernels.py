@@ -46,3 +46,17 @@ def holding_torques(
     knee = jacobian[0, 3] * x + jacobian[1, 3] * y + jacobian[2, 3] * z
     tarsus = jacobian[0, 5] * x + jacobian[1, 5] * y + jacobian[2, 5] * z
     return -roll, -yaw, -pitch, tarsus - knee
+
+
+@njit(cache=True)
+def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
+    """Clamp each value in place; the index of the first that is not finite, or -1.
+
+    Args:
+        values, low, high: All of the same shape (n,) and unit.
+    """
+    for i in range(values.size):
+        if not math.isfinite(values[i]):
+            return i
+        values[i] = max(low[i], min(high[i], values[i]))
+    return -1

@@ -32,7 +32,9 @@ class LegReadings:
 
     Attributes:
         joints, rates: The seven joints. In rad and rad/s.
+        side: 1 for the left leg, -1 for the right.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
+        foot: Middle of the sole from the pelvis origin, heading frame. In m.
         load: Share of the load threshold it carries, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
@@ -70,10 +72,16 @@ class LegReadings:
             force: Its vertical part. In N.
             lean_x, lean_y: Its horizontal parts over the vertical one, heading frame.
 
+        Returns:
+            Torques. In Nm.
+
         Source:
             u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
         """
-        return holding_torques(self.chain.ankle_jacobian, tilt, force, lean_x, lean_y)
+        torques: tuple[float, float, float, float] = holding_torques(
+            self.chain.ankle_jacobian, tilt, force, lean_x, lean_y
+        )
+        return torques
 
 
 class Readings:
@@ -82,9 +90,11 @@ class Readings:
     Attributes:
         yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
         com: Centre of mass from the pelvis origin, heading frame. In m.
+        com_from_feet: The same from the midpoint of the feet. In m.
         com_velocity: Of the centre of mass, heading frame. In m/s.
         velocity: Of the pelvis origin, heading frame. In m/s.
         height: Pelvis origin above the loaded soles. In m.
+        time: Of the state, robot time. In s.
         legs: Left and right.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
     """
