@@ -277,8 +277,6 @@ class Loop:
         plant.power(self.switch.apply(plant.seq))
         if command is None and self.broken:
             plant.drives.damp()
-        if self.credit:
-            self._spend_credit()
         try:
             plant.step(command)
         except ValueError as error:
@@ -288,11 +286,10 @@ class Loop:
             if self._refused and command is not None:
                 self._refused = False
                 self._report("motor_command", None)
-
-    def _spend_credit(self) -> None:
-        self.credit -= 1
-        if not self.credit:
-            self.credit_spent.set()
+        if self.credit:
+            self.credit -= 1
+            if not self.credit:
+                self.credit_spent.set()
 
     def _keep_pace(self) -> None:
         """Wait until the next tick is due; in broken lock-step the wait for answers does."""
