@@ -127,8 +127,12 @@ def speed_tracking(track: Track, phases: Sequence[Phase], title: str) -> Figure:
 
 def footsteps(track: Track, title: str) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
-    span = np.ptp(track.legs[:, :, -1, :2], axis=(0, 1)) + 0.5
-    figure, axes = _figure(8.0, float(np.clip(6.4 * span[1] / span[0], 1.8, 6.4)))
+    feet = track.legs[:, :, -1, :2]
+    low, high = feet.min(axis=(0, 1)) - 0.25, feet.max(axis=(0, 1)) + 0.25
+    # A straight walk is a long strip: leave room to read it.
+    low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
+    span = high - low
+    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 7.4)))
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name
@@ -142,10 +146,9 @@ def footsteps(track: Track, title: str) -> Figure:
                 label = None
     axes.plot(*track.position[0, :2], "o", color=DARK, markersize=4, label="start")
     axes.set_aspect("equal", adjustable="box")
-    axes.margins(0.05)
-    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_title(f"Footsteps from above: {title}")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.legend(loc="upper center", ncols=4)
     return figure
 
 

@@ -70,7 +70,7 @@ def strip(
     except SimulationError as error:
         reason = str(error)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.3 * len(shown), 2.1), layout="constrained")
+        figure = Figure(figsize=(1.3 * len(shown), 1.9), layout="constrained")
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
@@ -135,7 +135,7 @@ def _phase_at(phases: Sequence[Phase], time: float) -> str:
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
     puppet = Puppet(scenario)
-    camera = Camera(puppet.model, width=360, height=480)
+    camera = Camera(puppet.model, width=360, height=480, fine=True)
     try:
         return [camera.picture(puppet.pose(track, index)) for index in shown]
     finally:
