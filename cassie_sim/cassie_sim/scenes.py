@@ -155,14 +155,20 @@ def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
     )
     material = spec.add_material(name="ground", texrepeat=[1.0, 1.0], texuniform=True)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground"
-    spec.worldbody.add_light(
-        pos=[0.0, 0.0, 4.0], dir=[0.2, 0.2, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    )
+    # Light and camera go along with the pelvis, or shadows would stay behind.
     pelvis = spec.body("pelvis")
+    pelvis.add_light(
+        pos=[-0.5, -0.8, 3.0],
+        dir=[0.16, 0.26, -1.0],
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+    )
+    spec.stat.extent = 2.0
+    spec.stat.center = [0.0, 0.0, 0.5]
     pelvis.add_camera(
         name="track",
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        pos=[0.6, -2.6, 0.35],
+        pos=[0.65, -2.9, 0.3],
         xyaxes=[1.0, 0.22, 0.0, -0.03, 0.13, 1.0],
     )
 
