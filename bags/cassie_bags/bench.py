@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.cores import make_cores, make_loop, tick_count
+from cassie_bags.errors import RunError
 from cassie_bags.experiment_file import Experiment, parse_experiment
 from cassie_bags.in_process import Loop, run
 from cassie_bags.resolve import resolve, write_resolved
@@ -64,7 +65,11 @@ def main() -> int:
     arguments = parser.parse_args()
     text = EXPERIMENT.replace("12.0", f"{arguments.seconds:g}")
     experiment = resolve(parse_experiment(text, "bench"))
-    results = [_measure(experiment, number) for number in range(arguments.repetitions)]
+    try:
+        results = [_measure(experiment, number) for number in range(arguments.repetitions)]
+    except (RunError, TimeoutError) as error:
+        print(f"bench: error: {error}", file=sys.stderr)
+        return 3
     medians = {name: statistics.median(result[name] for result in results) for name in results[0]}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     content = {

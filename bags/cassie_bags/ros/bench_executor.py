@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import rclpy
@@ -31,8 +31,10 @@ from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors
 from cassie_sim.power_switch import PERIOD
 
+SampleT = TypeVar("SampleT", bound=Sample)
+
 _QOS = QoSProfile(depth=100)
-_REPEAT = 0.5  # s between two first samples, until somebody answers
+_REPEAT = 0.5  # s without an answer after which a sample is sent again
 
 
 def to_message(sample: Sample) -> Any:
@@ -52,6 +54,13 @@ def to_sample(message: Any, sample: Sample) -> None:
     sample.episode[...], sample.seq[...] = message.episode, message.seq
     for name, _, _ in sample.LAYOUT:
         getattr(sample, name)[...] = getattr(message, name)
+
+
+def copied(sample: SampleT) -> SampleT:
+    """A copy of a sample."""
+    copy = type(sample)()
+    copy.copy_from(sample)
+    return copy
 
 
 class LoopNode(Node):
@@ -100,30 +109,31 @@ class Operator(LoopNode):
 
 
 class Supervisor(LoopNode):
-    """Every 10th state and the operator's answer to it to a mode."""
+    """Every 10th state and the operator's answer to it to a mode.
+
+    The loop runs on for a period before it waits, so two of each may be there at once.
+    """
 
     def __init__(self, cores: Cores) -> None:
         super().__init__("mode_supervisor", cores)
         self._send = self.sends(Mode)
-        self._state, self._operator = RobotState(), OperatorCommand()
-        self._seen = [-1, -1]
+        self._states: dict[int, RobotState] = {}
+        self._commands: dict[int, OperatorCommand] = {}
         self.takes(RobotState, self._take_state)
         self.takes(OperatorCommand, self._take_operator)
 
     def _take_state(self, state: RobotState) -> None:
         if int(state.seq) % PERIOD == 0:
-            self._state.copy_from(state)
-            self._seen[0] = int(state.seq)
+            self._states[int(state.seq)] = copied(state)
             self._answer()
 
-    def _take_operator(self, operator: OperatorCommand) -> None:
-        self._operator.copy_from(operator)
-        self._seen[1] = int(operator.seq)
+    def _take_operator(self, command: OperatorCommand) -> None:
+        self._commands[int(command.seq)] = copied(command)
         self._answer()
 
     def _answer(self) -> None:
-        if self._seen[0] == self._seen[1]:
-            self._send(self.cores.supervisor.step(self._state, self._operator))
+        for seq in sorted(self._states.keys() & self._commands.keys()):
+            self._send(self.cores.supervisor.step(self._states.pop(seq), self._commands.pop(seq)))
 
 
 class Controller(LoopNode):
@@ -135,11 +145,14 @@ class Controller(LoopNode):
         self._modes = ModeTable()
         self._state = RobotState()
         self._done = -1
+        self._command = MotorCommand()
         self.takes(RobotState, self._take_state)
         self.takes(Mode, self._take_mode)
 
     def _take_state(self, state: RobotState) -> None:
         self._state.copy_from(state)
+        if int(state.seq) == self._done:
+            self._send(self._command)  # it got lost
         self._answer()
 
     def _take_mode(self, mode: Mode) -> None:
@@ -151,7 +164,8 @@ class Controller(LoopNode):
         mode = self._modes.at(seq)
         if seq > self._done and mode is not None and self._modes.may_begin(seq):
             self._done = seq
-            self._send(self.cores.controller.step(self._state, mode))
+            self._command = self.cores.controller.step(self._state, mode)
+            self._send(self._command)
 
 
 class Simulator(LoopNode):
@@ -166,12 +180,15 @@ class Simulator(LoopNode):
         self.times: list[float] = []
         self.takes(MotorCommand, self._advance)
         self.takes(OperatorCommand, self._take_operator)
-        self._timer = self.create_timer(_REPEAT, self._begin)
+        self._timer = self.create_timer(_REPEAT, self._repeat)
+        self._looked_at = -1
 
-    def _begin(self) -> None:
-        """Send the first sample until somebody answers."""
-        if not self.times:
-            self._send(self.cores.plant.sense())
+    def _repeat(self) -> None:
+        """Send a sample again that nobody has answered since the last look."""
+        plant = self.cores.plant
+        if plant.seq == self._looked_at or not plant.seq:
+            self._send(plant.sense())
+        self._looked_at = plant.seq
 
     def _take_operator(self, operator: OperatorCommand) -> None:
         self._power[int(operator.effective_seq)] = bool(operator.power)
