@@ -11,6 +11,7 @@ import pytest
 from bringup import PACKAGES, PATIENCE, Robot
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import environment, executable, own_domain
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, OperatorCommand, RobotState
 from cassie_msgs.ros.fast_lane import LaneSubscription
@@ -119,3 +120,14 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(
         finally:
             for process, _, _ in runs:
                 process.kill()
+
+
+def test_a_node_made_for_another_rate_says_so_and_ends(tmp_path: Path) -> None:
+    parameters = {"simulator": {"scripted_operator": False}, "state_estimator": {}}
+    with Robot(tmp_path, **parameters) as robot:
+        robot.start("simulator", command_timeout=0.1, start_timeout=0.5)
+        robot.start("state_estimator", control_rate=1000)
+        running = robot.processes.running
+        robot.eyes.wait_for(lambda: not running("state_estimator"), "its end")
+        with pytest.raises(RunError, match=r"exit code 2: .*control_rate = 1000 Hz.* 500 Hz"):
+            robot.processes.check()

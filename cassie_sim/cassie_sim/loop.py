@@ -107,6 +107,9 @@ class Loop:
         now = self._clock()
         self.plant = plant
         self.switch.reset()
+        if self.broken:
+            self.broken = False
+            self._report("lockstep", None)
         self._lagging = None
         self._applied = -1
         self._last_silence = 0
@@ -170,14 +173,15 @@ class Loop:
 
     def _hold(self, seq: int) -> None:
         """Wait while paused, and for the scripted operator where this tick needs it."""
-        if not self.paused and not self.switch.awaits(seq):
+        in_step = not self.broken and self.config.pacing != "realtime"
+        if not self.paused and not (in_step and self.switch.awaits(seq)):
             return
         started = self._clock()
         while not self._interrupted:
             now = self._clock()
             if self.paused and not self.credit:
                 started = now  # the script has its whole patience after a pause
-            elif not self.switch.awaits(seq):
+            elif not (in_step and self.switch.awaits(seq)):
                 break
             elif now - started >= self.switch.patience:
                 self.switch.give_up()

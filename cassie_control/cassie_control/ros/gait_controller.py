@@ -16,7 +16,7 @@ from cassie_control.ros.common import (
     START_PATIENCE,
     Conditions,
     LaneConfig,
-    check_rate,
+    RateCheck,
 )
 from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
@@ -53,6 +53,7 @@ class GaitControllerNode(Node):
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
+        self._rate = RateCheck(self, stop, self._lane.control_rate)
         self._states = LaneSubscription(self, RobotState)
         self._commands = LanePublisher(self, MotorCommand)
         self._status = LanePublisher(self, ControllerStatus)
@@ -106,6 +107,7 @@ class GaitControllerNode(Node):
         self._reply = command.to_bytes()
         self._commands.publish_raw(self._reply)
         self._answered = key
+        self._rate.check(episode, seq, state)
         if seq % STATUS_TICKS == 0:
             self._tell(seq)
         self._conditions.set("state_estimator", "")
@@ -118,7 +120,6 @@ class GaitControllerNode(Node):
         self._status.publish_raw(self._status_reply)
 
     def _begin(self, episode: int) -> None:
-        check_rate(self._state, self._lane.control_rate)
         self._controller.reset()
         self._modes.reset(episode)
         self.get_logger().info(f"episode {episode}")
