@@ -73,6 +73,9 @@ class WalkConfig:
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
     paper_kd_y: float = tunable(0.35, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kd")
+    paper_offset: float = tunable(
+        0.04, "rad", -0.2, 0.2, "The paper's law: sagittal offset, as the CoM is ahead of the hips"
+    )
     paper_narrowing: float = tunable(
         0.1, "rad/(m/s)", 0.0, 0.3, "The paper's law: swing leg inward by forward speed"
     )

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
     """Rotation from pelvis to heading frame, from pitch and roll in rad, into `tilt` (3, 3)."""
     cp, sp = math.cos(pitch), math.sin(pitch)
@@ -21,7 +22,7 @@ def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
     tilt[2, 0], tilt[2, 1], tilt[2, 2] = -sp, cp * sr, cp * cr
 
 
-@njit(cache=True)
+@compiled
 def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, float]:
     """rotation (3, 3) times vector (3,)."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -32,7 +33,7 @@ def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, floa
     )
 
 
-@njit(cache=True)
+@compiled
 def holding_torques(
     jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
 ) -> tuple[float, float, float, float]:
@@ -48,7 +49,7 @@ def holding_torques(
     return -roll, -yaw, -pitch, tarsus - knee
 
 
-@njit(cache=True)
+@compiled
 def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
     """Clamp each value in place; the index of the first that is not finite, or -1.
 

@@ -78,10 +78,7 @@ class LegReadings:
         Source:
             u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
         """
-        torques: tuple[float, float, float, float] = holding_torques(
-            self.chain.ankle_jacobian, tilt, force, lean_x, lean_y
-        )
-        return torques
+        return holding_torques(self.chain.ankle_jacobian, tilt, force, lean_x, lean_y)
 
 
 class Readings:

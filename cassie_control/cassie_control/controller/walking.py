@@ -28,6 +28,7 @@ from cassie_msgs.layout import Mode, MotorCommand
 
 FloatArray = npt.NDArray[np.float64]
 
+_LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
 _REACH = 0.06  # m that the swing leg grows at most when the ground is late
 _REACH_SPEED = 0.3  # m/s
 
@@ -106,7 +107,7 @@ class WalkingController:
         timing, wish = self.timing, self._wish
         wish.vx, wish.vy = float(mode.vx), float(mode.vy)
         wish.pitch_trim, wish.roll_trim = float(mode.trims[0]), float(mode.trims[1])
-        self._heading += float(mode.yaw_rate) * self._period
+        self._turn(readings.yaw, float(mode.yaw_rate))
         ended = timing.advance(readings)
         if ended:
             mean_velocity = timing.end_step()
@@ -120,6 +121,12 @@ class WalkingController:
         drive_stance(self.config, readings, stance, desired, rates, command, at)
         drive_swing(self.config, readings, swing, desired, rates, command, to)
         return ended
+
+    def _turn(self, yaw: float, yaw_rate: float) -> None:
+        """Turn the heading to follow; it waits where the robot does not come along."""
+        lead = self._heading - yaw
+        if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
+            self._heading += yaw_rate * self._period
 
     def _begin_step(self, readings: Readings) -> None:
         """Outputs of the new step start where the legs are, eq. of continuity."""
