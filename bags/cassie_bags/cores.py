@@ -18,6 +18,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
+from cassie_sim.scenes import scene_spec
 from cassie_sim.simulator_config import SimulatorConfig
 from cassie_teleop.script import ScriptedOperator
 
@@ -44,12 +45,14 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
 
 
 def check_parameters(experiment: Experiment) -> None:
-    """Hold the parameters of every node against what it has.
+    """Hold what the nodes will be given against what they have, before any of them starts.
 
     Raises:
-        ExperimentError: naming parameter, value and range.
+        CassieError, ParameterError: naming parameter, value and range, or the file.
     """
     simulator_config(experiment)
+    scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
+    load_library(library_path(experiment))
     _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
     _config(ControllerConfig, experiment.parameters["controller"], "controller")
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")

@@ -98,13 +98,20 @@ def _check_other_topics(bag: Path) -> None:
         assert topics["/robot_description"].msgcount == 1
 
 
-def test_a_node_that_refuses_its_parameters_ends_the_run_with_its_words(file: Path):
-    # The file is checked before the nodes start, so only a node can know that this library
-    # is not what it says.
+def test_a_node_that_ends_ends_the_run_with_its_words(file: Path):
+    run = experiment(file, "--set", "simulator.video=/none/such/film.mp4")
+    assert run.returncode == 3
+    assert run.stdout == ""
+    assert run.stderr.startswith("experiment: error: simulator ended with exit code 2: ")
+    assert "there is no folder /none/such" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_a_file_that_no_node_could_use_is_refused_before_any_starts(file: Path):
     run = experiment(file, "--set", "gait_library=/dev/null")
-    assert run.returncode in (2, 3)
-    assert "gait" in run.stderr
-    assert "Traceback" not in run.stderr
+    assert run.returncode == 2
+    assert "/dev/null" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
 
 
 def test_ctrl_c_ends_every_process(file: Path, tmp_path: Path):

@@ -47,7 +47,7 @@ DEFAULT_TOPICS = (
 COMPLETE = "the control lane is complete"
 """What the recorder says once it has heard every topic of the control lane."""
 
-_BATCH = 0.004  # s between two looks at the queues
+_BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
 _NEEDED = frozenset(LANE_TYPES) - {"/cassie/controller_status"}
