@@ -53,9 +53,10 @@ RUN_METRICS = (
     "steps",
     "real_time_factor",
 )
-"""Means and errors of the tracked quantities while the robot carries itself, time of the fall (NaN if
-none), greatest and final horizontal distance from where it began to carry itself, greatest
-tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps walked."""
+"""Means and errors of the tracked quantities while the robot carries itself, time of the fall
+(NaN if none), greatest and final horizontal distance from where it began to carry itself,
+greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
+walked."""
 
 
 @dataclass(frozen=True)
