@@ -67,7 +67,7 @@ class WalkConfig:
     integral_x: float = tunable(
         0.05, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.05, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.12, "m", 0.0, 0.2, "Bound of that sum")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
@@ -126,6 +126,11 @@ class TransitionConfig:
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
     lean_roll: float = tunable(0.08, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    stop_vx: float = tunable(
+        0.2, "m/s", 0.05, 1.0, "Walking ends at a touchdown with a CoM no faster than this"
+    )
+    stop_vy: float = tunable(0.35, "m/s", 0.05, 1.0, "The same sideways")
+    stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which it ends anyway")
     blend_time: float = tunable(0.3, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 

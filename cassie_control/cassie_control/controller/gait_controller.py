@@ -37,7 +37,7 @@ class GaitController:
     """State and mode in, drive set-points out.
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
-    walking, standing begins at the next touchdown; the supervisor asks for it when Cassie steps
+    walking, standing begins at the next touchdown with a slow CoM; the supervisor asks for it when Cassie steps
     in place. After each change the set-points are blended over a moment.
 
     Args:
@@ -71,6 +71,7 @@ class GaitController:
         """Back to doing nothing."""
         self.activity = Activity.IDLE
         self._since = 0.0
+        self._stop_steps = 0
         self._blend = 0.0
         self._command.floats[:] = 0.0
 
@@ -144,10 +145,21 @@ class GaitController:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
-        elif self.walking.step(self.readings, mode, command) and mode.mode == RobotMode.STAND:
+        elif self.walking.step(self.readings, mode, command) and self._may_stop(mode):
             self._enter(Activity.STANDING)
             self.standing.start(self.readings)
             self.standing.step(self.readings, mode, command, 0.0)
+
+    def _may_stop(self, mode: Mode) -> bool:
+        """Whether walking ends at this touchdown: asked for, and the CoM is slow enough."""
+        if mode.mode != RobotMode.STAND:
+            self._stop_steps = 0
+            return False
+        self._stop_steps += 1
+        vx, vy, _ = self.readings.com_velocity
+        transition = self.config.transition
+        slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
+        return slow or self._stop_steps >= transition.stop_steps
 
     def _blend_in(self) -> None:
         """Go over from the last set-points to the new ones, torques and gains alike."""

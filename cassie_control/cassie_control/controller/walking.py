@@ -143,8 +143,10 @@ class WalkingController:
         right, left, step_time = self.library.interpolate(self.gait_speed, self._buffer)
         timing.step_time = step_time
         gait = left if timing.stance == LEFT else right
+        torso = gait[ROLL : PITCH + 1 : 2, :2].copy()  # the gait's own is continuous
         gait[:, 0] = self._start
         gait[:, 1] = self._start + self._start_rates * (step_time / bezier.DEGREE)
+        gait[ROLL : PITCH + 1 : 2, :2] = torso
         phase = min(1.0, timing.phase)
         values = gait @ bezier.basis(phase)
         self.desired[:] = values[:, 0]
@@ -153,9 +155,8 @@ class WalkingController:
             self.desired_rates[:] = 0.0
             self._reach_down()
         self._adjust(readings, mode, gait[:, -1].tolist(), phase)
-        self.desired[ROLL] = float(mode.roll) + float(mode.trims[3])
-        self.desired[PITCH] = float(mode.pitch) + float(mode.trims[2])
-        self.desired_rates[ROLL] = self.desired_rates[PITCH] = 0.0
+        self.desired[ROLL] += float(mode.roll) + float(mode.trims[3])
+        self.desired[PITCH] += float(mode.pitch) + float(mode.trims[2])
 
     def _reach_down(self) -> None:
         """The ground is later than planned: the swing leg grows until it finds it."""
