@@ -117,6 +117,21 @@ class Robot:
             words = write_parameters(self.folder / f"{name}.yaml", own)
             self.processes.start(name, [executable(PACKAGES[name], name), *words])
 
+    def go(self) -> None:
+        """Let a simulator that began paused run, once everybody answers its first sample."""
+        eyes = self.eyes
+        eyes.wait_for(
+            lambda: eyes.episode and eyes.statuses and eyes.statuses[-1][1].episode == eyes.episode,
+            "everybody to take part",
+        )
+        assert self.call("pause", data=False).success
+
+    def record(self) -> Path:
+        """Start a recorder; returns the bag it writes."""
+        bag = self.folder / "run.mcap"
+        self.processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
+        return bag
+
     def kill(self, name: str) -> float:
         """SIGKILL a node; returns the wall time of it."""
         now = time.monotonic()

@@ -19,6 +19,7 @@ def test_this_machine_only_means_loopback() -> None:
     assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
     assert PROFILE.is_file()
+    assert use_loopback(environment | LOCAL)  # a child that is told the range once more
 
 
 @pytest.mark.parametrize(

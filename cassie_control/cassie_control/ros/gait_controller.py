@@ -95,8 +95,7 @@ class GaitControllerNode(Node):
         episode, seq = key = int(state.episode), int(state.seq)
         if key == self._answered:
             self._commands.publish_raw(self._reply)
-            if self._status_reply:
-                self._status.publish_raw(self._status_reply)
+            self._status.publish_raw(self._status_reply)
             return
         if episode != self._answered[0]:
             self._begin(episode)
@@ -108,12 +107,12 @@ class GaitControllerNode(Node):
         self._commands.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, state)
-        if seq % STATUS_TICKS == 0:
-            self._tell(seq)
+        if seq % STATUS_TICKS == 0 or not self._status_reply:
+            self._tell()  # a new controller at once, so that nobody thinks it is still lost
         self._conditions.set("state_estimator", "")
         self._conditions.set("state", self._controller.problem)
 
-    def _tell(self, seq: int) -> None:
+    def _tell(self) -> None:
         status = self._controller.status(self._state)
         status.supervisor_lost[...] = float(self._modes.lost)
         self._status_reply = status.to_bytes()

@@ -31,7 +31,8 @@ def use_loopback(environment: MutableMapping[str, str] = os.environ) -> bool:
         Whether they were changed.
     """
     middleware = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
-    configured = any(name in environment for name in _PROFILE_VARIABLES)
+    profiles = {environment.get(name, str(PROFILE)) for name in _PROFILE_VARIABLES}
+    configured = profiles != {str(PROFILE)}
     local = environment.get(_RANGE) == "LOCALHOST"
     if not local or configured or middleware != "rmw_fastrtps_cpp":
         return False
