@@ -86,6 +86,26 @@ def test_walking_ends_only_at_a_touchdown():
     assert float(core.status.stance_leg) == -1.0
 
 
+@pytest.mark.parametrize("velocity", [(0.3, 0.0), (0.0, -0.45)])
+def test_walking_ends_only_with_a_slow_com_or_after_many_steps(velocity):
+    core, steps = walking(0.3), 0
+    while core.activity is Activity.WALKING:
+        steps += 1
+        for swing_force in (300.0, 0.0):
+            left = core.walking.timing.stance == 0
+            state = stepping(330.0, swing_force) if left else stepping(swing_force, 330.0)
+            state.com_velocity[:2] = velocity
+            run(core, state, STAND, PERIOD if swing_force else 0.25)
+    assert steps == CONFIG.transition.stop_steps
+
+
+def test_walking_goes_on_from_touchdown_to_touchdown():
+    core = walking(0.25)
+    run(core, stepping(right=300.0), WALK)
+    assert core.activity is Activity.WALKING
+    assert (float(core.status.stance_leg), float(core.status.step_count)) == (1.0, 1.0)
+
+
 @pytest.mark.parametrize("mode", [OFF, DAMP])
 def test_off_and_damping_take_effect_at_once(mode):
     core = walking()

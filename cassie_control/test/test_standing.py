@@ -117,6 +117,13 @@ def test_the_sum_of_the_height_error_is_bounded(height, sign):
     assert much_later - at_once == pytest.approx(sign * 0.08, abs=2e-3)
 
 
+def test_legs_give_way_to_the_bounce_of_the_springs():
+    still, rising = both_feet(), both_feet()
+    rising.v[2] = 0.2
+    shorter = np.mean(lengths(stood(rising))) - np.mean(lengths(stood(still)))
+    assert shorter == pytest.approx(-0.2 * CONFIG.height_damping, rel=1e-6)
+
+
 def test_the_height_error_is_not_summed_up_in_the_air():
     state = both_feet(height=0.5, forces=(0.0, 0.0))
     mode = mode_of(height=0.8)

@@ -37,8 +37,9 @@ class GaitController:
     """State and mode in, drive set-points out.
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
-    walking, standing begins at the next touchdown with a slow CoM; the supervisor asks for it when Cassie steps
-    in place. After each change the set-points are blended over a moment.
+    walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
+    the supervisor asks for it when Cassie steps in place. After each change the set-points are
+    blended over a moment.
 
     Args:
         config: Gains.
