@@ -107,8 +107,8 @@ def _lose_supervisor(robot: Robot, gait: str) -> None:
         lambda: eyes.report_since(killed, name), "report of the lost supervisor"
     )
     assert reported - killed < REPORT_LIMIT
-    ticks = eyes.tick + 1500
-    eyes.wait_for(lambda: eyes.tick >= ticks, "three seconds of robot time")
+    ticks = eyes.tick + 1200
+    eyes.wait_for(lambda: eyes.tick >= ticks, "her to stop, step in place and stand")
     assert robot.stands()
     robot.start("mode_supervisor")
     eyes.wait_for(lambda: eyes.is_well(name), "the controller to hear the new supervisor")
@@ -163,4 +163,4 @@ def _lose_simulator(robot: Robot, gait: str) -> None:
     robot.start("simulator")
     eyes.wait_for(lambda: eyes.episode > episode, "a new episode")
     robot.go()
-    _bring_up(robot, gait)
+    _bring_up(robot, "stand")
