@@ -68,7 +68,7 @@ def test_each_node_killed_in_turn(tmp_path: Path, pacing: str, gait: str) -> Non
         _lose_supervisor(robot, gait)
         _lose_estimator_or_controller(robot, gait, "state_estimator", pacing)
         _lose_estimator_or_controller(robot, gait, "gait_controller", pacing)
-        _lose_simulator(robot, gait)
+        _lose_simulator(robot)
         if bag is not None:
             robot.processes.stop("record")
             _check_nothing_is_lost(bag)
@@ -143,7 +143,7 @@ def _lose_estimator_or_controller(robot: Robot, gait: str, node: str, pacing: st
     _bring_up_again(robot, gait)
 
 
-def _lose_simulator(robot: Robot, gait: str) -> None:
+def _lose_simulator(robot: Robot) -> None:
     """The others report it and wait; a new simulator begins a new episode."""
     eyes = robot.eyes
     episode = eyes.episode
