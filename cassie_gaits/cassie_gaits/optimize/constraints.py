@@ -1,0 +1,239 @@
+"""The rows of Table `table:optimization_constraints` and the robot's limits, as program blocks."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.optimize import grid
+from cassie_gaits.optimize.blocks import Block, Row
+from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
+from cassie_gaits.optimize.posture import SIZE, places, posture
+from cassie_gaits.optimize.request import Limits
+from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdown
+
+FloatArray = npt.NDArray[np.float64]
+
+PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymmetry")
+"""Order of the program's parameters, as `request.parameters` gives them."""
+
+GRID = 25
+"""Instants at which what depends on the posture alone is asked; odd, so that one is mid-step."""
+
+LEGS = {"stance": "right", "swing": "left"}
+
+INF = math.inf
+
+
+def parameter_symbols() -> tuple[ca.SX, dict[str, ca.SX]]:
+    """The vector of parameters and its entries by name."""
+    p = ca.SX.sym("p", len(PARAMETERS))
+    return p, {name: p[i] for i, name in enumerate(PARAMETERS)}
+
+
+def dynamics_block(limits: Limits, place: FloatArray, sign: float) -> Block:
+    """Dynamics, drives and friction at the Gauss points.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        sign: Of the pelvis's asymmetry in this step.
+    """
+    z, p, at, value = _instant_symbols(sign)
+    rows = _dynamics_rows(at, limits)
+    outputs, replaced = [row.value for row in rows], [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
+    cost = _cost(at, limits)
+    moved = ca.Function("moved", replaced, [ca.vertcat(*outputs), cost])(*value)
+    rows = [Row(r.name, moved[0][i], r.low, r.high, r.scale) for i, r in enumerate(rows)]
+    phases, weights = grid.gauss()
+    maps = [grid.coordinates_at(phase, 2) @ place for phase in phases]
+    return Block("dynamics", z, p, rows, maps, moved[1], weights)
+
+
+def _instant_symbols(sign: float) -> tuple[ca.SX, ca.SX, Instant, list[ca.SX]]:
+    p, by_name = parameter_symbols()
+    z = ca.SX.sym("z", 3 * SIZE)
+    time = by_name["step_time"]
+    y, y1, y2 = ca.vertsplit(z, SIZE)
+    value = [y, y1 / time, y2 / time**2, by_name["slope"], sign * by_name["asymmetry"]]
+    return z, p, instant(), value
+
+
+def _dynamics_rows(at: Instant, limits: Limits) -> list[Row]:
+    weight = robot.total_mass() * GRAVITY
+    # Force along and across the ground, which may slope.
+    c, s = ca.cos(at.slope), ca.sin(at.slope)
+    along, side, across = (
+        c * at.force[0] + s * at.force[2],
+        at.force[1],
+        c * at.force[2] - s * at.force[0],
+    )
+    cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
+    toe = RIGID_JOINTS.index("toe")
+    heading = ca.mtimes(at.posture.foot_to_ground[:, 0].T, at.moment)
+    rows = [
+        Row("dynamics of the stance foot's roll", heading, 0.0, 0.0, 10.0),
+        Row("torque for stance foot pitch", at.efforts.stance[toe], 0.0, 0.0, 10.0),
+        Row("friction cone", cone / weight**2, 0.0, INF),
+        Row("ground pushes", across / weight, 0.05, INF),
+    ]
+    for side_name, torques, rates in (
+        ("stance", at.efforts.stance, at.stance_rate),
+        ("swing", at.efforts.swing, at.swing_rate),
+    ):
+        for i, joint in enumerate(RIGID_JOINTS):
+            drive = robot.DRIVES[joint]
+            name = f"{side_name} {joint.replace('_', ' ')}"
+            load = torques[i] / (2.0 * drive.torque_limit)
+            speed = rates[i] / drive.speed_limit
+            if (side_name, joint) == ("stance", "toe"):
+                rows.append(Row(f"speed of {name}", speed, -limits.share, limits.share))
+                continue
+            rows.append(Row(f"torque of {name}", load, -0.5 * limits.share, 0.5 * limits.share))
+            for total in (load + speed, load - speed):
+                rows.append(
+                    Row(f"torque at speed of {name}", total, -limits.share, limits.share)
+                )
+    return rows
+
+
+def _cost(at: Instant, limits: Limits) -> ca.SX:
+    """Integrand of the cost in "Set of Gaits"."""
+    torques = ca.vertcat(at.efforts.stance, at.efforts.swing)
+    guided = ca.vertcat(
+        at.posture.torso[1], at.posture.torso[2], at.posture.stance[:2], at.posture.swing[:2]
+    )
+    return ca.sumsqr(torques) + limits.weight * ca.sumsqr(guided)
+
+
+def posture_block(limits: Limits, place: FloatArray) -> Block:
+    """Distances and joint stops over the whole step."""
+    p, by_name = parameter_symbols()
+    y = ca.SX.sym("y", SIZE)
+    at = posture(y, by_name["slope"])
+    pelvis, foot, _ = places(at)
+    margin = limits.margin
+    rows = [
+        Row(
+            "distance between pelvis and stance foot",
+            ca.norm_2(pelvis),
+            limits.pelvis_low + margin,
+            limits.pelvis_high - margin,
+        ),
+        Row("distance between feet", foot[1], limits.feet_apart + margin, INF),
+    ]
+    for name, joints in (("stance", at.stance), ("swing", at.swing)):
+        for i, joint in enumerate(RIGID_JOINTS):
+            low, high = _stops(LEGS[name], joint)
+            rows.append(Row(f"stops of {name} {joint.replace('_', ' ')}", joints[i], low, high))
+    maps = [grid.coordinates_at(phase, 0) @ place for phase in np.linspace(0.0, 1.0, GRID)]
+    return Block("posture", y, p, rows, maps)
+
+
+def _stops(leg: str, joint: str) -> tuple[float, float]:
+    """Range of a joint; the tarsus moves against the knee and its stops count for it."""
+    stops = {link.name: link.joint.limits or (-INF, INF) for link in robot.leg_links(leg)}
+    low, high = stops[joint]
+    if joint == "knee":
+        low = max(low, robot.NEUTRAL_TARSUS - stops["tarsus"][1])
+        high = min(high, robot.NEUTRAL_TARSUS - stops["tarsus"][0])
+    return low + 1e-3, high - 1e-3
+
+
+def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
+    """Height of the swing foot: at mid-step what is asked for, else above the ground."""
+    p, by_name = parameter_symbols()
+    y = ca.SX.sym("y", SIZE)
+    slope = by_name["slope"]
+    _, foot, _ = places(posture(y, slope))
+    height = ca.cos(slope) * foot[2] - ca.sin(slope) * foot[0]
+    if middle:
+        phases = [0.5]
+        row = Row(
+            "mid-step swing foot clearance", height - by_name["clearance"], limits.margin, INF
+        )
+    else:
+        phases = list(np.linspace(0.0, 1.0, GRID)[1:-1])
+        row = Row("swing foot above the ground", height, 0.0, INF)
+    maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
+    return Block("clearance" if middle else "height", y, p, [row], maps)
+
+
+def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: float) -> Block:
+    """Change of legs: same posture, impact map, and how the swing foot meets the ground.
+
+    Args:
+        limits: Bounds.
+        end: Matrix from all unknowns to those of the step that ends.
+        start: The same for the step that follows, which is mirrored.
+        sign: Of the pelvis's asymmetry in the step that ends.
+    """
+    p, by_name = parameter_symbols()
+    z = ca.SX.sym("z", 4 * SIZE)
+    time, slope = by_name["step_time"], by_name["slope"]
+    ye, ye1, ys, ys1 = ca.vertsplit(z, SIZE)
+    at = touchdown()
+    symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry]
+    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity]
+    same, impulse, foot, velocity = ca.Function("at", symbols, results)(
+        ye, ye1 / time, ys, ys1 / time, slope, sign * by_name["asymmetry"]
+    )
+    c, s = ca.cos(slope), ca.sin(slope)
+    along, across = c * velocity[0] + s * velocity[2], c * velocity[2] - s * velocity[0]
+    rows = [Row("same posture after the change of legs", same[i], 0.0, 0.0) for i in range(12)]
+    rows += [Row("impact map", impulse[i], 0.0, 0.0) for i in range(11)]
+    fast = limits.landing_speed - 1e-3
+    rows += [
+        Row("swing foot lands", c * foot[2] - s * foot[0], 0.0, 0.0),
+        Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
+        Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
+        Row("swing foot velocity on impact (z)", across, -fast, -1e-3),
+    ]
+    ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start
+    return Block("landing", z, p, rows, [np.vstack([ends, starts])])
+
+
+def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
+    """Mean velocity and turn over two steps.
+
+    Args:
+        first: Matrix from all unknowns to those of the step on the right leg.
+        second: The same for the left leg, mirrored; None for a symmetric gait.
+
+    The feet may be turned out: the heading lies evenly between theirs. A symmetric gait goes
+    straight along it; otherwise the torso's path is an arc that the two steps must span.
+    """
+    p, by_name = parameter_symbols()
+    count = 1 if second is None else 2
+    z = ca.SX.sym("z", count * SIZE)
+    time, slope = by_name["step_time"], by_name["slope"]
+    at = touchdown()
+    place = ca.Function("place", [at.end, at.slope], [at.foot, at.foot_yaw])
+    foot, yaw = place(z[:SIZE], slope)
+    ahead = foot[0] / ca.cos(slope)
+    if second is None:
+        advance = ahead * ca.cos(yaw / 2.0) + foot[1] * ca.sin(yaw / 2.0)
+        rows = [Row("average sagittal velocity", advance / time - by_name["vx"], 0.0, 0.0)]
+        maps = [grid.coordinates_at(1.0, 0) @ first]
+        return Block("travel", z, p, rows, maps)
+    other, other_yaw = place(z[SIZE:], slope)
+    turn, yaw2 = by_name["yaw_rate"], -other_yaw
+    x2, y2 = other[0] / ca.cos(slope), -other[1]
+    dx = ahead + ca.cos(yaw) * x2 - ca.sin(yaw) * y2
+    dy = foot[1] + ca.sin(yaw) * x2 + ca.cos(yaw) * y2
+    # The chord of an arc is shorter than the way along it by sin(a) / a, even in a.
+    bend = turn * time
+    chord = 2.0 * time * (1.0 - bend**2 / 6.0 + bend**4 / 120.0 - bend**6 / 5040.0)
+    heading = 0.5 * (yaw + bend)
+    c, s = ca.cos(heading), ca.sin(heading)
+    rows = [
+        Row("average sagittal velocity", (c * dx + s * dy) / chord - by_name["vx"], 0.0, 0.0),
+        Row("average lateral velocity", (c * dy - s * dx) / chord - by_name["vy"], 0.0, 0.0),
+        Row("average turning rate", (yaw + yaw2) / (2.0 * time) - turn, 0.0, 0.0),
+    ]
+    ends = [grid.coordinates_at(1.0, 0) @ part for part in (first, second)]
+    return Block("travel", z, p, rows, [np.vstack(ends)])
