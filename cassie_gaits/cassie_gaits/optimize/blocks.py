@@ -62,17 +62,11 @@ class Block:
         self.upper = np.tile([row.high / row.scale for row in rows], self.count)
         self._map = ca.DM(ca.sparsify(ca.DM(np.vstack(maps))))
         self._weights = ca.DM(weights).T if weights is not None else ca.DM.zeros(1, self.count)
-        values = ca.vertcat(*(row.value / row.scale for row in rows))
+        self._name, self._z, self._p = name, z, p
+        self._values = ca.vertcat(*(row.value / row.scale for row in rows))
+        self._price = None if cost is None else cost
         price = ca.SX(0) if cost is None else cost
-        multipliers, sigma = ca.SX.sym("multipliers", len(rows)), ca.SX.sym("sigma")
-        lagrangian = sigma * price + ca.dot(multipliers, values)
-        self._value = ca.Function(f"{name}_value", [z, p], [values, price])
-        self._slope = ca.Function(
-            f"{name}_slope", [z, p], [values, price, ca.jacobian(values, z), ca.gradient(price, z)]
-        )
-        self._bend = ca.Function(
-            f"{name}_bend", [z, p, multipliers, sigma], [ca.hessian(lagrangian, z)[0]]
-        )
+        self._value = ca.Function(f"{name}_value", [z, p], [self._values, price])
 
     @property
     def size(self) -> int:
@@ -88,27 +82,48 @@ class Block:
         values, prices = self._value.map(self.count)(self._points(x), self._repeat(p))
         return ca.vec(values), ca.dot(prices, self._weights)
 
-    def slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-        """Constraints, cost, Jacobian of the constraints and gradient of the cost."""
-        values, prices, jacobians, gradients = self._slope.map(self.count)(
-            self._points(x), self._repeat(p)
+    def slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Constraints and their Jacobian."""
+        slope = ca.Function(
+            f"{self._name}_slope",
+            [self._z, self._p],
+            [self._values, ca.jacobian(self._values, self._z)],
         )
-        blocks = ca.diagcat(*ca.horzsplit(jacobians, self._slope.size2_out(2)))
-        gradient = ca.mtimes(self._map.T, ca.vec(gradients * _rows_like(gradients, self._weights)))
-        return (
-            ca.vec(values),
-            ca.dot(prices, self._weights),
-            ca.mtimes(blocks, self._map),
-            gradient,
+        values, jacobians = slope.map(self.count)(self._points(x), self._repeat(p))
+        blocks = ca.diagcat(*ca.horzsplit(jacobians, slope.size2_out(1)))
+        return ca.vec(values), ca.mtimes(blocks, self._map)
+
+    def cost_slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Cost and its gradient."""
+        if self._price is None:
+            return ca.MX(0), ca.MX(x.size1(), 1)
+        slope = ca.Function(
+            f"{self._name}_cost_slope",
+            [self._z, self._p],
+            [self._price, ca.gradient(self._price, self._z)],
         )
+        prices, gradients = slope.map(self.count)(self._points(x), self._repeat(p))
+        weighted = gradients * ca.repmat(self._weights, gradients.size1(), 1)
+        return ca.dot(prices, self._weights), ca.mtimes(self._map.T, ca.vec(weighted))
 
     def bend(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
         """Hessian of the Lagrangian."""
-        lam = ca.reshape(multipliers, len(self.rows), self.count)
-        hessians = self._bend.map(self.count)(
-            self._points(x), self._repeat(p), lam, sigma * self._weights
+        lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
+        lagrangian = ca.dot(lam, self._values)
+        if self._price is not None:
+            lagrangian += share * self._price
+        bend = ca.Function(
+            f"{self._name}_bend",
+            [self._z, self._p, lam, share],
+            [ca.hessian(lagrangian, self._z)[0]],
         )
-        blocks = ca.diagcat(*ca.horzsplit(hessians, self._bend.size2_out(0)))
+        hessians = bend.map(self.count)(
+            self._points(x),
+            self._repeat(p),
+            ca.reshape(multipliers, len(self.rows), self.count),
+            sigma * self._weights,
+        )
+        blocks = ca.diagcat(*ca.horzsplit(hessians, bend.size2_out(0)))
         return ca.mtimes(self._map.T, ca.mtimes(blocks, self._map))
 
     def _points(self, x: ca.MX) -> ca.MX:
@@ -116,7 +131,3 @@ class Block:
 
     def _repeat(self, p: ca.MX) -> ca.MX:
         return ca.repmat(p, 1, self.count)
-
-
-def _rows_like(matrix: ca.MX, row: ca.DM) -> ca.DM:
-    return ca.repmat(row, matrix.size1(), 1)

@@ -22,7 +22,10 @@ PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymme
 """Order of the program's parameters, as `request.parameters` gives them."""
 
 GRID = 25
-"""Instants at which what depends on the posture alone is asked; odd, so that one is mid-step."""
+"""Instants at which what depends on the posture alone is watched; odd, so that one is mid-step."""
+
+COARSE_GRID = 13
+"""The same in the lean program."""
 
 LEGS = {"stance": "right", "swing": "left"}
 
@@ -35,16 +38,17 @@ def parameter_symbols() -> tuple[ca.SX, dict[str, ca.SX]]:
     return p, {name: p[i] for i, name in enumerate(PARAMETERS)}
 
 
-def dynamics_block(limits: Limits, place: FloatArray, sign: float) -> Block:
+def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool) -> Block:
     """Dynamics, drives and friction at the Gauss points.
 
     Args:
         limits: Bounds.
         place: Matrix from all unknowns to those of this step.
         sign: Of the pelvis's asymmetry in this step.
+        lean: Whether to leave out what walking seldom meets: the drives' torque at speed.
     """
     z, p, at, value = _instant_symbols(sign)
-    rows = _dynamics_rows(at, limits)
+    rows = _dynamics_rows(at, limits, lean=lean)
     outputs, replaced = [row.value for row in rows], [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
     cost = _cost(at, limits)
     moved = ca.Function("moved", replaced, [ca.vertcat(*outputs), cost])(*value)
@@ -63,7 +67,7 @@ def _instant_symbols(sign: float) -> tuple[ca.SX, ca.SX, Instant, list[ca.SX]]:
     return z, p, instant(), value
 
 
-def _dynamics_rows(at: Instant, limits: Limits) -> list[Row]:
+def _dynamics_rows(at: Instant, limits: Limits, *, lean: bool) -> list[Row]:
     weight = robot.total_mass() * GRAVITY
     # Force along and across the ground, which may slope.
     c, s = ca.cos(at.slope), ca.sin(at.slope)
@@ -81,23 +85,26 @@ def _dynamics_rows(at: Instant, limits: Limits) -> list[Row]:
         Row("friction cone", cone / weight**2, 0.0, INF),
         Row("ground pushes", across / weight, 0.05, INF),
     ]
-    for side_name, torques, rates in (
-        ("stance", at.efforts.stance, at.stance_rate),
-        ("swing", at.efforts.swing, at.swing_rate),
-    ):
-        for i, joint in enumerate(RIGID_JOINTS):
-            drive = robot.DRIVES[joint]
-            name = f"{side_name} {joint.replace('_', ' ')}"
-            load = torques[i] / (2.0 * drive.torque_limit)
-            speed = rates[i] / drive.speed_limit
-            if (side_name, joint) == ("stance", "toe"):
-                rows.append(Row(f"speed of {name}", speed, -limits.share, limits.share))
-                continue
-            rows.append(Row(f"torque of {name}", load, -0.5 * limits.share, 0.5 * limits.share))
-            for total in (load + speed, load - speed):
-                rows.append(
-                    Row(f"torque at speed of {name}", total, -limits.share, limits.share)
-                )
+    rows += _drive_rows("stance", at.efforts.stance, at.stance_rate, limits, lean=lean)
+    rows += _drive_rows("swing", at.efforts.swing, at.swing_rate, limits, lean=lean)
+    return rows
+
+
+def _drive_rows(
+    side: str, torques: ca.SX, rates: ca.SX, limits: Limits, *, lean: bool
+) -> list[Row]:
+    """|u| <= u_max, and |u| / (2 u_max) + |speed| / no-load speed <= 1."""
+    rows, full = [], limits.share
+    for i, joint in enumerate(RIGID_JOINTS):
+        drive, name = robot.DRIVES[joint], f"{side} {joint.replace('_', ' ')}"
+        load = torques[i] / (2.0 * drive.torque_limit)
+        speed = rates[i] / drive.speed_limit
+        moved = [(f"speed of {name}", speed)]
+        if (side, joint) != ("stance", "toe"):
+            rows.append(Row(f"torque of {name}", load, -0.5 * full, 0.5 * full))
+            moved = [(f"torque at speed of {name}", load + sign * speed) for sign in (1.0, -1.0)]
+        if not lean:
+            rows += [Row(label, value, -full, full) for label, value in moved]
     return rows
 
 
@@ -110,8 +117,8 @@ def _cost(at: Instant, limits: Limits) -> ca.SX:
     return ca.sumsqr(torques) + limits.weight * ca.sumsqr(guided)
 
 
-def posture_block(limits: Limits, place: FloatArray) -> Block:
-    """Distances and joint stops over the whole step."""
+def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
+    """Distances and, unless `lean`, joint stops over the whole step."""
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     at = posture(y, by_name["slope"])
@@ -126,12 +133,19 @@ def posture_block(limits: Limits, place: FloatArray) -> Block:
         ),
         Row("distance between feet", foot[1], limits.feet_apart + margin, INF),
     ]
-    for name, joints in (("stance", at.stance), ("swing", at.swing)):
-        for i, joint in enumerate(RIGID_JOINTS):
-            low, high = _stops(LEGS[name], joint)
-            rows.append(Row(f"stops of {name} {joint.replace('_', ' ')}", joints[i], low, high))
-    maps = [grid.coordinates_at(phase, 0) @ place for phase in np.linspace(0.0, 1.0, GRID)]
+    if not lean:
+        rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
+    phases = np.linspace(0.0, 1.0, COARSE_GRID if lean else GRID)
+    maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
     return Block("posture", y, p, rows, maps)
+
+
+def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
+    rows = []
+    for i, joint in enumerate(RIGID_JOINTS):
+        low, high = _stops(LEGS[side], joint)
+        rows.append(Row(f"stops of {side} {joint.replace('_', ' ')}", joints[i], low, high))
+    return rows
 
 
 def _stops(leg: str, joint: str) -> tuple[float, float]:

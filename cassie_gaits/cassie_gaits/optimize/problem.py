@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -38,12 +38,19 @@ class Problem:
 
     Args:
         symmetric: One step, its own mirror image, or two.
+        lean: Whether to leave out constraints that walking seldom meets. Whoever solves the lean
+            program looks at all of them afterwards.
         limits: Bounds.
         max_iterations: Of the solver.
     """
 
     def __init__(
-        self, *, symmetric: bool = True, limits: Limits | None = None, max_iterations: int = 300
+        self,
+        *,
+        symmetric: bool = True,
+        lean: bool = False,
+        limits: Limits | None = None,
+        max_iterations: int = 300,
     ) -> None:
         self.symmetric = symmetric
         self.steps = 1 if symmetric else 2
@@ -55,19 +62,39 @@ class Problem:
             sign = 1.0 if step == 0 else -1.0
             after = places[(step + 1) % self.steps]
             self.blocks += [
-                constraints.dynamics_block(limits, place, sign),
-                constraints.posture_block(limits, place),
+                constraints.dynamics_block(limits, place, sign, lean=lean),
+                constraints.posture_block(limits, place, lean=lean),
                 constraints.clearance_block(limits, place, middle=True),
-                constraints.clearance_block(limits, place, middle=False),
                 constraints.landing_block(limits, place, after, sign),
             ]
+            if not lean:
+                self.blocks.append(constraints.clearance_block(limits, place, middle=False))
         second = None if symmetric else places[1]
         self.blocks.append(constraints.travel_block(places[0], second))
         self.lower = np.concatenate([block.lower for block in self.blocks])
         self.upper = np.concatenate([block.upper for block in self.blocks])
         self.names = [name for block in self.blocks for name in block.names()]
         self.x_lower, self.x_upper = self._bounds()
-        self.solver = self._solver(max_iterations)
+        self._max_iterations = max_iterations
+
+    @cached_property
+    def solver(self) -> ca.Function:
+        """IPOPT: x0, p, lbx, ubx, lbg, ubg to x, f, g and multipliers."""
+        x, p, f, g = self._symbols()
+        options: dict[str, Any] = {
+            "ipopt": {**_IPOPT, "max_iter": self._max_iterations},
+            "print_time": False,
+            "error_on_fail": False,
+            "calc_lam_p": False,
+            **self._derivatives(x, p),
+        }
+        return ca.nlpsol("gait", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """x, p to scaled cost and constraints."""
+        x, p, f, g = self._symbols()
+        return ca.Function("values", [x, p], [f, g])
 
     def guess(self) -> FloatArray:
         """Both legs of the same length, all angles zero."""
@@ -84,24 +111,17 @@ class Problem:
         upper = _constant({"leg_length": 1.02}, 1.2)
         return np.tile(lower, self.steps), np.tile(upper, self.steps)
 
-    def _solver(self, max_iterations: int) -> ca.Function:
+    def _symbols(self) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
         x, p = ca.MX.sym("x", self.unknowns), ca.MX.sym("p", len(constraints.PARAMETERS))
         values = [block.value(x, p) for block in self.blocks]
-        g, f = ca.vertcat(*(value for value, _ in values)), _total([cost for _, cost in values])
-        options: dict[str, Any] = {
-            "ipopt": {**_IPOPT, "max_iter": max_iterations},
-            "print_time": False,
-            "error_on_fail": False,
-            "calc_lam_p": False,
-            **self._derivatives(x, p),
-        }
-        program = {"x": x, "p": p, "f": COST_SCALE * f, "g": g}
-        return ca.nlpsol("gait", "ipopt", program, options)
+        g = ca.vertcat(*(value for value, _ in values))
+        return x, p, COST_SCALE * _total([cost for _, cost in values]), g
 
     def _derivatives(self, x: ca.MX, p: ca.MX) -> dict[str, ca.Function]:
         slopes = [block.slope(x, p) for block in self.blocks]
-        g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 2))
-        f, gradient = (COST_SCALE * _total([slope[i] for slope in slopes]) for i in (1, 3))
+        g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 1))
+        prices = [block.cost_slope(x, p) for block in self.blocks]
+        f, gradient = (COST_SCALE * _total([price[i] for price in prices]) for i in (0, 1))
         sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
         ends = np.cumsum([0] + [block.size for block in self.blocks])
         pieces = ca.vertsplit(lam, ends.tolist())
@@ -145,6 +165,6 @@ def _constant(values: dict[str, float], other: float) -> FloatArray:
 
 
 @cache
-def problem(*, symmetric: bool) -> Problem:
+def problem(*, symmetric: bool, lean: bool) -> Problem:
     """The program with the table's limits, made once in a process."""
-    return Problem(symmetric=symmetric)
+    return Problem(symmetric=symmetric, lean=lean)
