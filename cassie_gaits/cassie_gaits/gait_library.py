@@ -36,8 +36,15 @@ OUTPUTS = (
 )
 """The nine outputs of eq:h0, the rows of every coefficient matrix."""
 
+PASSIVE = ("stance_foot_roll", "stance_leg_pitch")
+"""What moves on its own in a step, the rows of `Gait.passive`: the stance foot about the middle
+line of its sole, and the pitch of the stance leg as of an output."""
+
 STANCES = ("right_stance", "left_stance")
 """The two domains, in the order in which arrays and files hold them."""
+
+MOST_COEFFICIENTS = 64
+"""Of a polynomial of torque or passive motion."""
 
 KINDS = ("optimized", "provisional", "imported")
 
@@ -57,7 +64,9 @@ class Gait:
         coefficients: Bezier coefficients of the outputs, right stance then left stance. Shape
             (2, 9, 6), in rad and m, read-only.
         torques: Bezier coefficients of the ten drives' torques in the order of `names.DRIVES`,
-            right stance then left stance, or None. Shape (2, 10, 6), in Nm, read-only.
+            right stance then left stance, or None. Shape (2, 10, n), in Nm, read-only.
+        passive: Bezier coefficients of what the outputs leave free, `PASSIVE`, or None. Shape
+            (2, 2, n), in rad, read-only.
         cost: Value of the optimized cost, or None.
         solver: What the solver reported.
         certificate: What an independent check found, or None.
@@ -72,6 +81,7 @@ class Gait:
     cost: float | None = None
     solver: Mapping[str, Any] = field(default_factory=dict)
     certificate: Mapping[str, Any] | None = None
+    passive: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("vx", "vy", "yaw_rate", "step_time"):
@@ -82,8 +92,9 @@ class Gait:
         shape = (2, len(OUTPUTS), COEFFICIENTS)
         object.__setattr__(self, "coefficients", _frozen(self.coefficients, shape, "coefficients"))
         if self.torques is not None:
-            shape = (2, len(DRIVES), COEFFICIENTS)
-            object.__setattr__(self, "torques", _frozen(self.torques, shape, "torques"))
+            object.__setattr__(self, "torques", _series(self.torques, len(DRIVES), "torques"))
+        if self.passive is not None:
+            object.__setattr__(self, "passive", _series(self.passive, len(PASSIVE), "passive"))
         object.__setattr__(self, "solver", MappingProxyType(dict(self.solver)))
         if self.certificate is not None:
             object.__setattr__(self, "certificate", MappingProxyType(dict(self.certificate)))
@@ -198,6 +209,26 @@ def mirror(coefficients: FloatArray) -> FloatArray:
     """
     result: FloatArray = coefficients * _MIRROR_SIGN
     return result
+
+
+def mirror_passive(coefficients: FloatArray) -> FloatArray:
+    """The same for coefficients of `PASSIVE`. Shape (2, n)."""
+    return coefficients * np.array([[-1.0], [1.0]])
+
+
+def mirror_torques(coefficients: FloatArray) -> FloatArray:
+    """The same for coefficients of the drives' torques: legs change places. Shape (10, n)."""
+    legs = coefficients.reshape(2, 5, -1)[::-1] * np.array([-1.0, -1.0, 1.0, 1.0, 1.0])[:, None]
+    result: FloatArray = legs.reshape(10, -1)
+    return result
+
+
+def _series(values: FloatArray, rows: int, name: str) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != 3 or not 2 <= array.shape[2] <= MOST_COEFFICIENTS:
+        expected = f"(2, {rows}, 2 .. {MOST_COEFFICIENTS})"
+        raise GaitLibraryError(f"{name} have shape {array.shape}, expected {expected}")
+    return _frozen(array, (2, rows, array.shape[2]), name)
 
 
 def _frozen(values: FloatArray, shape: tuple[int, ...], name: str) -> FloatArray:

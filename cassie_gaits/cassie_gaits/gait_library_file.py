@@ -5,7 +5,8 @@
      "outputs": ["torso_roll", ...],
      "gaits": [{"vx": 0.5, "vy": 0.0, "yaw_rate": 0.0, "step_time": 0.4,
                 "coefficients": {"right_stance": 9 rows of 6, "left_stance": 9 rows of 6},
-                "torques": null or {"right_stance": 10 rows of 6, "left_stance": ...},
+                "torques": null or {"right_stance": 10 rows of n, "left_stance": ...},
+                "passive": null or {"right_stance": 2 rows of n, "left_stance": ...},
                 "cost": null or a number, "solver": {...}, "certificate": null or {...}}]}
 
 Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives.
@@ -34,6 +35,7 @@ _PROVENANCE = {"tool", "version", "date", "settings"}
 _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"} | {
     "solver",
     "certificate",
+    "passive",
 }
 
 
@@ -119,6 +121,9 @@ def _gait_document(gait: Gait) -> dict[str, Any]:
         "torques": None
         if gait.torques is None
         else dict(zip(STANCES, gait.torques.tolist(), strict=True)),
+        "passive": None
+        if gait.passive is None
+        else dict(zip(STANCES, gait.passive.tolist(), strict=True)),
         "cost": gait.cost,
         "solver": dict(gait.solver),
         "certificate": None if gait.certificate is None else dict(gait.certificate),
@@ -157,7 +162,7 @@ def _library(document: object, path: Path) -> GaitLibrary:
 
 def _gait(document: object, index: int) -> Gait:
     try:
-        entry = _object(document, "the entry", _GAIT)
+        entry = _object({"passive": None, **_object(document, "the entry")}, "the entry", _GAIT)
         certificate = entry["certificate"]
         return Gait(
             vx=_number(entry, "vx"),
@@ -169,6 +174,7 @@ def _gait(document: object, index: int) -> Gait:
             cost=None if entry["cost"] is None else _number(entry, "cost"),
             solver=_object(entry["solver"], "solver"),
             certificate=None if certificate is None else _object(certificate, "certificate"),
+            passive=None if entry["passive"] is None else _matrices(entry["passive"], "passive"),
         )
     except GaitLibraryError as error:
         raise GaitLibraryError(f"gaits[{index}]: {error}") from None

@@ -24,8 +24,8 @@ PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymme
 GRID = 25
 """Instants at which what depends on the posture alone is watched; odd, so that one is mid-step."""
 
-COARSE_GRID = 13
-"""The same in the lean program."""
+STRAIGHT = "swing foot straight ahead on a slope"
+"""The row whose bounds close where the ground rises: turned-out feet would not stand level."""
 
 LEGS = {"stance": "right", "swing": "left"}
 
@@ -135,7 +135,7 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
     ]
     if not lean:
         rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
-    phases = np.linspace(0.0, 1.0, COARSE_GRID if lean else GRID)
+    phases = np.linspace(0.0, 1.0, GRID)
     maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
     return Block("posture", y, p, rows, maps)
 
@@ -192,8 +192,8 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
     ye, ye1, ys, ys1 = ca.vertsplit(z, SIZE)
     at = touchdown()
     symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry]
-    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity]
-    same, impulse, foot, velocity = ca.Function("at", symbols, results)(
+    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity, at.foot_yaw]
+    same, impulse, foot, velocity, yaw = ca.Function("at", symbols, results)(
         ye, ye1 / time, ys, ys1 / time, slope, sign * by_name["asymmetry"]
     )
     c, s = ca.cos(slope), ca.sin(slope)
@@ -206,6 +206,7 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
         Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
         Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
         Row("swing foot velocity on impact (z)", across, -fast, -1e-3),
+        Row(STRAIGHT, yaw, -1.0, 1.0),
     ]
     ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start
     return Block("landing", z, p, rows, [np.vstack([ends, starts])])
