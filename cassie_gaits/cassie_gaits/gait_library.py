@@ -5,10 +5,11 @@ The file that holds one is in `gait_library_file`.
 
 from __future__ import annotations
 
+import functools
 import math
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -98,6 +99,14 @@ class Gait:
         object.__setattr__(self, "solver", MappingProxyType(dict(self.solver)))
         if self.certificate is not None:
             object.__setattr__(self, "certificate", MappingProxyType(dict(self.certificate)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Read-only mappings do not travel between processes.
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        values["solver"] = dict(self.solver)
+        if self.certificate is not None:
+            values["certificate"] = dict(self.certificate)
+        return functools.partial(Gait, **values), ()
 
 
 @dataclass(frozen=True)

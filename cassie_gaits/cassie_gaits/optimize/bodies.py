@@ -2,8 +2,8 @@
 
 The shin counts as one body with the knee link, its spring being rigid. The heel spring and the
 foot crank stay bodies of their own. A rod is a mass at each of its ends and one between them that
-together have its mass, its centre and its moment of inertia across: only the inertia about its
-own length is lost, 4e-6 kg m^2.
+together have its mass, its centre and its moment of inertia across. What that leaves over, mostly
+the inertia of 4e-6 kg m^2 about its length, turns along with the link beside it.
 """
 
 from __future__ import annotations
@@ -88,6 +88,8 @@ def leg(name: str) -> Leg:
     bodies = {part: _body(links[part]) for part in (*CHAIN, *BRANCHES)}
     fixed = [bodies["knee"], _carried(links["knee_spring"]), _carried(links["shin"])]
     bodies["knee"] = joined(fixed)
+    for rod, beside in (("achilles_rod", "hip_pitch"), ("plantar_rod", "tarsus")):
+        bodies[beside] = joined([bodies[beside], _left_over(links[rod])])
     hinges = {part: _hinge(links[part]) for part in (*CHAIN, *BRANCHES)}
     shin, tarsus = links["shin"], links["tarsus"]
     turn = link_rotation(shin)
@@ -140,6 +142,15 @@ def _carried(link: robot.Link) -> Body:
     """The link's body in its parent's frame, with its joint at zero."""
     body, turn = _body(link), link_rotation(link)
     return Body(body.mass, np.array(link.position) + turn @ body.com, turn @ body.inertia @ turn.T)
+
+
+def _left_over(rod: robot.Link) -> Body:
+    """Inertia of a rod beyond that of its point masses, in the link beside it; without mass."""
+    body = _body(rod)
+    across = rod.inertia[2]
+    turn = link_rotation(rod)
+    rest = turn @ (body.inertia - np.diag([0.0, across, across])) @ turn.T
+    return Body(0.0, np.zeros(3), rest)
 
 
 def _hinge(link: robot.Link) -> Hinge:

@@ -90,6 +90,10 @@ class Problem:
         }
         return ca.nlpsol("gait", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
 
+    def prepare(self) -> None:
+        """Set up the solver now rather than at the first gait."""
+        assert self.solver is not None
+
     @cached_property
     def values(self) -> ca.Function:
         """x, p to scaled cost and constraints."""

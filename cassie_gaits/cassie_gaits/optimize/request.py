@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 from cassie_gaits.errors import GaitLibraryError
 
@@ -108,15 +107,3 @@ def parameters(request: Request) -> list[float]:
 def as_document(request: Request) -> dict[str, float | bool]:
     """For the library's file."""
     return asdict(request)
-
-
-def from_document(document: dict[str, float | bool]) -> Request:
-    """The inverse of `as_document`; unknown keys are refused."""
-    known = {field.name for field in fields(Request)}
-    if set(document) != known:
-        raise GaitLibraryError(f"request has {sorted(document)}, expected {sorted(known)}")
-    if not all(math.isfinite(value) for value in document.values()):
-        raise GaitLibraryError("request holds a number that is not finite")
-    values = dict(document)
-    symmetric = bool(values.pop("symmetric"))
-    return Request(**{name: float(value) for name, value in values.items()}, symmetric=symmetric)

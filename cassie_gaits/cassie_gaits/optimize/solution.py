@@ -14,7 +14,7 @@ from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torqu
 from cassie_gaits.optimize import grid
 from cassie_gaits.optimize.constraints import STRAIGHT
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
-from cassie_gaits.optimize.request import Request, parameters
+from cassie_gaits.optimize.request import Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
 
 FloatArray = npt.NDArray[np.float64]
@@ -164,9 +164,7 @@ def _gait(found: _Found, seconds: float) -> Gait:
             "iterations": found.iterations,
             "violation": found.violation,
             "cpu_seconds": round(seconds, 3),
-            "clearance": request.clearance,
-            "slope": request.slope,
-            "symmetric": request.symmetric,
+            "request": as_document(request),
         },
     )
 
