@@ -222,7 +222,8 @@ def mirror(coefficients: FloatArray) -> FloatArray:
 
 def mirror_passive(coefficients: FloatArray) -> FloatArray:
     """The same for coefficients of `PASSIVE`. Shape (2, n)."""
-    return coefficients * np.array([[-1.0], [1.0]])
+    result: FloatArray = coefficients * np.array([[-1.0], [1.0]])
+    return result
 
 
 def mirror_torques(coefficients: FloatArray) -> FloatArray:

@@ -128,9 +128,7 @@ def _residual(walker: Walker, gait: Gait, domain: int) -> float:
     return worst
 
 
-def _expand(
-    x: FloatArray, like: FloatArray, rigid: list[int]
-) -> tuple[FloatArray, FloatArray]:
+def _expand(x: FloatArray, like: FloatArray, rigid: list[int]) -> tuple[FloatArray, FloatArray]:
     """q and v of the 20 coordinates from those of pelvis and drives."""
     count = len(rigid)
     q = like + RIGID @ (x[:count] - like[rigid])

@@ -130,7 +130,13 @@ def _drive_rows(step: Step) -> list[Row]:
     loads = np.abs(step.torques) / most
     return [
         row("torque of the drives, share of the limit", "", -math.inf, 1.0, loads.ravel()),
-        row("torque at speed, share of the limit", "", -math.inf, 1.0, (0.5 * loads + speeds).ravel()),
+        row(
+            "torque at speed, share of the limit",
+            "",
+            -math.inf,
+            1.0,
+            (0.5 * loads + speeds).ravel(),
+        ),
     ]
 
 

@@ -60,7 +60,8 @@ class Walker:
 
     def contact(self, terms: Terms, leg: str, heading: float = 0.0) -> FloatArray:
         """What the ground can hold of a foot: position, pitch and yaw, by rigid v. (5, 16)."""
-        return self._directions(heading) @ terms.soles[LEGS.index(leg)] @ RIGID
+        jacobian: FloatArray = self._directions(heading) @ terms.soles[LEGS.index(leg)] @ RIGID
+        return jacobian
 
     def motion(self, q: FloatArray, v: FloatArray, torques: FloatArray, leg: str) -> Motion:
         """Acceleration and ground force of the foot that stands along the world's x axis.

@@ -16,6 +16,19 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Inner:
+    """What rows and cost depend on, when that is long and they are short.
+
+    Attributes:
+        symbols: What rows and cost are written in. Shape (m, 1).
+        values: What they stand for, by the block's `z` and `p`. Shape (m, 1).
+    """
+
+    symbols: ca.SX
+    values: ca.SX
+
+
+@dataclass(frozen=True)
 class Row:
     """A constraint with its bounds.
 
@@ -44,6 +57,7 @@ class Block:
         maps: For each instant the matrix from the unknowns to `z`. Each of shape (n, unknowns).
         cost: Symbol of a cost, or None.
         weights: Of the cost at each instant.
+        inner: If given, rows and cost are functions of its symbols.
     """
 
     def __init__(
@@ -55,6 +69,7 @@ class Block:
         maps: list[FloatArray],
         cost: ca.SX | None = None,
         weights: FloatArray | None = None,
+        inner: Inner | None = None,
     ) -> None:
         self.rows = rows
         self.count = len(maps)
@@ -63,10 +78,14 @@ class Block:
         self._map = ca.DM(ca.sparsify(ca.DM(np.vstack(maps))))
         self._weights = ca.DM(weights).T if weights is not None else ca.DM.zeros(1, self.count)
         self._name, self._z, self._p = name, z, p
-        self._values = ca.vertcat(*(row.value / row.scale for row in rows))
-        self._price = None if cost is None else cost
+        self._inner = inner or Inner(z, z)
+        self._outer_values = ca.vertcat(*(row.value / row.scale for row in rows))
+        self._outer_price = cost
         price = ca.SX(0) if cost is None else cost
-        self._value = ca.Function(f"{name}_value", [z, p], [self._values, price])
+        self._values, self._price = ca.substitute(
+            [self._outer_values, price], [self._inner.symbols], [self._inner.values]
+        )
+        self._value = ca.Function(f"{name}_value", [z, p], [self._values, self._price])
 
     @property
     def size(self) -> int:
@@ -95,7 +114,7 @@ class Block:
 
     def cost_slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Cost and its gradient."""
-        if self._price is None:
+        if self._outer_price is None:
             return ca.MX(0), ca.MX(x.size1(), 1)
         slope = ca.Function(
             f"{self._name}_cost_slope",
@@ -109,13 +128,8 @@ class Block:
     def bend(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
         """Hessian of the Lagrangian."""
         lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
-        lagrangian = ca.dot(lam, self._values)
-        if self._price is not None:
-            lagrangian += share * self._price
         bend = ca.Function(
-            f"{self._name}_bend",
-            [self._z, self._p, lam, share],
-            [ca.hessian(lagrangian, self._z)[0]],
+            f"{self._name}_bend", [self._z, self._p, lam, share], [self._hessian(lam, share)]
         )
         hessians = bend.map(self.count)(
             self._points(x),
@@ -125,6 +139,21 @@ class Block:
         )
         blocks = ca.diagcat(*ca.horzsplit(hessians, bend.size2_out(0)))
         return ca.mtimes(self._map.T, ca.mtimes(blocks, self._map))
+
+    def _hessian(self, lam: ca.SX, share: ca.SX) -> ca.SX:
+        """Of the Lagrangian: the inner values' own bend, and the outer one's seen through them."""
+        lagrangian = ca.dot(lam, self._outer_values)
+        if self._outer_price is not None:
+            lagrangian += share * self._outer_price
+        outer, slope = ca.hessian(lagrangian, self._inner.symbols)
+        if self._inner.values is self._z:
+            return outer
+        outer, slope = ca.substitute([outer, slope], [self._inner.symbols], [self._inner.values])
+        price = ca.SX.sym("price", slope.size1())
+        own = ca.hessian(ca.dot(price, self._inner.values), self._z)[0]
+        own = ca.substitute(own, price, slope)
+        jacobian = ca.jacobian(self._inner.values, self._z)
+        return own + ca.mtimes([jacobian.T, outer, jacobian])
 
     def _points(self, x: ca.MX) -> ca.MX:
         return ca.reshape(ca.mtimes(self._map, x), -1, self.count)

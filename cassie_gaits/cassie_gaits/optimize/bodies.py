@@ -154,9 +154,7 @@ def _left_over(rod: robot.Link) -> Body:
 
 
 def _hinge(link: robot.Link) -> Hinge:
-    return Hinge(
-        np.array(link.position), link_rotation(link), link.joint.zero, link.joint.armature
-    )
+    return Hinge(np.array(link.position), link_rotation(link), link.joint.zero, link.joint.armature)
 
 
 def _rod(closure: robot.Rod, links: dict[str, robot.Link], sign: float) -> TwoPointRod:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.optimize import grid
-from cassie_gaits.optimize.blocks import Block, Row
+from cassie_gaits.optimize.blocks import Block, Inner, Row
 from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
 from cassie_gaits.optimize.posture import SIZE, places, posture
 from cassie_gaits.optimize.request import Limits
@@ -47,74 +47,84 @@ def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool
         sign: Of the pelvis's asymmetry in this step.
         lean: Whether to leave out what walking seldom meets: the drives' torque at speed.
     """
-    z, p, at, value = _instant_symbols(sign)
-    rows = _dynamics_rows(at, limits, lean=lean)
-    outputs, replaced = [row.value for row in rows], [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
-    cost = _cost(at, limits)
-    moved = ca.Function("moved", replaced, [ca.vertcat(*outputs), cost])(*value)
-    rows = [Row(r.name, moved[0][i], r.low, r.high, r.scale) for i, r in enumerate(rows)]
-    phases, weights = grid.gauss()
-    maps = [grid.coordinates_at(phase, 2) @ place for phase in phases]
-    return Block("dynamics", z, p, rows, maps, moved[1], weights)
-
-
-def _instant_symbols(sign: float) -> tuple[ca.SX, ca.SX, Instant, list[ca.SX]]:
     p, by_name = parameter_symbols()
     z = ca.SX.sym("z", 3 * SIZE)
     time = by_name["step_time"]
     y, y1, y2 = ca.vertsplit(z, SIZE)
-    value = [y, y1 / time, y2 / time**2, by_name["slope"], sign * by_name["asymmetry"]]
-    return z, p, instant(), value
-
-
-def _dynamics_rows(at: Instant, limits: Limits, *, lean: bool) -> list[Row]:
-    weight = robot.total_mass() * GRAVITY
-    # Force along and across the ground, which may slope.
-    c, s = ca.cos(at.slope), ca.sin(at.slope)
-    along, side, across = (
-        c * at.force[0] + s * at.force[2],
-        at.force[1],
-        c * at.force[2] - s * at.force[0],
+    arguments = [y, y1 / time, y2 / time**2, by_name["slope"], sign * by_name["asymmetry"]]
+    at = instant()
+    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
+    names = ("force", "roll_moment", "torque", "rate", "attitude", "hips")
+    values = ca.Function("inner", symbols, _inner_values(at), list("yvasp"), list(names))(
+        *arguments
     )
+    parts = dict(zip(names, values, strict=True))
+    if lean:
+        del parts["rate"]
+    inner = {name: ca.SX.sym(name, part.size1()) for name, part in parts.items()}
+    phases, weights = grid.gauss()
+    return Block(
+        "dynamics",
+        z,
+        p,
+        _dynamics_rows(inner, limits),
+        [grid.coordinates_at(phase, 2) @ place for phase in phases],
+        _cost(inner, limits),
+        weights,
+        Inner(ca.vertcat(*inner.values()), ca.vertcat(*parts.values())),
+    )
+
+
+def _inner_values(at: Instant) -> list[ca.SX]:
+    """Force in ground axes, moment about the foot, torques, rates, torso pitch and roll, hips."""
+    c, s = ca.cos(at.slope), ca.sin(at.slope)
+    along, across = c * at.force[0] + s * at.force[2], c * at.force[2] - s * at.force[0]
+    return [
+        ca.vertcat(along, at.force[1], across),
+        ca.dot(at.posture.foot_to_ground[:, 0], at.moment),
+        ca.vertcat(at.efforts.stance, at.efforts.swing),
+        ca.vertcat(at.stance_rate, at.swing_rate),
+        at.posture.torso[1:],
+        ca.vertcat(at.posture.stance[:2], at.posture.swing[:2]),
+    ]
+
+
+def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
+    weight = robot.total_mass() * GRAVITY
+    along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")
-    heading = ca.mtimes(at.posture.foot_to_ground[:, 0].T, at.moment)
-    rows = [
-        Row("dynamics of the stance foot's roll", heading, 0.0, 0.0, 10.0),
-        Row("torque for stance foot pitch", at.efforts.stance[toe], 0.0, 0.0, 10.0),
+    return [
+        Row("dynamics of the stance foot's roll", at["roll_moment"], 0.0, 0.0, 10.0),
+        Row("torque for stance foot pitch", at["torque"][toe], 0.0, 0.0, 10.0),
         Row("friction cone", cone / weight**2, 0.0, INF),
         Row("ground pushes", across / weight, 0.05, INF),
+        *_drive_rows(at["torque"], at.get("rate"), limits),
     ]
-    rows += _drive_rows("stance", at.efforts.stance, at.stance_rate, limits, lean=lean)
-    rows += _drive_rows("swing", at.efforts.swing, at.swing_rate, limits, lean=lean)
-    return rows
 
 
-def _drive_rows(
-    side: str, torques: ca.SX, rates: ca.SX, limits: Limits, *, lean: bool
-) -> list[Row]:
-    """|u| <= u_max, and |u| / (2 u_max) + |speed| / no-load speed <= 1."""
+def _drive_rows(torques: ca.SX, rates: ca.SX | None, limits: Limits) -> list[Row]:
+    """|u| <= u_max, and with rates |u| / (2 u_max) + |speed| / no-load speed <= 1."""
     rows, full = [], limits.share
-    for i, joint in enumerate(RIGID_JOINTS):
+    names = [(side, joint) for side in LEGS for joint in RIGID_JOINTS]
+    for i, (side, joint) in enumerate(names):
         drive, name = robot.DRIVES[joint], f"{side} {joint.replace('_', ' ')}"
         load = torques[i] / (2.0 * drive.torque_limit)
-        speed = rates[i] / drive.speed_limit
-        moved = [(f"speed of {name}", speed)]
-        if (side, joint) != ("stance", "toe"):
+        moves = (side, joint) != ("stance", "toe")
+        if moves:
             rows.append(Row(f"torque of {name}", load, -0.5 * full, 0.5 * full))
-            moved = [(f"torque at speed of {name}", load + sign * speed) for sign in (1.0, -1.0)]
-        if not lean:
-            rows += [Row(label, value, -full, full) for label, value in moved]
+        if rates is not None:
+            speed = rates[i] / drive.speed_limit
+            for sign in (1.0, -1.0) if moves else (1.0,):
+                value = sign * speed + (load if moves else 0.0)
+                rows.append(Row(f"torque at speed of {name}", value, -full, full))
     return rows
 
 
-def _cost(at: Instant, limits: Limits) -> ca.SX:
+def _cost(at: dict[str, ca.SX], limits: Limits) -> ca.SX:
     """Integrand of the cost in "Set of Gaits"."""
-    torques = ca.vertcat(at.efforts.stance, at.efforts.swing)
-    guided = ca.vertcat(
-        at.posture.torso[1], at.posture.torso[2], at.posture.stance[:2], at.posture.swing[:2]
-    )
-    return ca.sumsqr(torques) + limits.weight * ca.sumsqr(guided)
+    guided = ca.vertcat(at["attitude"], at["hips"])
+    return ca.sumsqr(at["torque"]) + limits.weight * ca.sumsqr(guided)
 
 
 def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:

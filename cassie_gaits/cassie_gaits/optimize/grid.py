@@ -39,7 +39,8 @@ def bernstein(degree: int, phase: float, derivative: int = 0) -> FloatArray:
     if derivative:
         lower = bernstein(degree - 1, phase, derivative - 1)
         padded = np.concatenate([[0.0], lower, [0.0]])
-        return degree * (padded[:-1] - padded[1:])
+        slope: FloatArray = degree * (padded[:-1] - padded[1:])
+        return slope
     i = np.arange(degree + 1)
     binomial = np.array([comb(degree, int(k)) for k in i], dtype=np.float64)
     result: FloatArray = binomial * phase**i * (1.0 - phase) ** (degree - i)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cassie_gaits import robot
 from cassie_gaits.optimize import bodies, rods
-from cassie_gaits.optimize.bodies import BRANCHES, CHAIN, Body, Hinge, Leg
+from cassie_gaits.optimize.bodies import BRANCHES, CHAIN, Body, Hinge
 
 RIGID_JOINTS = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "toe")
 
@@ -33,7 +33,7 @@ class State:
     force: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
     moment: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
 
-    def point(self, position: ca.DM) -> ca.SX:
+    def point(self, position: ca.DM | ca.SX) -> ca.SX:
         """Acceleration of a point of the body."""
         swing = ca.cross(self.omega, ca.cross(self.omega, position))
         return self.accel + ca.cross(self.alpha, position) + swing
@@ -52,14 +52,12 @@ class Efforts:
         stance, swing: Torques of `RIGID_JOINTS`. Shape (5, 1), in Nm.
         force: Of the ground on the stance foot, in the toe link's frame. Shape (3, 1), in N.
         moment: Of the ground about the sole's middle, in the toe link's frame. In Nm.
-        swing_spin: Angular velocity of the swing foot in its toe link's frame. In rad/s.
     """
 
     stance: ca.SX
     swing: ca.SX
     force: ca.SX
     moment: ca.SX
-    swing_spin: ca.SX
 
 
 def leg_motion(q: ca.SX, v: ca.SX, a: ca.SX) -> tuple[Motion, dict[str, ca.SX]]:
@@ -85,6 +83,15 @@ def leg_motion(q: ca.SX, v: ca.SX, a: ca.SX) -> tuple[Motion, dict[str, ca.SX]]:
         motion[name] = (angle, slope * v[joint], slope * a[joint] + bend * v[joint] ** 2)
         slopes[name] = slope
     return motion, slopes
+
+
+@dataclass(frozen=True)
+class SymbolicBody:
+    """As `bodies.Body`, with symbols."""
+
+    mass: float
+    com: ca.SX
+    inertia: ca.SX
 
 
 class Recursion:
@@ -118,11 +125,15 @@ class Recursion:
             for rod in self._legs[leg].rods:
                 self._add_rod(leg, rod)
         torques = self._collect()
-        efforts = [self._project(leg, torques, slopes[leg]) for leg in ("right", "left")]
         sole = ca.DM(self._legs["right"].sole)
         force = root.force
         moment = root.moment - ca.cross(sole, force)
-        return Efforts(*efforts, force, moment, self._states["left", "toe"].omega)
+        return Efforts(
+            self._project("right", torques, slopes["right"]),
+            self._project("left", torques, slopes["left"]),
+            force,
+            moment,
+        )
 
     def _hinge(self, leg: str, name: str) -> tuple[Hinge, ca.SX, ca.SX, ca.SX]:
         """The hinge, its child's rotation in its parent, rate and acceleration."""
@@ -160,9 +171,7 @@ class Recursion:
         above = self._states[_key(leg, parent)]
         spin = ca.vertcat(0.0, 0.0, rate)
         omega = ca.mtimes(turn.T, above.omega)
-        alpha = (
-            ca.mtimes(turn.T, above.alpha) + ca.vertcat(0.0, 0.0, accel) + ca.cross(omega, spin)
-        )
+        alpha = ca.mtimes(turn.T, above.alpha) + ca.vertcat(0.0, 0.0, accel) + ca.cross(omega, spin)
         position = ca.mtimes(turn.T, above.point(ca.DM(hinge.position)))
         self._states[leg, child] = State(omega + spin, alpha, position)
 
@@ -224,7 +233,7 @@ def _key(leg: str, name: str) -> tuple[str, str]:
     return ("", "pelvis") if name == "pelvis" else (leg, name)
 
 
-def _load(state: State, body: Body) -> None:
+def _load(state: State, body: Body | SymbolicBody) -> None:
     """Force and moment that a body's own inertia needs."""
     com, inertia = ca.SX(body.com), ca.SX(body.inertia)
     push = body.mass * state.point(com)
@@ -233,15 +242,15 @@ def _load(state: State, body: Body) -> None:
     state.moment += turn
 
 
-def _pelvis(asymmetry: ca.SX) -> Body:
-    """The pelvis with its asymmetry scaled; com and inertia hold symbols."""
+def _pelvis(asymmetry: ca.SX) -> SymbolicBody:
+    """The pelvis with its asymmetry scaled."""
     body = bodies.pelvis()
     com, inertia = ca.SX(ca.DM(body.com)), ca.SX(ca.DM(body.inertia))
     com[1] *= asymmetry
     for i, j in ((0, 1), (1, 2)):
         inertia[i, j] *= asymmetry
         inertia[j, i] = inertia[i, j]
-    return Body(body.mass, com, inertia)
+    return SymbolicBody(body.mass, com, inertia)
 
 
 def foot_frame() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
@@ -252,6 +261,3 @@ def foot_frame() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     hip = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     result: np.ndarray[tuple[int, ...], np.dtype[np.float64]] = (pitch @ hip).T
     return result
-
-
-__all__ = ["RIGID_JOINTS", "Efforts", "Leg", "Motion", "Recursion", "State", "foot_frame"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -65,8 +66,9 @@ def find(
     try:
         while work.waiting or work.solving or work.checking:
             _start_ready(work, executor)
-            pending = [*work.solving, *work.checking]
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            pending: list[Future[Any]] = [*work.solving, *work.checking]
+            finished: set[Future[Any]] = set(wait(pending, return_when=FIRST_COMPLETED).done)
+            for future in finished:
                 result = _finished(work, executor, future)
                 if result is not None:
                     yield result
@@ -99,7 +101,7 @@ def _solve(work: _Work, executor: Executor, request: Request, guess: FloatArray 
     work.solving[executor.submit(solve, request, guess)] = (request, guess is not None)
 
 
-def _finished(work: _Work, executor: Executor, future: Future[object]) -> Result | None:
+def _finished(work: _Work, executor: Executor, future: Future[Any]) -> Result | None:
     for solved in [f for f in work.solving if f is future]:
         request, helped = work.solving.pop(solved)
         outcome = solved.result()

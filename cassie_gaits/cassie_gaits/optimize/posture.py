@@ -90,9 +90,7 @@ def places(at: Posture) -> tuple[ca.SX, ca.SX, ca.SX]:
         Positions of shape (3, 1) in m, and the rotation of the level swing foot (ahead, left,
         up) to the world. Shape (3, 3).
     """
-    torso = ca.mtimes(
-        [rods.about_z(at.torso[0]), _about_y(at.torso[1]), about_x(at.torso[2])]
-    )
+    torso = ca.mtimes([rods.about_z(at.torso[0]), _about_y(at.torso[1]), about_x(at.torso[2])])
     stance, _ = _sole_in_pelvis("right", at.stance)
     swing, attitude = _sole_in_pelvis("left", at.swing)
     pelvis = ca.mtimes(torso, -stance)

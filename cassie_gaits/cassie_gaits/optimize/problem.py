@@ -19,8 +19,12 @@ FloatArray = npt.NDArray[np.float64]
 
 COST_SCALE = 1e-3
 
-GUESS_LENGTH = 0.85
-"""Leg length of the constant first guess; everything else is zero. In m."""
+GUESS = {
+    "leg_length": 0.8,
+    "swing_leg_roll": -0.03,
+    "stance_foot_roll": 0.03,
+}
+"""The constant first guess: legs a little inward; coordinates not named here are zero."""
 
 _IPOPT = {
     "print_level": 0,
@@ -101,8 +105,8 @@ class Problem:
         return ca.Function("values", [x, p], [f, g])
 
     def guess(self) -> FloatArray:
-        """Both legs of the same length, all angles zero."""
-        return np.tile(_constant({"leg_length": GUESS_LENGTH}, 0.0), self.steps)
+        """Unknowns of the constant first guess."""
+        return np.tile(_constant(GUESS, 0.0), self.steps)
 
     def _place(self, step: int) -> FloatArray:
         place = np.zeros((grid.STEP_UNKNOWNS, self.unknowns))

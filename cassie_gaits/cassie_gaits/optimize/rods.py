@@ -6,6 +6,8 @@ spring. `cassie_gaits.linkage` has the same loops for numbers and any spring def
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -18,7 +20,8 @@ _RODS = {rod.rod: rod for rod in robot.RODS}
 
 def heel_angle(knee: ca.SX) -> ca.SX:
     """Deflection of the heel spring when q5 = 0 and q6 = 13 degrees - q4. In rad."""
-    return _heel_angle(knee, _HEEL_SIGN)
+    angle: ca.SX = _heel_angle(knee, _HEEL_SIGN)
+    return angle
 
 
 def crank_angle(toe: ca.SX) -> ca.SX:
@@ -38,7 +41,7 @@ def about_z(angle: ca.SX | ca.DM) -> ca.SX:
     return ca.vertcat(ca.horzcat(c, -s, 0.0), ca.horzcat(s, c, 0.0), ca.horzcat(0.0, 0.0, 1.0))
 
 
-def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> ca.SX:
+def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> Any:
     thigh, shin, tarsus = (_LINKS[name] for name in ("knee", "shin", "tarsus"))
     heel, rod = _LINKS["heel_spring"], _RODS["achilles_rod"]
     to_tarsus = ca.DM(np.array(shin.position) + np.array(tarsus.position))

@@ -29,7 +29,6 @@ LEEWAY = 1e-4
 """Largest scaled violation in a solved gait: half of the margin that the limits keep."""
 
 
-
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of a request.

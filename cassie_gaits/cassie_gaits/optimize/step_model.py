@@ -59,17 +59,13 @@ def instant() -> Instant:
     accels = ca.jtimes(rates, y, yd) + ca.jtimes(rates, yd, ydd)
     roll_rate, roll_accel = yd[SIZE - 2], ydd[SIZE - 2]
     up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, GRAVITY]))
-    root = foot_state(
-        ca.vertcat(roll_rate, 0.0, 0.0), ca.vertcat(roll_accel, 0.0, 0.0), up
-    )
+    root = foot_state(ca.vertcat(roll_rate, 0.0, 0.0), ca.vertcat(roll_accel, 0.0, 0.0), up)
     efforts = Recursion(asymmetry).run(
         root, (at.stance, rates[:5], accels[:5]), (at.swing, rates[5:], accels[5:])
     )
     to_world = ca.mtimes(at.foot_to_ground, ca.DM(foot_frame().T))
     force, moment = ca.mtimes(to_world, efforts.force), ca.mtimes(to_world, efforts.moment)
-    return Instant(
-        y, yd, ydd, slope, asymmetry, at, efforts, force, moment, rates[:5], rates[5:]
-    )
+    return Instant(y, yd, ydd, slope, asymmetry, at, efforts, force, moment, rates[:5], rates[5:])
 
 
 def foot_state(omega: ca.SX, alpha: ca.SX, accel: ca.SX) -> State:
