@@ -248,7 +248,7 @@ class Dynamics:
         for loop in tree.loops:
             jacobian = self._gap_jacobian(loop)
             own = jacobian[:, loop.follows]
-            G[loop.follows] = -np.linalg.pinv(own) @ jacobian[:, tree.joints_v]
+            G[loop.follows] = -_least_squares(own, jacobian[:, tree.joints_v])
         return G
 
     def _gap_jacobian(self, loop: Loop) -> FloatArray:
@@ -273,8 +273,14 @@ class Dynamics:
                 for frame in (loop.tip, loop.pin)
             )
             own = self._gap_jacobian(loop)[:, loop.follows]
-            drift[loop.follows] = -np.linalg.pinv(own) @ (tip - target)
+            drift[loop.follows] = -_least_squares(own, tip - target)
         return drift
+
+
+def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Solution of a small full-rank system; far quicker than numpy's pseudo-inverse."""
+    normal: FloatArray = matrix.T @ matrix
+    return np.asarray(np.linalg.solve(normal, matrix.T @ target), dtype=np.float64)
 
 
 def _checked(values: npt.ArrayLike, name: str) -> FloatArray:

@@ -7,6 +7,7 @@ method on torso yaw, stance hip roll and stance toe; everything else follows fro
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -46,13 +47,20 @@ def curves(gait: Gait, domain: int, phase: float, order: int = 0) -> FloatArray:
 
 
 def polynomial(coefficients: FloatArray, phase: float, order: int = 0) -> FloatArray:
-    """Bezier polynomials, one a row, of any degree, or a derivative by phase: de Casteljau."""
+    """Bezier polynomials, one a row, of any degree, or a derivative by phase."""
     rows = coefficients
     for _ in range(order):
         rows = (rows.shape[1] - 1) * np.diff(rows, axis=1)
-    while rows.shape[1] > 1:
-        rows = (1.0 - phase) * rows[:, :-1] + phase * rows[:, 1:]
-    return rows[:, 0]
+    degree = rows.shape[1] - 1
+    powers = np.arange(degree + 1)
+    basis = _binomials(degree) * phase**powers * (1.0 - phase) ** powers[::-1]
+    result: FloatArray = rows @ basis
+    return result
+
+
+@cache
+def _binomials(degree: int) -> FloatArray:
+    return np.array([math.comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
 
 
 def torques(gait: Gait, domain: int, phase: float) -> FloatArray:

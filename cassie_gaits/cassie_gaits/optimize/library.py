@@ -67,13 +67,13 @@ def find(
         while work.waiting or work.solving or work.checking:
             _start_ready(work, executor)
             pending: list[Future[Any]] = [*work.solving, *work.checking]
-            finished: set[Future[Any]] = set(wait(pending, return_when=FIRST_COMPLETED).done)
-            for future in finished:
-                result = _finished(work, executor, future)
+            for finished in wait(pending, return_when=FIRST_COMPLETED).done:
+                result = _finished(work, executor, finished)
                 if result is not None:
                     yield result
     finally:
-        for future in (*work.solving, *work.checking):
+        left: list[Future[Any]] = [*work.solving, *work.checking]
+        for future in left:
             future.cancel()
 
 
@@ -123,7 +123,11 @@ def _checked(outcome: Outcome, future: Future[Certificate]) -> Result:
     except GaitLibraryError as error:
         return Result(outcome.request, None, outcome, f"not certified: {error}")
     if outcome.gait is None or not certificate.met:
-        missed = ", ".join(row.name for row in certificate.rows if not row.met)
+        missed = ", ".join(
+            f"{row.name} is {row.worst:.4g} {row.unit}, allowed {row.low:.4g} .. {row.high:.4g}"
+            for row in certificate.rows
+            if not row.met
+        )
         return Result(outcome.request, None, outcome, f"not certified: {missed}")
     gait = replace(outcome.gait, certificate=certificate.as_document())
     return Result(outcome.request, gait, outcome)

@@ -32,7 +32,8 @@ def crank_angle(toe: ca.SX) -> ca.SX:
     x = ca.cos(toe) * pin[0] - ca.sin(toe) * pin[1] + (foot.position[0] - crank[0])
     y = ca.sin(toe) * pin[0] + ca.cos(toe) * pin[1] + (foot.position[1] - crank[1])
     reach = (x * x + y * y + arm**2 - rod.length**2) / (2.0 * arm * ca.sqrt(x * x + y * y))
-    return ca.atan2(y, x) - ca.acos(reach)
+    angle: ca.SX = ca.atan2(y, x) - ca.acos(reach)
+    return angle
 
 
 def about_z(angle: ca.SX | ca.DM) -> ca.SX:
