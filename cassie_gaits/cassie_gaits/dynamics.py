@@ -278,9 +278,8 @@ class Dynamics:
 
 
 def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Solution of a small full-rank system; far quicker than numpy's pseudo-inverse."""
-    normal: FloatArray = matrix.T @ matrix
-    return np.asarray(np.linalg.solve(normal, matrix.T @ target), dtype=np.float64)
+    """Solution of a small system, of least norm where there are several."""
+    return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], dtype=np.float64)
 
 
 def _checked(values: npt.ArrayLike, name: str) -> FloatArray:

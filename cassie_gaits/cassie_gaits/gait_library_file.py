@@ -27,6 +27,7 @@ import numpy as np
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
+from cassie_gaits.model_hash import model_hash
 
 SCHEMA_VERSION = 1
 
@@ -66,6 +67,32 @@ def load_library(path: str | Path) -> GaitLibrary:
     except ValueError as error:  # ours, and integers with too many digits
         reason = str(error)
     raise GaitLibraryError(f"gait library {path}: {reason}")
+
+
+def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> GaitLibrary:
+    """Read a library to walk with: made for this robot, and every gait certified.
+
+    Args:
+        path: File to read.
+        allow_uncertified: Whether gaits without a certificate, provisional or imported, will do.
+
+    Raises:
+        GaitLibraryError: as `load_library`, and if the library is for another model or a gait is
+            not certified; one line that says which.
+    """
+    library = load_library(path)
+    expected = model_hash()
+    if library.model_hash != expected:
+        raise GaitLibraryError(
+            f"gait library {path}: it is for model {library.model_hash}, this robot is {expected}"
+        )
+    for gait in library.gaits:
+        if not allow_uncertified and (gait.certificate or {}).get("met") is not True:
+            raise GaitLibraryError(
+                f"gait library {path}: the {library.kind} gait of {gait.vx:g} m/s is not "
+                "certified (allow_uncertified is false)"
+            )
+    return library
 
 
 def save_library(library: GaitLibrary, path: str | Path) -> None:

@@ -88,8 +88,10 @@ def leg(name: str) -> Leg:
     bodies = {part: _body(links[part]) for part in (*CHAIN, *BRANCHES)}
     fixed = [bodies["knee"], _carried(links["knee_spring"]), _carried(links["shin"])]
     bodies["knee"] = joined(fixed)
-    for rod, beside in (("achilles_rod", "hip_pitch"), ("plantar_rod", "tarsus")):
-        bodies[beside] = joined([bodies[beside], _left_over(links[rod])])
+    # The achilles rod stays parallel to the shin, the plantar rod to the tarsus.
+    parallel = link_rotation(links["knee"]).T
+    bodies["knee"] = joined([bodies["knee"], _left_over(links["achilles_rod"], parallel)])
+    bodies["tarsus"] = joined([bodies["tarsus"], _left_over(links["plantar_rod"], np.eye(3))])
     hinges = {part: _hinge(links[part]) for part in (*CHAIN, *BRANCHES)}
     shin, tarsus = links["shin"], links["tarsus"]
     turn = link_rotation(shin)
@@ -144,11 +146,14 @@ def _carried(link: robot.Link) -> Body:
     return Body(body.mass, np.array(link.position) + turn @ body.com, turn @ body.inertia @ turn.T)
 
 
-def _left_over(rod: robot.Link) -> Body:
-    """Inertia of a rod beyond that of its point masses, in the link beside it; without mass."""
+def _left_over(rod: robot.Link, parallel: FloatArray) -> Body:
+    """Inertia of a rod beyond that of its point masses, in a link parallel to it; without mass.
+
+    `parallel` turns axes of the rod's parent into those of that link, all joints at zero.
+    """
     body = _body(rod)
     across = rod.inertia[2]
-    turn = link_rotation(rod)
+    turn = parallel @ link_rotation(rod)
     rest = turn @ (body.inertia - np.diag([0.0, across, across])) @ turn.T
     return Body(0.0, np.zeros(3), rest)
 

@@ -93,7 +93,7 @@ class Problem:
 
     def prepare(self) -> None:
         """Set up the solver now rather than at the first gait."""
-        assert self.solver is not None
+        self.solver.n_in()
 
     @cached_property
     def values(self) -> ca.Function:

@@ -56,6 +56,13 @@ class Outcome:
     seconds: float
 
 
+def prepare(*, symmetric: bool) -> None:
+    """Set up now, in a second or two, what the first gait would need."""
+    problem(symmetric=symmetric, lean=True).prepare()
+    problem(symmetric=symmetric, lean=False).values.n_in()
+    _torques().n_in()
+
+
 def solve(request: Request, guess: FloatArray | None = None) -> Outcome:
     """Find a gait.
 

@@ -20,8 +20,8 @@ from cassie_gaits.gait_library import Gait, GaitLibrary, Provenance
 from cassie_gaits.gait_library_file import load_library, save_library
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.optimize.library import Result, find
-from cassie_gaits.optimize.problem import problem
 from cassie_gaits.optimize.request import Request, as_document
+from cassie_gaits.optimize.solution import prepare
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Of the seven gaits of the paper. In m/s."""
@@ -122,7 +122,7 @@ def _executor(options: argparse.Namespace, *, symmetric: bool) -> Executor:
     if options.scheduler:
         return _cluster(options.scheduler)
     # Forked processes share the program, which takes a second to set up.
-    problem(symmetric=symmetric, lean=True).prepare()
+    prepare(symmetric=symmetric)
     context = multiprocessing.get_context("fork")
     return ProcessPoolExecutor(options.jobs, mp_context=context)
 
