@@ -155,6 +155,8 @@ def _left_over(rod: robot.Link, parallel: FloatArray) -> Body:
     across = rod.inertia[2]
     turn = parallel @ link_rotation(rod)
     rest = turn @ (body.inertia - np.diag([0.0, across, across])) @ turn.T
+    # A rod does not spin about itself when that link turns in the plane of the leg.
+    rest[2, :] = rest[:, 2] = 0.0
     return Body(0.0, np.zeros(3), rest)
 
 

@@ -7,16 +7,11 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.optimize.request import Request
-from cassie_gaits.optimize.solution import Outcome, solve
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.optimize.solution import Outcome, Point, solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +38,7 @@ class _Work:
     waiting: dict[Request, Request | None]
     solving: dict[Future[Outcome], tuple[Request, bool]] = field(default_factory=dict)
     checking: dict[Future[Certificate], Outcome] = field(default_factory=dict)
-    unknowns: dict[Request, FloatArray | None] = field(default_factory=dict)
+    points: dict[Request, Point | None] = field(default_factory=dict)
 
 
 def find(
@@ -62,7 +57,7 @@ def find(
     work = _Work({request: neighbour(request, requests) for request in requests})
     for request in done:
         work.waiting.pop(request, None)
-        work.unknowns[request] = None
+        work.points[request] = None
     try:
         while work.waiting or work.solving or work.checking:
             _start_ready(work, executor)
@@ -91,14 +86,14 @@ def neighbour(request: Request, among: Sequence[Request]) -> Request | None:
 
 def _start_ready(work: _Work, executor: Executor) -> None:
     for request, before in list(work.waiting.items()):
-        if before is None or before in work.unknowns:
-            guess = None if before is None else work.unknowns[before]
-            _solve(work, executor, request, guess)
+        if before is None or before in work.points:
+            near = None if before is None else work.points[before]
+            _solve(work, executor, request, near)
             del work.waiting[request]
 
 
-def _solve(work: _Work, executor: Executor, request: Request, guess: FloatArray | None) -> None:
-    work.solving[executor.submit(solve, request, guess)] = (request, guess is not None)
+def _solve(work: _Work, executor: Executor, request: Request, near: Point | None) -> None:
+    work.solving[executor.submit(solve, request, near)] = (request, near is not None)
 
 
 def _finished(work: _Work, executor: Executor, future: Future[Any]) -> Result | None:
@@ -108,7 +103,7 @@ def _finished(work: _Work, executor: Executor, future: Future[Any]) -> Result | 
         if outcome.gait is None and helped:
             _solve(work, executor, request, None)
             return None
-        work.unknowns[request] = None if outcome.gait is None else outcome.unknowns
+        work.points[request] = outcome.point
         if outcome.gait is None:
             return Result(request, None, outcome, _why(outcome))
         work.checking[executor.submit(certify, outcome.gait)] = outcome

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as ca
@@ -30,13 +30,27 @@ LEEWAY = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
+class Point:
+    """Where a solver ended, for a neighbour to start from.
+
+    Attributes:
+        unknowns: Of the program.
+        bound_prices, row_prices: Multipliers of bounds and constraints of the lean program.
+    """
+
+    unknowns: FloatArray
+    bound_prices: FloatArray
+    row_prices: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of a request.
 
     Attributes:
         request: What was asked for.
         gait: The gait, or None if there is none.
-        unknowns: Best point found, to start a neighbour from.
+        point: For neighbours to start from, or None if there is no gait.
         status: In the solver's words.
         iterations: Of the solver.
         cost: Of both steps.
@@ -47,7 +61,7 @@ class Outcome:
 
     request: Request
     gait: Gait | None
-    unknowns: FloatArray
+    point: Point | None
     status: str
     iterations: int
     cost: float
@@ -63,7 +77,7 @@ def prepare(*, symmetric: bool) -> None:
     _torques().n_in()
 
 
-def solve(request: Request, guess: FloatArray | None = None) -> Outcome:
+def solve(request: Request, near: Point | None = None) -> Outcome:
     """Find a gait.
 
     The lean program is solved first. If its gait breaks one of the constraints that are left out
@@ -71,15 +85,16 @@ def solve(request: Request, guess: FloatArray | None = None) -> Outcome:
 
     Args:
         request: What the gait shall be.
-        guess: Unknowns of a neighbour, or None for the constant guess.
+        near: Where a neighbour ended, or None to start from the constant guess.
     """
     start = time.process_time()
     whole = problem(symmetric=request.symmetric, lean=False)
     lean = problem(symmetric=request.symmetric, lean=True)
-    x, status, iterations = _run(lean, request, lean.guess() if guess is None else guess)
+    point, status, iterations = _run(lean, request, near)
+    x = point.unknowns
     if status == "Solve_Succeeded" and _violations(whole, request, x)[1].max() > LEEWAY:
-        x, status, more = _run(whole, request, x)
-        iterations += more
+        again, status, more = _run(whole, request, None, x)
+        x, iterations = again.unknowns, iterations + more
     judge = whole if status == "Solve_Succeeded" else lean
     cost, violations = _violations(judge, request, x)
     solved = status == "Solve_Succeeded" and float(violations.max()) <= LEEWAY
@@ -89,7 +104,7 @@ def solve(request: Request, guess: FloatArray | None = None) -> Outcome:
     return Outcome(
         request,
         _gait(found, seconds) if solved else None,
-        x,
+        replace(point, unknowns=x) if solved else None,
         status,
         iterations,
         found.cost,
@@ -108,19 +123,27 @@ class _Found:
     violation: float
 
 
-def _run(program: Problem, request: Request, guess: FloatArray) -> tuple[FloatArray, str, int]:
+def _run(
+    program: Problem, request: Request, near: Point | None, guess: FloatArray | None = None
+) -> tuple[Point, str, int]:
     lower, upper = _bounds(program, request)
-    result = program.solver(
-        x0=guess,
-        p=parameters(request),
-        lbx=program.x_lower,
-        ubx=program.x_upper,
-        lbg=lower,
-        ubg=upper,
-    )
-    stats = program.solver.stats()
-    x = np.array(result["x"], dtype=np.float64).ravel()
-    return x, str(stats["return_status"]), int(stats["iter_count"])
+    bounds = {"lbx": program.x_lower, "ubx": program.x_upper, "lbg": lower, "ubg": upper}
+    if near is None:
+        solver, start = program.solver, {"x0": program.guess() if guess is None else guess}
+    else:
+        solver, start = (
+            program.follower,
+            {
+                "x0": near.unknowns,
+                "lam_x0": near.bound_prices,
+                "lam_g0": near.row_prices,
+            },
+        )
+    result = solver(p=parameters(request), **bounds, **start)
+    stats = solver.stats()
+    names = ("x", "lam_x", "lam_g")
+    point = Point(*(np.array(result[name], dtype=np.float64).ravel() for name in names))
+    return point, str(stats["return_status"]), int(stats["iter_count"])
 
 
 def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
