@@ -37,6 +37,7 @@ def main() -> int:
         check_tools()
         venv_stamp = bring_up_environment()
         built = bring_up_workspace(venv_stamp)
+        compile_kernels(venv_stamp)
         verify()
     except BuildError as error:
         print(f"make build: {error}", file=sys.stderr)
@@ -107,6 +108,21 @@ def bring_up_workspace(venv_stamp: str) -> bool:
     )
     record.write_text(f"{venv_stamp} {stamp}")
     return True
+
+
+def compile_kernels(venv_stamp: str) -> None:
+    """Make the machine code of the compiled functions, so that no node waits for it."""
+    sources = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    texts = [text for text in (path.read_bytes() for path in sources) if b"numba" in text]
+    texts += [path.read_bytes() for path in sources if b"@compiled" in path.read_bytes()]
+    stamp = digest([venv_stamp.encode(), *texts])
+    record = ROOT / "install" / "compiled_from"
+    if record.is_file() and record.read_text() == stamp:
+        return
+    print("make build: compiling the inner loops")
+    script = ". ./env.sh && exec python3 .workspace/compile_kernels.py"
+    call(["sh", "-c", script], os.environ.copy())
+    record.write_text(stamp)
 
 
 def source_facts() -> Iterable[bytes]:

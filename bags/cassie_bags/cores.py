@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +18,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
+from cassie_sim.scenes import scene_spec
 from cassie_sim.simulator_config import SimulatorConfig
 from cassie_teleop.script import ScriptedOperator
 
@@ -43,12 +45,14 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
 
 
 def check_parameters(experiment: Experiment) -> None:
-    """Hold the parameters of every node against what it has.
+    """Hold what the nodes will be given against what they have, before any of them starts.
 
     Raises:
-        ExperimentError: naming parameter, value and range.
+        CassieError, ParameterError: naming parameter, value and range, or the file.
     """
     simulator_config(experiment)
+    scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
+    load_library(library_path(experiment))
     _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
     _config(ControllerConfig, experiment.parameters["controller"], "controller")
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
@@ -59,25 +63,28 @@ def library_path(experiment: Experiment) -> Path:
     return Path(experiment.gait_library) if experiment.gait_library else default_library_path()
 
 
-def make_loop(experiment: Experiment, observer: Observer) -> Loop:
-    """The cores of a drawn experiment, at tick 0.
+@dataclass(frozen=True)
+class Cores:
+    """What computes in an experiment, without anything between."""
 
-    Args:
-        experiment: What to run, drawn.
-        observer: Gets every message.
+    plant: Plant
+    estimator: KinematicEstimator
+    controller: GaitController
+    supervisor: ModeSupervisor
+    operator: ScriptedOperator
+    fixed_lag: bool
+
+
+def make_cores(experiment: Experiment) -> Cores:
+    """The cores of a drawn experiment, at tick 0.
 
     Raises:
         CassieError, ParameterError: naming what cannot be used.
     """
     config = simulator_config(experiment)
-    if config.pacing == "realtime":
-        raise ExperimentError(
-            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
-            "fixed_lag"
-        )
     period = 1.0 / config.control_rate
     parameters = experiment.parameters
-    return Loop(
+    return Cores(
         Plant(config, experiment.scenario),
         KinematicEstimator(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
         GaitController(
@@ -87,8 +94,34 @@ def make_loop(experiment: Experiment, observer: Observer) -> Loop:
         ),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
         ScriptedOperator(experiment.operator),
+        config.pacing == "fixed_lag",
+    )
+
+
+def make_loop(experiment: Experiment, observer: Observer) -> Loop:
+    """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
+
+    Args:
+        experiment: What to run, drawn.
+        observer: Gets every message.
+
+    Raises:
+        CassieError, ParameterError: naming what cannot be used.
+    """
+    if simulator_config(experiment).pacing == "realtime":
+        raise ExperimentError(
+            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
+            "fixed_lag"
+        )
+    cores = make_cores(experiment)
+    return Loop(
+        cores.plant,
+        cores.estimator,
+        cores.controller,
+        cores.supervisor,
+        cores.operator,
         observer,
-        fixed_lag=config.pacing == "fixed_lag",
+        fixed_lag=cores.fixed_lag,
     )
 
 

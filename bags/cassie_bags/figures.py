@@ -82,10 +82,12 @@ def knee_phase_portrait(track: Track, title: str) -> Figure:
     points = np.stack([angle, rate], axis=1)
     segments = np.stack([points[:-1], points[1:]], axis=1)[shown[1:] & shown[:-1]]
     colours = track.commanded["vx"][1:][shown[1:] & shown[:-1]]
-    lines = LineCollection(list(segments), linewidths=0.5, alpha=0.8, colors=BLUE)
+    lines = LineCollection(list(segments), linewidths=0.5, alpha=0.8)
     if len(colours) and np.ptp(colours) > 0.0:
         lines.set(array=colours, cmap="viridis")
         figure.colorbar(lines, ax=axes, label="commanded speed (m/s)", shrink=0.8)
+    else:
+        lines.set(color=BLUE)
     axes.add_collection(lines)
     axes.autoscale_view()
     axes.set(xlabel="left knee angle (rad)", ylabel="left knee rate (rad/s)")
@@ -118,14 +120,19 @@ def speed_tracking(track: Track, phases: Sequence[Phase], title: str) -> Figure:
         )  # fmt: skip
     panels[-1].set_xlabel("robot time (s)")
     panels[-1].set_xlim(track.time[0], track.time[-1])
-    panels[1].legend(loc="upper right", ncols=2)
+    figure.legend(*panels[1].get_legend_handles_labels(), loc="upper right", ncols=2)
     figure.suptitle(f"Tracking: {title}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
 def footsteps(track: Track, title: str) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
-    figure, axes = _figure(7.0, 4.6)
+    feet = track.legs[:, :, -1, :2]
+    low, high = feet.min(axis=(0, 1)) - 0.25, feet.max(axis=(0, 1)) + 0.25
+    # A straight walk is a long strip: leave room to read it.
+    low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
+    span = high - low
+    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 7.4)))
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name
@@ -133,16 +140,15 @@ def footsteps(track: Track, title: str) -> Figure:
             if placement.leg == leg:
                 ends = np.stack([placement.heel, placement.tip])
                 axes.plot(
-                    ends[:, 0], ends[:, 1], color=colour, alpha=0.55, linewidth=3.0,
+                    ends[:, 0], ends[:, 1], color=colour, alpha=0.55, linewidth=2.5,
                     solid_capstyle="round", label=label,
                 )  # fmt: skip
                 label = None
     axes.plot(*track.position[0, :2], "o", color=DARK, markersize=4, label="start")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.05)
-    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.set_aspect("equal", adjustable="box")
+    axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_title(f"Footsteps from above: {title}")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.legend(loc="upper center", ncols=4)
     return figure
 
 

@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from typing import Protocol
 
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages
-from cassie_control.controller.gait_controller import GaitController
-from cassie_control.estimator.kinematic import KinematicEstimator
-from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
+from cassie_control.guarded import (
+    Controller,
+    Estimator,
+    GuardedController,
+    GuardedEstimator,
+    GuardedSupervisor,
+    Supervisor,
+)
 from cassie_control.schedule import STATUS_TICKS
-from cassie_control.supervisor.mode_supervisor import ModeSupervisor
-from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
+from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sample
 from cassie_sim import ground_truth
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import Plant
@@ -24,6 +29,13 @@ from cassie_teleop.script import ScriptedOperator
 
 Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
+
+
+class TellingController(Controller, Protocol):
+    """A controller that says what it is doing."""
+
+    @property
+    def status(self) -> ControllerStatus: ...
 
 
 class Loop:
@@ -47,9 +59,9 @@ class Loop:
     def __init__(
         self,
         plant: Plant,
-        estimator: KinematicEstimator,
-        controller: GaitController,
-        supervisor: ModeSupervisor,
+        estimator: Estimator,
+        controller: TellingController,
+        supervisor: Supervisor,
         operator: ScriptedOperator,
         observer: Observer,
         *,
@@ -59,7 +71,7 @@ class Loop:
         self._estimator = GuardedEstimator(estimator)
         self._controller = GuardedController(controller)
         self._supervisor = GuardedSupervisor(supervisor)
-        self._status = controller.status
+        self._telling = controller
         self._fixed_lag = fixed_lag
         self._truth = ground_truth.GroundTruth()
         self._mode, self._next_mode = Mode(), Mode()
@@ -83,7 +95,7 @@ class Loop:
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
         if seq % STATUS_TICKS == 0:
-            self._observe(self._status, stamp)
+            self._observe(self._telling.status, stamp)
         plant.power(self._power)
         self._step_plant(command)
 

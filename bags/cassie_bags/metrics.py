@@ -39,6 +39,7 @@ PHASE_METRICS = (
 distance from the start of the phase, distance and turn from its start to its end."""
 
 RUN_METRICS = (
+    *(f"{name}_mean" for name in TRACKED),
     *(f"{name}_mean_error" for name in TRACKED),
     *(f"{name}_rms_error" for name in TRACKED),
     "fall_time",
@@ -52,9 +53,10 @@ RUN_METRICS = (
     "steps",
     "real_time_factor",
 )
-"""Errors of the tracked quantities while the robot carries itself, time of the fall (NaN if
-none), greatest and final horizontal distance from where it began to carry itself, greatest
-tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps walked."""
+"""Means and errors of the tracked quantities while the robot carries itself, time of the fall
+(NaN if none), greatest and final horizontal distance from where it began to carry itself,
+greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
+walked."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,9 @@ def _fall_time(track: Track) -> float | None:
 def _tracking(track: Track) -> dict[str, float]:
     values = {}
     for name in TRACKED:
-        error = (track.achieved[name] - track.commanded[name])[track.carries]
+        achieved = track.achieved[name][track.carries]
+        error = achieved - track.commanded[name][track.carries]
+        values[f"{name}_mean"] = float(achieved.mean()) if len(error) else math.nan
         values[f"{name}_mean_error"] = float(error.mean()) if len(error) else math.nan
         values[f"{name}_rms_error"] = _rms(error)
     return values

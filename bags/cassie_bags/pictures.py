@@ -70,7 +70,7 @@ def strip(
     except SimulationError as error:
         reason = str(error)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.45 * len(shown), 2.5), layout="constrained")
+        figure = Figure(figsize=(1.3 * len(shown), 1.9), layout="constrained")
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
@@ -78,7 +78,8 @@ def strip(
             else:
                 axes.imshow(images[position][_SKY:])
             axes.set_axis_off()
-            axes.set_title(f"{track.time[index]:.1f} s", fontsize=7, loc="center")
+            name = _phase_at(phases, float(track.time[index]))
+            axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)
     return reason
@@ -128,9 +129,13 @@ def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> N
     axes.set_aspect("equal")
 
 
+def _phase_at(phases: Sequence[Phase], time: float) -> str:
+    return next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
+
+
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
     puppet = Puppet(scenario)
-    camera = Camera(puppet.model, width=360, height=480)
+    camera = Camera(puppet.model, width=360, height=480, fine=True)
     try:
         return [camera.picture(puppet.pose(track, index)) for index in shown]
     finally:

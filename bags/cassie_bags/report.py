@@ -57,6 +57,7 @@ def json_line(outcome: Outcome) -> str:
         "duration": metrics.run["duration"],
         "tracked": {
             name: {
+                "mean": metrics.run[f"{name}_mean"],
                 "mean_error": metrics.run[f"{name}_mean_error"],
                 "rms_error": metrics.run[f"{name}_rms_error"],
             }
@@ -88,6 +89,7 @@ def table(outcome: Outcome) -> str:
         "commanded > achieved (RMS error)",
         *_aligned(rows),
         "",
+        _drawn(outcome.experiment),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
         f"{metrics.run['duration']:.2f} s of robot time, {metrics.run['steps']:.0f} steps",
         f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
@@ -98,6 +100,18 @@ def table(outcome: Outcome) -> str:
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
     lines.append("passed" if outcome.passed else "FAILED")
     return "\n".join(lines)
+
+
+def _drawn(experiment: Experiment) -> str:
+    """What the seed drew, in short."""
+    draw = experiment.scenario.draw
+    torque = draw.torque_constant
+    roll, pitch = (math.degrees(bias) for bias in draw.attitude_bias)
+    return (
+        f"robot drawn: mass {draw.mass:.3f}, friction {draw.friction:.3f}, "
+        f"torque constants {min(torque):.3f} .. {max(torque):.3f}, "
+        f"yaw {math.degrees(draw.initial_yaw):.2f} deg, IMU roll {roll:.2f}, pitch {pitch:.2f} deg"
+    )
 
 
 def _row(phase: PhaseMetrics) -> list[str]:

@@ -168,12 +168,13 @@ def _commanded(
 
 
 def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Fields of a scheduled message on each tick, held from `effective_seq` on; 0 before."""
+    """Fields of a scheduled message on each tick, held from `effective_seq` on.
+
+    Before the first one takes effect its values stand, so that means are of what was asked for.
+    """
     rows = rows[rows["episode"] == sensors["episode"][0]] if len(rows) else rows
+    if not len(rows):
+        return {name: np.zeros(len(sensors)) for name in names}
     rows = rows[np.argsort(rows["effective_seq"], kind="stable")]
     index = np.searchsorted(rows["effective_seq"], sensors["seq"], side="right") - 1
-    held = {}
-    for name in names:
-        values = np.concatenate([np.zeros(1), rows[name].astype(np.float64)])
-        held[name] = values[index + 1]
-    return held
+    return {name: rows[name].astype(np.float64)[index.clip(0)] for name in names}

@@ -56,7 +56,7 @@ def messages() -> dict[str, list[bytes]]:
 
 @pytest.fixture
 def bag(tmp_path: Path, messages: dict[str, list[bytes]]) -> Path:
-    path = tmp_path / "run.mcap"
+    path = tmp_path / "bag.mcap"
     write_bag(path, messages)
     return path
 
@@ -194,7 +194,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, bag: Path):
     with pytest.raises(BagError, match="no whole chunk"):
         recover(start, tmp_path / "out.mcap")
     with pytest.raises(BagError, match="cannot write bag"):
-        BagWriter(text / "run.mcap")
+        BagWriter(text / "bag.mcap")
 
 
 def test_an_unknown_message_type_is_refused_with_its_name(tmp_path: Path):

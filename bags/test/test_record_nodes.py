@@ -22,8 +22,8 @@ from cassie_bags.errors import RunError
 from cassie_bags.mcap_recover import recover
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages, read_recording
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
-from cassie_bags.ros.raw_subscription import message_class
 from cassie_bags.ros.record import COMPLETE, LANE_TYPES
+from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
 PATIENCE = 20.0
@@ -108,7 +108,7 @@ def test_the_recorder_loses_nothing_and_closes_its_bag_on_ctrl_c(
     processes: Processes, node: Node, tmp_path: Path
 ):
     messages = glide_messages(4.0)
-    bag = tmp_path / "run.mcap"
+    bag = tmp_path / "bag.mcap"
     start_recorder(processes, bag)
     publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
     started = time.monotonic()
@@ -128,7 +128,7 @@ def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
     processes: Processes, node: Node, tmp_path: Path
 ):
     messages = glide_messages(3.0)
-    bag = tmp_path / "run.mcap"
+    bag = tmp_path / "bag.mcap"
     start_recorder(processes, bag)
     publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
     wait_until(lambda: bag.stat().st_size > 100_000)
@@ -146,7 +146,7 @@ def test_a_replay_publishes_every_message_with_its_type(
     from test_bag import write_bag
 
     messages = glide_messages(2.0)
-    bag, copy = tmp_path / "run.mcap", tmp_path / "copy.mcap"
+    bag, copy = tmp_path / "bag.mcap", tmp_path / "copy.mcap"
     write_bag(bag, messages)
     start_recorder(processes, copy)
     replay = executable("cassie_bags", "replay")
@@ -167,7 +167,7 @@ def test_a_replay_of_some_topics_plays_these_again_and_again(
 ):
     from test_bag import write_bag
 
-    bag = tmp_path / "run.mcap"
+    bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     received: list[bytes] = []
     state = message_class("cassie_msgs/msg/RobotState")
@@ -198,7 +198,7 @@ def spin(node: Node) -> bool:
         (["replay", "none.mcap"], "No such file"),
         (["replay", "text.mcap"], "is not an MCAP file"),
         (["recover", "text.mcap"], "is not an MCAP file"),
-        (["record", "-o", "text.mcap/run.mcap"], "cannot write bag"),
+        (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
     ],
 )
 def test_a_wrong_file_ends_the_command_with_one_line(

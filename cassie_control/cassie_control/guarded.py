@@ -12,6 +12,7 @@ import numpy as np
 from cassie_control.controller.gait_controller import DAMPING
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import (
+    ControllerStatus,
     Mode,
     MotorCommand,
     OperatorCommand,
@@ -34,6 +35,9 @@ class Estimator(Protocol):
 
 class Controller(Protocol):
     """What a controller can do."""
+
+    @property
+    def status(self) -> ControllerStatus: ...
 
     def reset(self) -> None: ...
 
@@ -90,6 +94,7 @@ class GuardedController:
     def __init__(self, core: Controller) -> None:
         self.core = core
         self.problem = ""
+        self._blank = ControllerStatus()
         self._damping = MotorCommand()
         self._damping.kd[:] = DAMPING
 
@@ -107,6 +112,15 @@ class GuardedController:
             return _answering(self._damping, state)
         self.problem = ""
         return command
+
+    def status(self, state: RobotState) -> ControllerStatus:
+        """What the step that answered `state` did; blank where it failed. Reused."""
+        if not self.problem:
+            try:
+                return self.core.status
+            except Exception as error:  # it must not cost the robot its controller
+                self.problem = _describe(error)
+        return _answering(self._blank, state)
 
 
 class GuardedSupervisor:

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from numba.core import caching
 from numba.core.registry import CPUDispatcher
 
 import cassie_gaits
+from cassie_gaits.compiled import compiled
 
 
 def compiled_functions() -> Iterator[tuple[str, CPUDispatcher]]:
@@ -36,3 +38,12 @@ def test_calls_and_reads_only_what_stands_in_its_own_file(name):
         if isinstance(value, CPUDispatcher):
             assert value.py_func.__code__.co_filename == function.__code__.co_filename, used
         assert not isinstance(value, np.ndarray), f"{used}: arrays come in as arguments"
+
+
+def doubled(value: float) -> float:
+    return 2.0 * value
+
+
+def test_works_without_a_folder_to_write(monkeypatch):
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert compiled(doubled)(1.5) == 3.0

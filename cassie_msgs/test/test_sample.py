@@ -10,6 +10,7 @@ from cassie_msgs.layout import (
     MotorCommand,
     OperatorCommand,
     RobotState,
+    Sample,
     Sensors,
     header,
 )
@@ -80,3 +81,16 @@ def test_copy_from_another_type_is_refused():
 def test_a_short_header_is_refused():
     with pytest.raises(LayoutError, match="5 bytes"):
         header(b"\x00" * 5)
+
+
+@pytest.mark.parametrize("kind", SAMPLE_TYPES)
+def test_floats_are_all_float64_fields_in_order(kind: type[Sample]) -> None:
+    sample = kind()
+    sample.floats[:] = np.arange(1.0, sample.floats.size + 1)
+    fields = [
+        np.atleast_1d(getattr(sample, name))
+        for name, numpy_type, _ in kind.LAYOUT
+        if numpy_type is np.float64
+    ]
+    np.testing.assert_array_equal(np.concatenate(fields), sample.floats)
+    assert all(int(getattr(sample, name)) == 0 for name in ("sec", "nanosec", "episode", "seq"))

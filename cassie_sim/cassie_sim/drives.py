@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,18 +11,26 @@ from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
-from cassie_sim.kernels import drive_torques
+from cassie_sim.kernels import drive_torques, within
 
 FloatArray = npt.NDArray[np.float64]
 
-GAIN_LIMITS = {"kp": 5000.0, "kd": 500.0}
-"""Largest gains that a drive accepts. In Nm/rad and Nms/rad."""
+LIMITS = {
+    "torque": (-1e6, 1e6),
+    "position": (-1e6, 1e6),
+    "velocity": (-1e6, 1e6),
+    "kp": (0.0, 5000.0),
+    "kd": (0.0, 500.0),
+}
+"""What a drive accepts in each field of a command: Nm, rad, rad/s, Nm/rad, Nms/rad.
+
+For the first three that is anything that a sum of them can hold: the motor bounds the torque.
+"""
 
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
 """Damping that the drives apply on their own when they get no valid command. In Nms/rad."""
 
-
-_FIELDS = ("torque", "position", "velocity", "kp", "kd")
+_LOW, _HIGH = (np.array(ends) for ends in zip(*LIMITS.values(), strict=True))
 
 
 class Drives:
@@ -28,26 +38,32 @@ class Drives:
 
     Each drive runs u = torque + kp (position - q) + kd (velocity - v). The motor bounds it to
     min(u_max, 2 u_max (1 - |v| / v_max)), never below 0, and it takes effect `delay` later.
-    Without power the torque is zero at once. While damped (no command for too long, or a
-    refused one) the drives run u = -DAMPING v.
+    Without power the torque is zero at once. While damped (no command for `watchdog`, or a
+    refused one) the drives run u = -DAMPING v until the next valid command.
 
     Args:
         period: Length of a physics step. In s.
         delay: From a set torque to its effect. In s, rounded to physics steps.
         torque_constant: Ratio of real to nominal torque of each drive. Shape (10,).
+        watchdog: Time without a command after which the drives damp. In s.
 
     Source:
         Torque-speed bound and 3 ms delay of the public Cassie simulators.
     """
 
-    def __init__(self, period: float, delay: float, torque_constant: FloatArray) -> None:
+    def __init__(
+        self, period: float, delay: float, torque_constant: FloatArray, watchdog: float
+    ) -> None:
         drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
         self._torque_limit = np.array([drive.torque_limit for drive in drives])
         self._speed_limit = np.array([drive.speed_limit for drive in drives])
         self._torque_constant = np.array(torque_constant, dtype=float)
         self._pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
         self._head = 0
+        self._patience = round(watchdog / period)
+        self._age = 0
         self._set_points = np.zeros((5, 10))
+        self._asked = np.zeros((5, 10))
         self.applied = np.zeros(10)
         self.powered = False
         self.damped = False
@@ -58,6 +74,7 @@ class Drives:
         self._pipeline[:] = 0.0
         self.applied[:] = 0.0
         self.powered = False
+        self._age = 0
         self.damp()
 
     def damp(self) -> None:
@@ -73,9 +90,12 @@ class Drives:
             CommandError: if a value is not finite or a gain is out of range; the set-points
                 stay as they were.
         """
-        check_command(command)
-        for row, field in enumerate(_FIELDS):
-            self._set_points[row] = getattr(command, field)
+        for row, field in enumerate(LIMITS):
+            self._asked[row] = getattr(command, field)
+        if not within(self._asked, _LOW, _HIGH):
+            raise CommandError(f"motor command refused: {_refusal(command)}")
+        self._set_points[:] = self._asked
+        self._age = 0
         self.damped = False
 
     def step(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -88,6 +108,9 @@ class Drives:
         Returns:
             Joint torques. Shape (10,), in Nm. The array is reused.
         """
+        if self._age >= self._patience and not self.damped:
+            self.damp()
+        self._age += 1
         self._head = drive_torques(
             self._set_points,
             position,
@@ -105,30 +128,11 @@ class Drives:
         return self.applied
 
 
-def check_command(command: MotorCommand) -> None:
-    """Hold a command against what a drive accepts.
-
-    Raises:
-        CommandError: naming the field, the drive, the value and what is accepted.
-    """
-    total = sum(getattr(command, field).sum() for field in _FIELDS)
-    usable = np.isfinite(total) and all(
-        getattr(command, field).min() >= 0.0 and getattr(command, field).max() <= limit
-        for field, limit in GAIN_LIMITS.items()
-    )
-    if not usable:
-        raise CommandError(_refusal(command))
-
-
 def _refusal(command: MotorCommand) -> str:
-    for field in _FIELDS:
-        for name, value in zip(DRIVES, getattr(command, field), strict=True):
-            if not np.isfinite(value):
-                return f"motor command refused: {field} of {name} is {value}, must be finite"
-            limit = GAIN_LIMITS.get(field)
-            if limit is not None and not 0.0 <= value <= limit:
-                return (
-                    f"motor command refused: {field} of {name} is {value:g}, "
-                    f"must be 0 .. {limit:g}"
-                )
-    return "motor command refused: its values overflow"
+    for field, (low, high) in LIMITS.items():
+        for name, value in zip(DRIVES, getattr(command, field).tolist(), strict=True):
+            if not math.isfinite(value):
+                return f"{field} of {name} is {value}, must be finite"
+            if not low <= value <= high:
+                return f"{field} of {name} is {value:g}, must be {low:g} .. {high:g}"
+    return "a value is out of range"

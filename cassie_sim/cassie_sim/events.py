@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_msgs.layout import MotorCommand, Sensors
+from cassie_msgs.tunables import unknown_name
 from cassie_sim.errors import SimulationError
 from cassie_sim.gantry import Gantry
 from cassie_sim.scenario import GantryMove, Push, Scenario, SensorFault
@@ -42,8 +43,7 @@ class Events:
         self._next_move = 0
         self._live: list[tuple[int, int, int, FloatArray]] = list(self._pushes)
         self._pushed: set[int] = set()
-        self._queue: deque[tuple[int, MotorCommand]] = deque()
-        self._step = 0
+        self._under_way: deque[tuple[int, MotorCommand]] = deque()
         for fault in self._faults:
             fault.reset()
 
@@ -52,11 +52,8 @@ class Events:
         start, end, body, force = self._timed(push)
         self._live.append((now + start, now + end, body, force))
 
-    def apply(
-        self, step: int, data: mujoco.MjData, gantry: Gantry, position: FloatArray
-    ) -> None:
+    def apply(self, step: int, data: mujoco.MjData, gantry: Gantry, position: FloatArray) -> None:
         """Set the external forces of a physics step and give the gantry its orders."""
-        self._step = step
         while (
             self._next_move < len(self._moves)
             and step >= self._moves[self._next_move].t * self._rate
@@ -82,23 +79,26 @@ class Events:
         for fault in self._faults:
             fault.spoil(step, sample)
 
-    def delayed(self, command: MotorCommand) -> MotorCommand | None:
-        """The command that arrives now, when set-points are delayed; else the given one."""
-        if self._delay == 0:
-            return command
-        copy = MotorCommand()
-        copy.copy_from(command)
-        self._queue.append((self._step + self._delay, copy))
-        arrived = None
-        while self._queue and self._queue[0][0] <= self._step:
-            arrived = self._queue.popleft()[1]
-        return arrived
+    def send(self, command: MotorCommand, step: int) -> None:
+        """Put a motor command on its way to the drives at physics step `step`."""
+        if self._delay:
+            copy = MotorCommand()
+            copy.copy_from(command)
+            command = copy
+        self._under_way.append((step + self._delay, command))
+
+    def arrived(self, step: int) -> MotorCommand | None:
+        """The newest command that has arrived at physics step `step` and was not taken yet."""
+        newest = None
+        while self._under_way and self._under_way[0][0] <= step:
+            newest = self._under_way.popleft()[1]
+        return newest
 
     def _timed(self, push: Push) -> tuple[int, int, int, FloatArray]:
         body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, push.body)
         if body < 0:
-            names = ", ".join(self._model.body(i).name for i in range(1, self._model.nbody))
-            raise SimulationError(f"push on unknown body {push.body}; known: {names}")
+            names = [self._model.body(i).name for i in range(1, self._model.nbody)]
+            raise SimulationError(f"push: {unknown_name(push.body, names, 'body')}")
         start = round(push.t * self._rate)
         return start, start + max(1, round(push.duration * self._rate)), body, np.array(push.force)
 
@@ -108,10 +108,10 @@ class _ActiveFault:
 
     def __init__(self, fault: SensorFault, physics_rate: int) -> None:
         field, _, index = fault.channel.partition(".")
-        probe = Sensors()
-        values = getattr(probe, field, None)
-        if not isinstance(values, np.ndarray) or field in ("seq", "episode"):
-            raise SimulationError(f"fault on unknown channel {fault.channel}")
+        channels = [name for name, _, _ in Sensors.LAYOUT]
+        if field not in channels:
+            raise SimulationError(f"fault: {unknown_name(field, channels, 'channel')}")
+        values = getattr(Sensors(), field)
         if index and not (index.isdigit() and int(index) < values.size):
             raise SimulationError(
                 f"fault on channel {fault.channel}: index must be 0 .. {values.size - 1}"

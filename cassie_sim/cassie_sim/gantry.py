@@ -102,9 +102,7 @@ class Gantry:
         self._set_torque(share, rotation.tolist(), (wx, wy, wz))
         return self.wrench
 
-    def _set_torque(
-        self, share: float, r: list[float], rate: tuple[float, float, float]
-    ) -> None:
+    def _set_torque(self, share: float, r: list[float], rate: tuple[float, float, float]) -> None:
         wx, wy, wz = rate
         # Tilt is the cross product of the pelvis's z axis with the vertical.
         up_x, up_y = r[2], r[5]

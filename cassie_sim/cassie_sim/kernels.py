@@ -10,12 +10,29 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
+def within(values: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Whether every value is in the range of its row; NaN is not.
+
+    Args:
+        values: Shape (n, m).
+        low: Shape (n,).
+        high: Shape (n,).
+    """
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            if not low[i] <= values[i, k] <= high[i]:
+                return False
+    return True
+
+
+@compiled
 def drive_torques(
     set_points: FloatArray,
     position: FloatArray,
@@ -58,14 +75,14 @@ def drive_torques(
     return following
 
 
-@njit(cache=True)
+@compiled
 def gather(qpos: FloatArray, indices: npt.NDArray[np.int64], out: FloatArray) -> None:
     """out[i] = qpos[indices[i]]."""
     for i in range(out.shape[0]):
         out[i] = qpos[indices[i]]
 
 
-@njit(cache=True)
+@compiled
 def count_drives(
     position: FloatArray,
     counts_per_rad: FloatArray,
@@ -104,7 +121,7 @@ def count_drives(
     return newest
 
 
-@njit(cache=True)
+@compiled
 def count_joints(
     joints: FloatArray,
     noise: FloatArray,

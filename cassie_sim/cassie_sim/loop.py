@@ -74,6 +74,8 @@ class Loop:
         self._silent = False
         self._refused = False
         self._applied = -1
+        self._last_silence = 0
+        self._second = config.control_rate
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
@@ -105,8 +107,12 @@ class Loop:
         now = self._clock()
         self.plant = plant
         self.switch.reset()
+        if self.broken:
+            self.broken = False
+            self._report("lockstep", None)
         self._lagging = None
         self._applied = -1
+        self._last_silence = 0
         self._restart = True
         self._pace.start(now)
         self.factor.start(0.0, now)
@@ -135,7 +141,8 @@ class Loop:
     def _realtime_tick(self) -> None:
         seq = self._announce()
         self._hold(seq)
-        due = self._pace.next_due(self._clock(), 1.0)
+        rate = min(self.config.max_rate, 1.0) or 1.0
+        due = self._pace.next_due(self._clock(), rate)
         while not self._interrupted and self._wait_until(due):
             pass
         if not self._interrupted:
@@ -166,14 +173,15 @@ class Loop:
 
     def _hold(self, seq: int) -> None:
         """Wait while paused, and for the scripted operator where this tick needs it."""
-        if not self.paused and not self.switch.awaits(seq):
+        in_step = not self.broken and self.config.pacing != "realtime"
+        if not self.paused and not (in_step and self.switch.awaits(seq)):
             return
         started = self._clock()
         while not self._interrupted:
             now = self._clock()
             if self.paused and not self.credit:
                 started = now  # the script has its whole patience after a pause
-            elif not self.switch.awaits(seq):
+            elif not (in_step and self.switch.awaits(seq)):
                 break
             elif now - started >= self.switch.patience:
                 self.switch.give_up()
@@ -239,10 +247,12 @@ class Loop:
         fresh = episode == self.plant.episode and self._applied < answered
         if fresh and seq - answered <= watchdog:
             self._applied = answered
-            if not self._answered or self._silent:
+            # A machine that stutters is told of once, not at each stop and start.
+            if not self._answered or (self._silent and seq > self._last_silence + self._second):
                 self._note_answer()
             return self._lane.command
         if self._answered and seq - self._applied > watchdog:
+            self._last_silence = seq
             self._report_silence(seq, (seq - self._applied) * self._tick_s)
         return None
 
@@ -271,8 +281,6 @@ class Loop:
         plant.power(self.switch.apply(plant.seq))
         if command is None and self.broken:
             plant.drives.damp()
-        if self.credit:
-            self._spend_credit()
         try:
             plant.step(command)
         except ValueError as error:
@@ -282,11 +290,10 @@ class Loop:
             if self._refused and command is not None:
                 self._refused = False
                 self._report("motor_command", None)
-
-    def _spend_credit(self) -> None:
-        self.credit -= 1
-        if not self.credit:
-            self.credit_spent.set()
+        if self.credit:
+            self.credit -= 1
+            if not self.credit:
+                self.credit_spent.set()
 
     def _keep_pace(self) -> None:
         """Wait until the next tick is due; in broken lock-step the wait for answers does."""

@@ -12,24 +12,22 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from cassie_gaits.names import DRIVES, SENSED_JOINTS
 from cassie_gaits.robot import DRIVE_DELAY
 from cassie_msgs.layout import MotorCommand, Sensors
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import check, tunable
 from cassie_sim.drives import Drives
-from cassie_sim.errors import SimulationError
+from cassie_sim.errors import CommandError, SimulationError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
-from cassie_sim.kernels import gather
+from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import lowest_sole, set_drives
 from cassie_sim.scenario import Scenario
-from cassie_sim.scenes import scene_spec
 from cassie_sim.sensors import FaithfulSensors, IdealSensors, ImuErrors
 
 FloatArray = npt.NDArray[np.float64]
 
 STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
-"""Leg pose at the start, about 0.9 m tall with level soles. One leg, in rad."""
+"""Leg pose at the start: the pelvis 1 m above level soles. One leg, in rad."""
 
 HANGING_HEIGHT = 1.15
 """Pelvis height while hanging from the gantry at the start. In m."""
@@ -79,8 +77,9 @@ class Plant:
         self.substeps = config.physics_rate // config.control_rate
         self.tick_ns = 1_000_000_000 // config.control_rate
         self.period = 1.0 / config.physics_rate
-        self.model = _compile(self.scenario, meshes, self.period)
+        self.model = compile_model(self.scenario, meshes=meshes, period=self.period)
         self.data = mujoco.MjData(self.model)
+        self._robot = Readings(self.model, self.data)
         self.gantry = Gantry()
         self.sensors = self._make_sensors()
         draw, scale = self.scenario.draw, self.scenario.model
@@ -88,12 +87,12 @@ class Plant:
             self.period,
             DRIVE_DELAY + self.scenario.delays.torque,
             np.array(draw.torque_constant) * scale.torque,
+            COMMAND_WATCHDOG,
         )
         self.events = Events(self.scenario, self.model, config.physics_rate)
         self.seq = 0
         self.episode = 0
         self._sample = Sensors()
-        self._index_model()
         self.reset()
 
     def reset(self) -> None:
@@ -101,16 +100,14 @@ class Plant:
         mujoco.mj_resetData(self.model, self.data)
         self.seq = 0
         self._physics_steps = 0
-        self._idle_ticks = 0
         self.drives.reset()
         self.events.reset()
         self.gantry.release()
-        self._wrench[:] = 0.0
         self._pulled = False
         self._place()
         mujoco.mj_forward(self.model, self.data)
         self.sensors = self._make_sensors()
-        self.sensors.reset(*self._measured())
+        self.sensors.reset(*self._robot.measured())
 
     def power(self, on: bool) -> None:
         """Switch the drives; without power they give no torque from the next physics step on."""
@@ -140,13 +137,14 @@ class Plant:
         Raises:
             CommandError: if the command is refused; the tick has then run with damped drives.
         """
-        refusal: ValueError | None = None
-        try:
-            self._take(command)
-        except ValueError as error:
-            self.drives.damp()
-            refusal = error
+        if command is not None:
+            self.events.send(command, self._physics_steps)
+        refusal: CommandError | None = None
         for _ in range(self.substeps):
+            try:
+                self._receive()
+            except CommandError as error:
+                refusal = error
             self._physics_step()
         self.seq += 1
         if refusal is not None:
@@ -160,70 +158,38 @@ class Plant:
     @property
     def pelvis_pose(self) -> tuple[FloatArray, FloatArray]:
         """True position (3,) in m and orientation w x y z (4,) of the pelvis; views."""
-        return self._position, self._quaternion
+        return self._robot.position, self._robot.quaternion
 
     @property
     def pelvis_twist(self) -> FloatArray:
         """True linear velocity in the world and angular velocity in the pelvis; a view (6,)."""
-        return self._twist
+        return self._robot.twist
 
-    def _take(self, command: MotorCommand | None) -> None:
+    def _receive(self) -> None:
+        """Give the drives the command that arrives now.
+
+        Raises:
+            CommandError: if it is refused; the drives then damp.
+        """
+        command = self.events.arrived(self._physics_steps)
         if command is None:
-            self._idle_ticks += 1
-            if self._idle_ticks * self.substeps * self.period >= COMMAND_WATCHDOG:
-                self.drives.damp()
             return
-        self._idle_ticks = 0
-        delayed = self.events.delayed(command)
-        if delayed is not None:
-            self.drives.set_points(delayed)
+        try:
+            self.drives.set_points(command)
+        except CommandError:
+            self.drives.damp()
+            raise
 
     def _physics_step(self) -> None:
-        torque = self.drives.step(self.sensors.position, self.sensors.velocity)
-        self._ctrl[:] = torque
-        gantry = self.gantry
-        if gantry.attached:
-            gantry.step(self.period, self._position, self._rotation, self._twist)
-            self._pulled = True
-        if self._pulled:  # once more after the gantry let go, at whoever's order
-            self._wrench[:] = gantry.wrench
-            self._pulled = gantry.attached
-        self.events.apply(self._physics_steps, self.data, self.gantry, self._position)
+        robot = self._robot
+        robot.torques[:] = self.drives.step(self.sensors.position, self.sensors.velocity)
+        if self.gantry.attached:
+            self.gantry.step(self.period, robot.position, robot.rotation, robot.twist)
+        robot.wrench[:] = self.gantry.wrench
+        self.events.apply(self._physics_steps, self.data, self.gantry, robot.position)
         mujoco.mj_step(self.model, self.data)
         self._physics_steps += 1
-        self.sensors.observe(*self._measured())
-
-    def _measured(self) -> tuple[FloatArray, ...]:
-        gather(self._qpos, self._drive_q, self._drive_position)
-        gather(self._qvel, self._drive_v, self._drive_velocity)
-        gather(self._qpos, self._joint_q, self._joint_position)
-        gather(self._qvel, self._joint_v, self._joint_velocity)
-        return self._measurement
-
-    def _index_model(self) -> None:
-        model, data = self.model, self.data
-        joints = [model.joint(name) for name in DRIVES]
-        sensed = [model.joint(name) for name in SENSED_JOINTS]
-        self._drive_q = np.array([joint.qposadr[0] for joint in joints])
-        self._drive_v = np.array([joint.dofadr[0] for joint in joints])
-        self._joint_q = np.array([joint.qposadr[0] for joint in sensed])
-        self._joint_v = np.array([joint.dofadr[0] for joint in sensed])
-        self._drive_position, self._drive_velocity = np.zeros(10), np.zeros(10)
-        self._joint_position, self._joint_velocity = np.zeros(6), np.zeros(6)
-        pelvis = model.body("pelvis").id
-        self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
-        self._position, self._quaternion = data.qpos[:3], data.qpos[3:7]
-        self._twist = data.qvel[:6]
-        self._rotation = data.xmat[pelvis]
-        self._wrench = data.xfrc_applied[pelvis]
-        self._measurement = (
-            self._drive_position,
-            self._drive_velocity,
-            self._joint_position,
-            self._joint_velocity,
-            self._quaternion,
-            data.sensordata[:6],
-        )
+        self.sensors.observe(*robot.measured())
 
     def _make_sensors(self) -> IdealSensors:
         if self.config.sensors == "ideal":
@@ -264,37 +230,18 @@ class Plant:
 
 
 def _check_rates(config: PlantConfig) -> None:
+    check(config)
     if config.physics_rate % config.control_rate:
         raise SimulationError(
             f"control_rate = {config.control_rate} Hz does not divide "
             f"physics_rate = {config.physics_rate} Hz"
+        )
+    if 1_000_000_000 % config.control_rate:
+        raise SimulationError(
+            f"control_rate = {config.control_rate} Hz: its period is no whole number of ns"
         )
     if config.sensors == "faithful" and config.physics_rate != 2000:
         raise SimulationError(
             f"physics_rate = {config.physics_rate} Hz: faithful sensors are defined at 2000 Hz; "
             "use sensors = ideal for other rates"
         )
-
-
-def _compile(scenario: Scenario, meshes: bool, period: float) -> mujoco.MjModel:
-    if scenario.start == "segway":
-        raise SimulationError(f"start = segway: the scene {scenario.scene} has no Segway")
-    spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=meshes)
-    spec.option.timestep = period
-    for name, kind in (
-        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-    ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
-    model = spec.compile()
-    scale, draw = scenario.model, scenario.draw
-    mass = scale.mass * draw.mass
-    model.body_mass[:] *= mass
-    model.body_inertia[:] *= mass
-    model.jnt_stiffness[:] *= scale.spring
-    model.dof_damping[:] *= scale.damping
-    model.dof_armature[:] *= scale.armature
-    ground = model.geom_priority > 0
-    model.geom_friction[ground, 0] *= scale.friction * draw.friction
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model

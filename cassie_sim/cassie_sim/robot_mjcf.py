@@ -9,13 +9,18 @@ torque-speed bound and delay are in `cassie_sim.drives`.
 from __future__ import annotations
 
 import functools
+import importlib.util
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from cassie_gaits import robot
+from cassie_gaits.linkage import link_rotation
 from cassie_gaits.names import LEG_DRIVES, LEGS
+
+FloatArray = npt.NDArray[np.float64]
 
 PHYSICS_PERIOD = 0.0005
 """Length of a physics step. In s."""
@@ -35,11 +40,10 @@ _SHAPE_COLOUR = (0.35, 0.40, 0.46, 1.0)
 
 def mesh_folder() -> Path | None:
     """Folder of the meshes that `example-robot-data` installs, or None without that package."""
-    try:
-        import cmeel
-    except ImportError:
+    cmeel = importlib.util.find_spec("cmeel")
+    if cmeel is None or cmeel.origin is None:
         return None
-    prefix = Path(cmeel.__file__).parents[1] / "cmeel.prefix"
+    prefix = Path(cmeel.origin).parents[1] / "cmeel.prefix"
     folder = prefix / "share/example-robot-data/robots/cassie_description/meshes"
     return folder if folder.is_dir() else None
 
@@ -76,9 +80,7 @@ def robot_spec(*, meshes: bool = False, gravity: float = 9.81) -> mujoco.MjSpec:
     return spec
 
 
-def _add_leg(
-    spec: mujoco.MjSpec, pelvis: mujoco.MjsBody, leg: str, folder: Path | None
-) -> None:
+def _add_leg(spec: mujoco.MjSpec, pelvis: mujoco.MjsBody, leg: str, folder: Path | None) -> None:
     bodies = {"pelvis": pelvis}
     for link in robot.leg_links(leg):
         body = _add_body(spec, bodies[link.parent], link, f"{leg}_{link.name}", folder)
@@ -135,13 +137,9 @@ def _add_body(
     return body
 
 
-def _quaternion(link: robot.Link) -> np.ndarray:
-    x_axis = np.asarray(link.x_axis) / np.linalg.norm(link.x_axis)
-    z_axis = np.cross(x_axis, link.y_axis)
-    z_axis /= np.linalg.norm(z_axis)
-    rotation = np.column_stack([x_axis, np.cross(z_axis, x_axis), z_axis])
+def _quaternion(link: robot.Link) -> FloatArray:
     quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    mujoco.mju_mat2Quat(quaternion, link_rotation(link).ravel())
     return quaternion
 
 
@@ -166,11 +164,11 @@ def _add_joint(body: mujoco.MjsBody, link: robot.Link, leg: str) -> None:
         added.range = joint.limits
 
 
-def _as_field(present: object, value: float) -> object:
+def _as_field(present: npt.ArrayLike, value: float) -> float | FloatArray:
     """The value in the shape that this version of MuJoCo gives the field (scalar or polynomial)."""
-    if np.ndim(present) == 0:  # type: ignore[arg-type]
+    if np.ndim(present) == 0:
         return value
-    field = np.zeros(np.shape(present))  # type: ignore[arg-type]
+    field: FloatArray = np.zeros(np.shape(present))
     field[0] = value
     return field
 

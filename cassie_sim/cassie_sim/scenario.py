@@ -13,11 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
 
 STARTS = ("gantry", "standing", "segway")
 FAULT_KINDS = ("off", "stuck", "nan", "spike")
+
+Pair = tuple[float, float]
+Vector = tuple[float, float, float]
+PerDrive = tuple[float, float, float, float, float, float, float, float, float, float]
 
 _NO3 = (0.0, 0.0, 0.0)
 _ZERO10 = (0.0,) * 10
@@ -29,21 +34,17 @@ class Draw:
     """The robot that a seed stands for."""
 
     initial_yaw: float = tunable(0.0, "rad", -math.pi, math.pi, "Heading at the start")
-    joint_offset: tuple[float, ...] = tunable(
-        _ZERO10, "rad", -0.2, 0.2, "Offset of each drive at the start"
-    )
-    torque_constant: tuple[float, ...] = tunable(
+    joint_offset: PerDrive = tunable(_ZERO10, "rad", -0.2, 0.2, "Offset of each drive at the start")
+    torque_constant: PerDrive = tunable(
         _ONE10, "", 0.5, 1.5, "Real to nominal torque of each drive"
     )
     mass: float = tunable(1.0, "", 0.5, 1.5, "Real to nominal mass of every link")
     friction: float = tunable(1.0, "", 0.1, 2.0, "Real to nominal friction of the ground")
-    attitude_bias: tuple[float, ...] = tunable(
+    attitude_bias: Pair = tunable(
         (0.0, 0.0), "rad", -0.1, 0.1, "Constant roll and pitch error of the IMU"
     )
-    gyro_bias: tuple[float, ...] = tunable(_NO3, "rad/s", -0.1, 0.1, "Constant gyro error")
-    accelerometer_bias: tuple[float, ...] = tunable(
-        _NO3, "m/s^2", -1.0, 1.0, "Constant accelerometer error"
-    )
+    gyro_bias: Vector = tunable(_NO3, "rad/s", -0.1, 0.1, "Constant gyro error")
+    accelerometer_bias: Vector = tunable(_NO3, "m/s^2", -1.0, 1.0, "Constant accelerometer error")
     yaw_drift: float = tunable(0.0, "rad/s", -0.01, 0.01, "Drift of the IMU's heading")
     sensor_seed: int = tunable(0, "", 0, None, "Seed of the sensor noise")
 
@@ -60,16 +61,20 @@ class Draw:
         milli_g = 9.81e-3
         return Draw(
             initial_yaw=float(rng.uniform(-two_degrees, two_degrees)),
-            joint_offset=tuple(rng.uniform(-two_degrees, two_degrees, 10).tolist()),
-            torque_constant=tuple(rng.uniform(0.97, 1.03, 10).tolist()),
+            joint_offset=_floats(rng.uniform(-two_degrees, two_degrees, 10)),
+            torque_constant=_floats(rng.uniform(0.97, 1.03, 10)),
             mass=float(rng.uniform(0.98, 1.02)),
             friction=float(rng.uniform(0.9, 1.1)),
-            attitude_bias=tuple(rng.normal(0.0, math.radians(0.3), 2).clip(-0.02, 0.02).tolist()),
-            gyro_bias=tuple(rng.uniform(-gyro, gyro, 3).tolist()),
-            accelerometer_bias=tuple(rng.uniform(-0.04 * milli_g, 0.04 * milli_g, 3).tolist()),
+            attitude_bias=_floats(rng.normal(0.0, math.radians(0.3), 2).clip(-0.02, 0.02)),
+            gyro_bias=_floats(rng.uniform(-gyro, gyro, 3)),
+            accelerometer_bias=_floats(rng.uniform(-0.04 * milli_g, 0.04 * milli_g, 3)),
             yaw_drift=float(rng.uniform(-gyro, gyro)),
             sensor_seed=int(rng.integers(2**31)),
         )
+
+
+def _floats(array: npt.NDArray[np.float64]) -> Any:
+    return tuple(array.tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +103,7 @@ class Push:
 
     t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
     duration: float = tunable(0.1, "s", 0.0005, 100.0, "How long it lasts")
-    force: tuple[float, float, float] = tunable(
-        dataclasses.MISSING, "N", -5000.0, 5000.0, "In world axes"
-    )
+    force: Vector = tunable(dataclasses.MISSING, "N", -5000.0, 5000.0, "In world axes")
     body: str = tunable("pelvis", description="Name of the body")
 
 
@@ -157,20 +160,36 @@ class Scenario:
             raise ParameterError(unknown_name(str(start), STARTS, "start"))
         return Scenario(
             scene=str(mapping.get("scene", "flat")),
-            scene_parameters=dict(mapping.get("scene_parameters") or {}),
+            scene_parameters=_section(mapping, "scene_parameters"),
             start=start,
-            draw=from_mapping(Draw, mapping.get("draw") or {}),
+            draw=from_mapping(Draw, _section(mapping, "draw")),
             gantry=_events(GantryMove, mapping, "gantry"),
             pushes=_events(Push, mapping, "pushes"),
             faults=_events(SensorFault, mapping, "faults"),
-            delays=from_mapping(Delays, mapping.get("delays") or {}),
-            model=from_mapping(ModelScale, mapping.get("model") or {}),
+            delays=from_mapping(Delays, _section(mapping, "delays")),
+            model=from_mapping(ModelScale, _section(mapping, "model")),
         )
 
 
+def _section(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
+    section = mapping.get(key)
+    if section is None:
+        return {}
+    if not isinstance(section, Mapping):
+        raise ParameterError(f"{key} = {section!r} is not a mapping of names to values")
+    return dict(section)
+
+
 def _events(cls: type, mapping: Mapping[str, Any], key: str) -> tuple[Any, ...]:
-    events = []
-    for index, entry in enumerate(mapping.get(key) or ()):
+    entries = mapping.get(key)
+    if entries is None:
+        return ()
+    if not isinstance(entries, (list, tuple)):
+        raise ParameterError(f"{key} = {entries!r} is not a list")
+    events: list[Any] = []
+    for index, entry in enumerate(entries):
+        if not isinstance(entry, Mapping):
+            raise ParameterError(f"{key}[{index}] = {entry!r} is not a mapping of names to values")
         try:
             events.append(from_mapping(cls, entry))
         except ParameterError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -30,7 +31,7 @@ class Slope(Flat):
     start: float = tunable(1.0, "m", 0.3, 50.0, "Distance ahead at which the slope begins")
 
 
-SCENES: dict[str, type] = {"flat": Flat, "slope": Slope}
+SCENES: dict[str, type[Any]] = {"flat": Flat, "slope": Slope}
 """Parameters of each scene by its name."""
 
 
@@ -50,7 +51,7 @@ def scene_spec(
     """
     if name not in SCENES:
         raise SimulationError(unknown_name(name, SCENES, "scene"))
-    settings = from_mapping(SCENES[name], parameters)
+    settings: Any = from_mapping(SCENES[name], parameters)
     spec = robot_spec(meshes=meshes)
     _add_lights_and_camera(spec)
     _BUILDERS[name](spec, settings)
@@ -67,7 +68,7 @@ def _slope(spec: mujoco.MjSpec, settings: Slope) -> None:
         # Ground that rises to the side does so from the start: there is no level part to leave.
         _add_ground(spec, settings.friction, name="slope", quat=_tilt(tilt, side))
         return
-    _add_ground(spec, settings.friction, name="ground", half_length=settings.start)
+    _add_ground(spec, settings.friction, name="ground", end=settings.start)
     _add_ramp(spec, settings.friction, settings.start, 60.0, tilt, _tilt(tilt, 0.0))
 
 
@@ -85,14 +86,15 @@ def _add_ground(
     *,
     name: str,
     quat: list[float] | None = None,
-    half_length: float = 0.0,
+    end: float | None = None,
 ) -> None:
-    finite = half_length > 0.0
+    """Add level ground, on and on or up to `end` ahead (m); or a plane tilted by `quat`."""
+    finite = end is not None
     geom = spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX if finite else mujoco.mjtGeom.mjGEOM_PLANE,
         size=[30.0, 30.0, 0.5] if finite else [0.0, 0.0, 0.1],
-        pos=[half_length - 30.0, 0.0, -0.5] if finite else [0.0, 0.0, 0.0],
+        pos=[0.0, 0.0, 0.0] if end is None else [end - 30.0, 0.0, -0.5],
     )
     if quat is not None:
         geom.quat = quat
@@ -153,14 +155,20 @@ def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
     )
     material = spec.add_material(name="ground", texrepeat=[1.0, 1.0], texuniform=True)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground"
-    spec.worldbody.add_light(
-        pos=[0.0, 0.0, 4.0], dir=[0.2, 0.2, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    )
+    # Light and camera go along with the pelvis, or shadows would stay behind.
     pelvis = spec.body("pelvis")
+    pelvis.add_light(
+        pos=[-0.5, -0.8, 3.0],
+        dir=[0.16, 0.26, -1.0],
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+    )
+    spec.stat.extent = 2.0
+    spec.stat.center = [0.0, 0.0, 0.5]
     pelvis.add_camera(
         name="track",
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        pos=[0.6, -2.6, 0.35],
+        pos=[0.65, -2.9, 0.3],
         xyaxes=[1.0, 0.22, 0.0, -0.03, 0.13, 1.0],
     )
 

@@ -56,7 +56,11 @@ class SimulatorConfig(PlantConfig):
         live=False,
     )
     max_rate: float = tunable(
-        1.0, "", 0.0, 1000.0, "Robot time per wall time, at most; 0 is as fast as it goes"
+        1.0,
+        "",
+        0.0,
+        1000.0,
+        "Robot time per wall time, at most; 0 is as fast as it goes (realtime: at most 1)",
     )
     command_timeout: float = tunable(
         5.0, "s", 0.1, 1e6, "Wall time without a command after which the drives damp"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ NODES = {
 
 
 def run_over_dds(experiment: Experiment, folder: Path) -> Path:
-    """Run a drawn experiment with all nodes as processes.
+    """Run a drawn experiment with all nodes as processes, and record it.
 
     The simulator begins paused. Each node answers the first sample, which is repeated until the
     recorder has heard everything; then robot time starts. Nothing is left running, whatever
@@ -62,22 +62,44 @@ def run_over_dds(experiment: Experiment, folder: Path) -> Path:
         RunError: if a node does not take part, dies or stalls; the message says which and its
             last words.
     """
-    scenario = folder / "experiment.yaml"
-    bag = folder / "run.mcap"
-    write_resolved(experiment, scenario)
+    bag = folder / "bag.mcap"
     metadata = folder / "metadata.yaml"
+    folder.mkdir(parents=True, exist_ok=True)
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
     with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
         record = executable("cassie_bags", "record")
         processes.start("record", [record, "-o", bag, "--metadata", metadata])
-        _start_nodes(experiment, scenario, folder, processes)
+        start_nodes(experiment, folder, processes)
         with Spectator(domain) as spectator:
-            _wait(processes, lambda: processes.printed("record", COMPLETE), _missing)
+            _await_recorder(processes)
             spectator.resume(START_PATIENCE)
-            _watch(experiment, processes, spectator)
+            watch(experiment, processes, spectator)
         processes.stop("record")
         processes.check("record", "simulator")
     return bag
+
+
+def start_nodes(
+    experiment: Experiment,
+    folder: Path,
+    processes: Processes,
+    programs: Mapping[str, Sequence[str | Path]] | None = None,
+) -> None:
+    """Start the five nodes of a drawn experiment.
+
+    Args:
+        experiment: What to run.
+        folder: Where the drawn file and the parameters go.
+        processes: Keeps them.
+        programs: Commands in place of installed executables, by node.
+    """
+    scenario = folder / "experiment.yaml"
+    write_resolved(experiment, scenario)
+    parameters = node_parameters(experiment, scenario)
+    for name, (package, _) in NODES.items():
+        words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
+        command = (programs or {}).get(name) or [executable(package, name)]
+        processes.start(name, [*command, *words])
 
 
 def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[str, Any]]:
@@ -107,36 +129,23 @@ def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[st
     return parameters
 
 
-def _start_nodes(
-    experiment: Experiment, scenario: Path, folder: Path, processes: Processes
-) -> None:
-    parameters: Mapping[str, Mapping[str, Any]] = node_parameters(experiment, scenario)
-    for name, (package, _) in NODES.items():
-        words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
-        processes.start(name, [executable(package, name), *words])
-
-
-def _missing(processes: Processes) -> str:
-    return "not every topic of the control lane is published"
-
-
-def _wait(
-    processes: Processes, condition: Callable[[], bool], missing: Callable[[Processes], str]
-) -> None:
-    """Wait for a condition while all processes run.
+def _await_recorder(processes: Processes) -> None:
+    """Wait until the recorder has heard every topic of the control lane.
 
     Raises:
-        RunError: if one ends, or the condition does not come about in time.
+        RunError: if a process ends, or it does not come about in time.
     """
     deadline = time.monotonic() + START_PATIENCE
-    while not condition():
+    while not processes.printed("record", COMPLETE):
         processes.check()
         if time.monotonic() > deadline:
-            raise RunError(f"{missing(processes)} after {START_PATIENCE:g} s")
+            raise RunError(
+                f"after {START_PATIENCE:g} s not every topic of the control lane is published"
+            )
         time.sleep(_LOOK / 5)
 
 
-def _watch(experiment: Experiment, processes: Processes, spectator: Spectator) -> None:
+def watch(experiment: Experiment, processes: Processes, spectator: Spectator) -> None:
     """Wait for the simulator to end, with a progress bar on a terminal.
 
     Raises:

@@ -70,7 +70,7 @@ def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
     if folder is None:
         wall_time = run(make_loop(experiment, store), bar)
     else:
-        with BagObserver(folder / "run.mcap", experiment) as bag:
+        with BagObserver(folder / "bag.mcap", experiment) as bag:
             wall_time = run(make_loop(experiment, both(store, bag)), bar)
     return evaluate(experiment, store.recording(wall_time), "in-process")
 
@@ -85,7 +85,7 @@ def _over_dds(experiment: Experiment, folder: Path) -> Outcome:
 
 def _keep(outcome: Outcome, folder: Path, *, pictures: bool) -> Outcome:
     """Leave table, JSON and pictures beside the bag; returns the outcome with their names."""
-    bag = folder / "run.mcap"
+    bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
     write_resolved(outcome.experiment, files["experiment"])
     if pictures:

@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
 
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -22,7 +21,7 @@ from cassie_bags.odometry import TYPE as ODOMETRY
 from cassie_bags.provenance import versions
 from cassie_bags.recording import GROUND_TRUTH_TOPIC, LANE_TOPICS
 from cassie_bags.robot_clock import RobotClock
-from cassie_bags.ros.raw_subscription import RawSubscription, offered_qos, qos_numbers
+from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
 from cassie_bags.yaml_file import read_yaml
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
@@ -48,7 +47,7 @@ DEFAULT_TOPICS = (
 COMPLETE = "the control lane is complete"
 """What the recorder says once it has heard every topic of the control lane."""
 
-_BATCH = 0.004  # s between two looks at the queues
+_BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
 _NEEDED = frozenset(LANE_TYPES) - {"/cassie/controller_status"}
@@ -63,7 +62,7 @@ class Recorder(Node):
         self._all = arguments.all
         self._wanted = set(arguments.topics or DEFAULT_TOPICS)
         self._wall_clock = arguments.wall_clock
-        self._subscriptions_by_topic: dict[str, RawSubscription] = {}
+        self._subscriptions_by_topic: dict[str, RecordedTopic] = {}
         self._unknown: set[str] = set()
         self._clock_of_robot = RobotClock()
         self._monitor = SeqMonitor()
@@ -75,7 +74,7 @@ class Recorder(Node):
             self._bag.add_metadata(name, content)
         for topic in LANE_TYPES if self._all else self._wanted & LANE_TYPES.keys():
             self._subscribe(topic, LANE_TYPES[topic])
-        self._waiter = LaneWaiter(self, cast(Any, self._subscriptions_by_topic.values()))
+        self._waiter = LaneWaiter(self, self._subscriptions_by_topic.values())
         stop.on_request(lambda: self._waiter.wake())
 
     def loop(self) -> None:
@@ -112,12 +111,12 @@ class Recorder(Node):
         wall = time.time_ns()
         count = 0
         for subscription in self._subscriptions_by_topic.values():
-            while (raw := subscription.take()) is not None:
+            while (raw := subscription.take_raw()) is not None:
                 self._write(subscription, raw, wall)
                 count += 1
         return count
 
-    def _write(self, subscription: RawSubscription, raw: bytes, wall: int) -> None:
+    def _write(self, subscription: RecordedTopic, raw: bytes, wall: int) -> None:
         topic = subscription.topic
         robot = self._clock_of_robot.time_of(topic, raw)
         log_time = wall if self._wall_clock else robot
@@ -138,7 +137,7 @@ class Recorder(Node):
             if topic not in known and (self._all or topic in self._wanted):
                 found = self._subscribe(topic, types[0]) or found
         if found:
-            self._waiter = LaneWaiter(self, cast(Any, self._subscriptions_by_topic.values()))
+            self._waiter = LaneWaiter(self, self._subscriptions_by_topic.values())
 
     def _subscribe(self, topic: str, type_name: str) -> bool:
         """Record a topic; False if nobody writes it yet or its type is not installed."""
@@ -148,7 +147,7 @@ class Recorder(Node):
             return False
         try:
             channel = self._bag.add_topic(topic, type_name, qos_numbers(qos, 100 if lane else 10))
-            subscription = RawSubscription(self, type_name, topic, qos, channel)
+            subscription = RecordedTopic(self, type_name, topic, qos, channel)
         except ValueError as error:
             self._unknown.add(topic)
             self.get_logger().warning(f"{topic} is not recorded: {error}")

@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from cassie_bags.bag_reader import BagIndex, read_messages
 from cassie_bags.errors import BagError
 from cassie_bags.robot_clock import CLOCK_TOPIC
-from cassie_bags.ros.raw_subscription import message_class
+from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.ros.fast_lane import WRITER
 from cassie_msgs.ros.process import Stop, run
 

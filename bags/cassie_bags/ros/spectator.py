@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from types import TracebackType
 
@@ -13,10 +14,11 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from cassie_bags.errors import RunError
-from cassie_msgs.ros.fast_lane import _NotForExecutors as NotForExecutors
+from cassie_msgs.ros.fast_lane import RawSubscription
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PAUSE_SERVICE = "/cassie/pause"
+_STAMP = struct.Struct("<4xiI")
 
 
 class Spectator:
@@ -32,9 +34,7 @@ class Spectator:
         self._node = rclpy.create_node("experiment", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._clock = self._node.create_subscription(
-            Clock, "/clock", _ignore, _NEWEST, callback_group=NotForExecutors()
-        )
+        self._clock = RawSubscription(self._node, Clock, "/clock", _NEWEST)
         self._pause = self._node.create_client(SetBool, _PAUSE_SERVICE)
         self._time = 0.0
 
@@ -60,10 +60,10 @@ class Spectator:
 
     def robot_time(self) -> float:
         """Newest robot time on /clock. In s."""
-        taken = self._clock.handle.take_message(Clock, False)
-        if taken is not None:
-            stamp = taken[0].clock
-            self._time = stamp.sec + stamp.nanosec * 1e-9
+        raw = self._clock.take_raw()
+        if raw is not None:
+            seconds, nanoseconds = _STAMP.unpack_from(raw)
+            self._time = seconds + nanoseconds * 1e-9
         return self._time
 
     def __enter__(self) -> Spectator:
@@ -78,7 +78,3 @@ class Spectator:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
-
-
-def _ignore(_: object) -> None:
-    """Callback of a subscription that no executor serves."""

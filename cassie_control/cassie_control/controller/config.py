@@ -32,7 +32,9 @@ class WalkConfig:
         300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
     )
     kd_torso_pitch: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
-    kp_torso_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip")
+    kp_torso_roll: float = tunable(
+        400.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
+    )
     kd_torso_roll: float = tunable(25.0, "Nms/rad", 0.0, 200.0, "Its damping")
     law: str = tunable(
         "pendulum",
@@ -65,12 +67,18 @@ class WalkConfig:
     integral_x: float = tunable(
         0.05, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.05, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.12, "m", 0.0, 0.2, "Bound of that sum")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
     paper_kd_y: float = tunable(0.35, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kd")
+    paper_offset: float = tunable(
+        0.04, "rad", -0.2, 0.2, "The paper's law: sagittal offset, as the CoM is ahead of the hips"
+    )
+    paper_narrowing: float = tunable(
+        0.1, "rad/(m/s)", 0.0, 0.3, "The paper's law: swing leg inward by forward speed"
+    )
     heading_gain: float = tunable(0.5, "", 0.0, 2.0, "Swing hip yaw by heading error")
     yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
@@ -118,6 +126,11 @@ class TransitionConfig:
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
     lean_roll: float = tunable(0.08, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    stop_vx: float = tunable(
+        0.2, "m/s", 0.05, 1.0, "Walking ends at a touchdown with a CoM no faster than this"
+    )
+    stop_vy: float = tunable(0.35, "m/s", 0.05, 1.0, "The same sideways")
+    stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which it ends anyway")
     blend_time: float = tunable(0.3, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 

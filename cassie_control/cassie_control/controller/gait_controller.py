@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import enum
-import math
 
 import numpy as np
 
 from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.limits import limit
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.standing import StandingController
-from cassie_control.controller.walking import LEFT, WalkingController
+from cassie_control.controller.step_timing import LEFT
+from cassie_control.controller.walking import WalkingController
 from cassie_control.errors import ControlError
+from cassie_control.finite import check
 from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
@@ -35,8 +37,9 @@ class GaitController:
     """State and mode in, drive set-points out.
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
-    walking, standing begins at the next touchdown; the supervisor asks for it when Cassie steps
-    in place. After each change the set-points are blended over a moment.
+    walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
+    the supervisor asks for it when Cassie steps in place. After each change the set-points are
+    blended over a moment.
 
     Args:
         config: Gains.
@@ -49,7 +52,9 @@ class GaitController:
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
         self.walking = WalkingController(config.walk, library, period)
-        self.status = ControllerStatus()
+        self._status = ControllerStatus()
+        self._state = RobotState()
+        self._mode = Mode()
         self._command = MotorCommand()
         self._last = MotorCommand()
         limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
@@ -67,8 +72,9 @@ class GaitController:
         """Back to doing nothing."""
         self.activity = Activity.IDLE
         self._since = 0.0
+        self._stop_steps = 0
         self._blend = 0.0
-        self._command.kp[:] = self._command.kd[:] = self._command.torque[:] = 0.0
+        self._command.floats[:] = 0.0
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.
@@ -77,19 +83,30 @@ class GaitController:
             The command; reused by the next step.
 
         Raises:
-            ControlError: if the state holds a value that is not finite.
+            ControlError: if state or mode hold a value that is not finite, or the mode is
+                unknown: everything then stays as it was. Or if the command came out not finite:
+                the controller then starts afresh.
         """
-        _check(state)
+        check(state, "state", ControlError)
+        check(mode, "mode", ControlError)
+        wanted = int(mode.mode)
+        if wanted > RobotMode.SEGWAY:
+            raise ControlError(f"mode is {wanted}, must be 0 .. {RobotMode.SEGWAY:d}")
         self.readings.update(state)
         command = self._command
         command.seq[...] = state.seq
         command.episode[...] = state.episode
         command.stamp_ns = state.stamp_ns
         self._since += self._period
-        self._choose(int(mode.mode))
+        self._choose(wanted)
         self._act(mode)
         self._blend_in()
-        self._describe(state, mode)
+        try:
+            limit(command)
+        except ControlError:
+            self.reset()
+            raise
+        self._state, self._mode = state, mode
         return command
 
     def _choose(self, mode: int) -> None:
@@ -129,10 +146,21 @@ class GaitController:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
-        elif self.walking.step(self.readings, mode, command) and mode.mode == RobotMode.STAND:
+        elif self.walking.step(self.readings, mode, command) and self._may_stop(mode):
             self._enter(Activity.STANDING)
             self.standing.start(self.readings)
             self.standing.step(self.readings, mode, command, 0.0)
+
+    def _may_stop(self, mode: Mode) -> bool:
+        """Whether walking ends at this touchdown: asked for, and the CoM is slow enough."""
+        if mode.mode != RobotMode.STAND:
+            self._stop_steps = 0
+            return False
+        self._stop_steps += 1
+        vx, vy, _ = self.readings.com_velocity
+        transition = self.config.transition
+        slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
+        return slow or self._stop_steps >= transition.stop_steps
 
     def _blend_in(self) -> None:
         """Go over from the last set-points to the new ones, torques and gains alike."""
@@ -146,20 +174,23 @@ class GaitController:
             now *= 1.0 - share
             now += share * before
 
-    def _describe(self, state: RobotState, mode: Mode) -> None:
-        status, walking = self.status, self.walking
+    @property
+    def status(self) -> ControllerStatus:
+        """What the last step did; reused. Filled in when asked for, which is not every tick."""
+        status, walking, state, mode = self._status, self.walking, self._state, self._mode
         status.seq[...] = state.seq
         status.episode[...] = state.episode
         status.stamp_ns = state.stamp_ns
         status.mode_seq[...] = mode.effective_seq
         status.mode[...] = mode.mode
         walks = self.activity is Activity.WALKING
-        status.phase[...] = walking.phase if walks else 0.0
-        status.stance_leg[...] = walking.stance if walks else -1.0
-        status.step_count[...] = walking.steps if walks else 0.0
+        timing = walking.timing
+        status.phase[...] = timing.phase if walks else 0.0
+        status.stance_leg[...] = timing.stance if walks else -1.0
+        status.step_count[...] = timing.steps if walks else 0.0
         status.gait_speed[...] = walking.gait_speed
-        status.step_time[...] = walking.step_time
-        status.velocity[:] = walking.velocity
+        status.step_time[...] = timing.step_time
+        status.velocity[:] = timing.velocity
         if walks:
             np.subtract(walking.outputs, walking.desired, out=status.y)
             np.subtract(walking.rates, walking.desired_rates, out=status.dy)
@@ -167,22 +198,4 @@ class GaitController:
             status.y[:] = 0.0
             status.dy[:] = 0.0
         status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
-
-
-def _check(state: RobotState) -> None:
-    total = (
-        state.q.sum()
-        + state.v.sum()
-        + state.foot_load.sum()
-        + state.foot_force.sum()
-        + state.com_position.sum()
-        + state.com_velocity.sum()
-    )
-    if math.isfinite(total):
-        return
-    for name, _, _ in RobotState.LAYOUT:
-        values = np.atleast_1d(getattr(state, name))
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise ControlError(f"state {name}[{bad[0]}] is {values[bad[0]]}, must be finite")
-    raise ControlError("state overflows")
+        return status

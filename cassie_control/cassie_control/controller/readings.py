@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.kernels import holding_torques, set_tilt, turned
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegChain, LegState
 from cassie_gaits.names import LEGS
@@ -31,7 +32,9 @@ class LegReadings:
 
     Attributes:
         joints, rates: The seven joints. In rad and rad/s.
+        side: 1 for the left leg, -1 for the right.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
+        foot: Middle of the sole from the pelvis origin, heading frame. In m.
         load: Share of the load threshold it carries, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
@@ -56,22 +59,26 @@ class LegReadings:
         self.joints = joints.tolist()
         self.rates = rates.tolist()
         self.chain = self._chain.update(joints, rates)
-        x, y, z = (rotation @ self.chain.ankle).tolist()
-        self.ankle = (x, y, z)
-        x, y, z = (rotation @ self.chain.foot).tolist()
-        self.foot = (x, y, z)
+        self.ankle = turned(rotation, self.chain.ankle)
+        self.foot = turned(rotation, self.chain.foot)
 
-    def gravity_torques(self, force: FloatArray) -> tuple[float, float, float, float]:
-        """Torques of hip roll, yaw, pitch and knee that hold a force on the foot.
+    def weight_torques(
+        self, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+    ) -> tuple[float, float, float, float]:
+        """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
 
         Args:
-            force: Of the ground on the foot, pelvis frame. Shape (3,), in N.
+            tilt: Pelvis to heading frame. Shape (3, 3).
+            force: Its vertical part. In N.
+            lean_x, lean_y: Its horizontal parts over the vertical one, heading frame.
+
+        Returns:
+            Torques. In Nm.
 
         Source:
             u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
         """
-        roll, yaw, pitch, knee, _, tarsus, _ = (force @ self.chain.ankle_jacobian).tolist()
-        return -roll, -yaw, -pitch, tarsus - knee
+        return holding_torques(self.chain.ankle_jacobian, tilt, force, lean_x, lean_y)
 
 
 class Readings:
@@ -80,9 +87,11 @@ class Readings:
     Attributes:
         yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
         com: Centre of mass from the pelvis origin, heading frame. In m.
+        com_from_feet: The same from the midpoint of the feet. In m.
         com_velocity: Of the centre of mass, heading frame. In m/s.
         velocity: Of the pelvis origin, heading frame. In m/s.
         height: Pelvis origin above the loaded soles. In m.
+        time: Of the state, robot time. In s.
         legs: Left and right.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
     """
@@ -105,7 +114,7 @@ class Readings:
         self.time = state.stamp_ns * 1e-9
         self.height, self.yaw, self.pitch, self.roll = q[2:6].tolist()
         self.yaw_rate, self.pitch_rate, self.roll_rate = v[3:6].tolist()
-        self._set_tilt()
+        set_tilt(self.pitch, self.roll, self.tilt)
         for i, leg in enumerate(self.legs):
             leg.update(q[6 + 7 * i : 13 + 7 * i], v[6 + 7 * i : 13 + 7 * i], self.tilt)
         left, right = self.legs
@@ -124,11 +133,3 @@ class Readings:
         vx, vy, vz = v[:3].tolist()
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         self.velocity = (c * vx + s * vy, c * vy - s * vx, vz)
-
-    def _set_tilt(self) -> None:
-        cp, sp = math.cos(self.pitch), math.sin(self.pitch)
-        cr, sr = math.cos(self.roll), math.sin(self.roll)
-        tilt = self.tilt
-        tilt[0, 0], tilt[0, 1], tilt[0, 2] = cp, sp * sr, sp * cr
-        tilt[1, 1], tilt[1, 2] = cr, -sr
-        tilt[2, 0], tilt[2, 1], tilt[2, 2] = -sp, cp * sr, cp * cr

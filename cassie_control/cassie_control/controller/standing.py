@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cassie_control.controller.config import StandConfig
 from cassie_control.controller.readings import (
     ANKLE_HEIGHT,
@@ -59,7 +57,6 @@ class StandingController:
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
-        self._force = np.zeros(3)
 
     def start(self, readings: Readings) -> None:
         """Begin from the present pose: the feet stay where they are."""
@@ -110,6 +107,7 @@ class StandingController:
         return max(0.05, min(0.95, 0.5 + (y + wanted) / apart))
 
     def _mean_length(self, readings: Readings, height: float, both: float) -> float:
+        """Leg length that gives the pelvis height, in m; `both` is the lesser contact, 0..1."""
         c = self.config
         if both > 0.7:
             error = height - readings.height
@@ -128,50 +126,31 @@ class StandingController:
         share: float,
         mode: Mode,
     ) -> None:
-        c = self.config
-        ground = self._ground[i]
-        base = 5 * i
+        """Set-points of leg `i`, `length` m long, that carries `share` of the weight."""
+        c, ground, base = self.config, self._ground[i], 5 * i
         length = virtual_leg.clamp_length(length, 0.25, 0.97)
-        hips = self._hips[i]
-        self._release_hips(hips, leg, ground)
+        self._release_hips(self._hips[i], leg, ground)
         in_air = (readings.com[0] - HIP_X - _FOOT_MIDDLE) / max(length, 0.4)
         hip_pitch_air = virtual_leg.hip_pitch_angle(in_air, 0.0, length)
         hip_pitch_ground = leg.joints[2] + float(mode.pitch) - readings.pitch
-        toe_level = virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2])
-        toe = self._toe_torque(leg, readings, float(mode.com_x))
         command.position[base : base + 5] = (
-            hips[0],
-            hips[1],
+            *self._hips[i],
             (1.0 - ground) * hip_pitch_air + ground * hip_pitch_ground,
             virtual_leg.knee_angle(length),
-            toe_level,
+            virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
         )
-        command.velocity[base : base + 5] = (
-            0.0,
-            0.0,
-            ground * (leg.rates[2] - readings.pitch_rate),
-            0.0,
-            0.0,
-        )
-        command.kp[base : base + 5] = (
-            c.kp_hip_roll,
-            c.kp_hip_yaw,
-            c.kp_hip_pitch,
-            c.kp_knee,
-            c.kp_toe * (1.0 - ground),
-        )
-        command.kd[base : base + 5] = (
-            c.kd_hip_roll,
-            c.kd_hip_yaw,
-            c.kd_hip_pitch,
-            c.kd_knee,
-            c.kd_toe,
-        )
-        np.multiply(readings.tilt[2], c.gravity * WEIGHT * share, out=self._force)
-        roll_torque, yaw_torque, pitch_torque, knee_torque = leg.gravity_torques(self._force)
-        command.torque[base : base + 5] = (roll_torque, yaw_torque, pitch_torque, knee_torque, toe)
+        hip_rate = ground * (leg.rates[2] - readings.pitch_rate)
+        command.velocity[base : base + 5] = (0.0, 0.0, hip_rate, 0.0, 0.0)
+        kp_toe = c.kp_toe * (1.0 - ground)
+        kp, kd = command.kp, command.kd
+        kp[base : base + 5] = (c.kp_hip_roll, c.kp_hip_yaw, c.kp_hip_pitch, c.kp_knee, kp_toe)
+        kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, c.kd_hip_pitch, c.kd_knee, c.kd_toe)
+        held = leg.weight_torques(readings.tilt, c.gravity * WEIGHT * share, 0.0, 0.0)
+        toe = self._toe_torque(leg, readings, float(mode.com_x))
+        command.torque[base : base + 5] = (*held, toe)
 
     def _toe_torque(self, leg: LegReadings, readings: Readings, com_x: float) -> float:
+        """Torque, in Nm, that puts the centre of pressure under the CoM's way; `com_x` in m."""
         c = self.config
         error = readings.com_from_feet[0] - com_x
         wanted = (c.kp_com_x * error + c.kd_com_x * readings.com_velocity[0]) / WEIGHT
@@ -180,6 +159,7 @@ class StandingController:
         return max(-c.toe_torque, min(c.toe_torque, torque))
 
     def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
+        """Let the hips of a foot in the air go to where the paper stands. In rad."""
         if ground > 0.1:
             return
         nominal = math.atan2(_NOMINAL_STANCE - HIP_Y, 0.8) * leg.side

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from numba import njit
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.compiled import compiled
+
+FloatArray = npt.NDArray[np.float64]
 
 GRAVITY = 9.81
 SOLE_RADIUS = 0.02
@@ -12,8 +18,14 @@ _HANGING_LEAK = 1.0  # 1/s: without load the velocity decays, as there is nothin
 _ACCELERATION_VARIANCE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
 
 
-@njit(cache=True)
-def euler_angles(orientation, angular_velocity, rotation, angles, rates):  # type: ignore[no-untyped-def]
+@compiled
+def euler_angles(
+    orientation: FloatArray,
+    angular_velocity: FloatArray,
+    rotation: FloatArray,
+    angles: FloatArray,
+    rates: FloatArray,
+) -> None:
     """Rotation matrix, z-y-x Euler angles and their rates.
 
     Args:
@@ -46,23 +58,38 @@ def euler_angles(orientation, angular_velocity, rotation, angles, rates):  # typ
     rates[2] = angular_velocity[0] + turning * math.sin(angles[1]) / c_pitch
 
 
-@njit(cache=True)
-def _rotated(rotation, vector, k):  # type: ignore[no-untyped-def]
-    return rotation[k, 0] * vector[0] + rotation[k, 1] * vector[1] + rotation[k, 2] * vector[2]
+@compiled
+def _rotated(rotation: FloatArray, vector: Any, k: int) -> float:
+    x, y, z = rotation[k, 0], rotation[k, 1], rotation[k, 2]
+    value: float = x * vector[0] + y * vector[1] + z * vector[2]
+    return value
 
 
-@njit(cache=True)
-def _swept(omega, point, k):  # type: ignore[no-untyped-def]
+@compiled
+def _swept(omega: FloatArray, point: Any, k: int) -> float:
     i, j = (k + 1) % 3, (k + 2) % 3
-    return omega[i] * point[j] - omega[j] * point[i]
+    value: float = omega[i] * point[j] - omega[j] * point[i]
+    return value
 
 
-@njit(cache=True)
-def fuse_velocity(  # type: ignore[no-untyped-def]
-    rotation, omega, specific_force, imu, feet, foot_velocities, load, period,
-    velocity_bandwidth, height_bandwidth, velocity_noise,
-    imu_velocity, velocity, position, variance,
-):  # fmt: skip
+@compiled
+def fuse_velocity(
+    rotation: FloatArray,
+    omega: FloatArray,
+    specific_force: FloatArray,
+    imu: FloatArray,
+    feet: FloatArray,
+    foot_velocities: FloatArray,
+    load: FloatArray,
+    period: float,
+    velocity_bandwidth: float,
+    height_bandwidth: float,
+    velocity_noise: float,
+    imu_velocity: FloatArray,
+    velocity: FloatArray,
+    position: FloatArray,
+    variance: FloatArray,
+) -> None:
     """Predict the pelvis's velocity with the accelerometer, correct it with the loaded feet.
 
     Args:
@@ -104,20 +131,23 @@ def fuse_velocity(  # type: ignore[no-untyped-def]
         velocity[k] = imu_velocity[k] - _rotated(rotation, arm, k)
         position[k] += period * velocity[k]
     if total > 0.0:
-        height = 0.0
-        for i in range(2):
-            height += load[i] / total * (SOLE_RADIUS - _rotated(rotation, feet[i], 2))
-        position[2] += (1.0 - math.exp(-height_bandwidth * share * period)) * (
-            height - position[2]
-        )
+        follow = 1.0 - math.exp(-height_bandwidth * share * period)
+        position[2] += follow * (_standing_height(rotation, feet, load, total) - position[2])
     noise = velocity_noise * velocity_noise
     variance[0] = (1.0 - gain) ** 2 * (variance[0] + _ACCELERATION_VARIANCE * period)
     variance[0] += gain * gain * noise + gain * 0.1 * noise
     variance[1] += variance[0] * period * 0.1
 
 
-@njit(cache=True)
-def _still_velocity(omega, feet, foot_velocities, load, total, k):  # type: ignore[no-untyped-def]
+@compiled
+def _still_velocity(
+    omega: FloatArray,
+    feet: FloatArray,
+    foot_velocities: FloatArray,
+    load: FloatArray,
+    total: float,
+    k: int,
+) -> float:
     """Pelvis velocity, in the pelvis frame, at which the loaded feet stand still."""
     value = 0.0
     for i in range(2):
@@ -125,11 +155,30 @@ def _still_velocity(omega, feet, foot_velocities, load, total, k):  # type: igno
     return value
 
 
-@njit(cache=True)
-def com_in_heading(  # type: ignore[no-untyped-def]
-    rotation, yaw, omega, velocity, feet, moment, moment_rate, mass,
-    com_position, com_velocity,
-):  # fmt: skip
+@compiled
+def _standing_height(
+    rotation: FloatArray, feet: FloatArray, load: FloatArray, total: float
+) -> float:
+    """Pelvis height at which the loaded feet are on the ground."""
+    height = 0.0
+    for i in range(2):
+        height += load[i] / total * (SOLE_RADIUS - _rotated(rotation, feet[i], 2))
+    return height
+
+
+@compiled
+def com_in_heading(
+    rotation: FloatArray,
+    yaw: float,
+    omega: FloatArray,
+    velocity: FloatArray,
+    feet: FloatArray,
+    moment: FloatArray,
+    moment_rate: FloatArray,
+    mass: float,
+    com_position: FloatArray,
+    com_velocity: FloatArray,
+) -> None:
     """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame.
 
     Args:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator.fusion import com_in_heading, euler_angles, fuse_velocity
+from cassie_control.finite import check
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegChain
 from cassie_gaits.names import LEGS
@@ -96,7 +97,8 @@ class KinematicEstimator:
             The state; reused by the next step.
 
         Raises:
-            SensorError: if a value is not finite; the estimate then stays as it was.
+            SensorError: if a value is not finite or the orientation is no unit quaternion; the
+                estimate then stays as it was.
         """
         _check(sensors)
         state = self._state
@@ -195,21 +197,9 @@ class KinematicEstimator:
 
 
 def _check(sensors: Sensors) -> None:
-    total = (
-        sensors.orientation.sum()
-        + sensors.angular_velocity.sum()
-        + sensors.linear_acceleration.sum()
-        + sensors.drive_position.sum()
-        + sensors.drive_velocity.sum()
-        + sensors.drive_torque.sum()
-        + sensors.joint_position.sum()
-        + sensors.joint_velocity.sum()
-    )
-    if math.isfinite(total):
-        return
-    for name, _, _ in Sensors.LAYOUT:
-        values = np.atleast_1d(getattr(sensors, name))
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise SensorError(f"sensor {name}[{bad[0]}] is {values[bad[0]]}, must be finite")
-    raise SensorError("sensor sample overflows")
+    check(sensors, "sensor", SensorError)
+    orientation = sensors.orientation
+    square = float(orientation.dot(orientation))
+    if not 0.8 < square < 1.2:
+        norm = math.sqrt(square)
+        raise SensorError(f"sensor orientation is a quaternion of length {norm:.3g}, must be 1")

@@ -7,9 +7,9 @@ from typing import Any
 
 from rclpy.node import Node
 
-from cassie_control.errors import ControlError
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
+from cassie_msgs.ros.process import Stop
 from cassie_msgs.tunables import tunable
 
 START_PATIENCE = 10.0
@@ -64,14 +64,23 @@ class Conditions:
         return True
 
 
-def check_rate(sample: Sample, control_rate: int) -> None:
-    """Hold that samples come at the rate the cores were made for.
+class RateCheck:
+    """Ends a node whose samples do not come at the rate its core was made for."""
 
-    Raises:
-        ControlError: naming both rates.
-    """
-    seq, stamp = int(sample.seq), sample.stamp_ns
-    if seq and abs(stamp - seq * 1_000_000_000 // control_rate) > 500_000_000 // control_rate:
-        raise ControlError(
-            f"control_rate = {control_rate} Hz, but samples come at {seq * 1e9 / stamp:.6g} Hz"
-        )
+    def __init__(self, node: Node, stop: Stop, control_rate: int) -> None:
+        self._logger = node.get_logger()
+        self._stop = stop
+        self._rate = control_rate
+        self._episode = -1
+
+    def check(self, episode: int, seq: int, sample: Sample) -> None:
+        """Look at the first sample of an episode that has a time; cheap for the others."""
+        if episode == self._episode or not seq:
+            return
+        self._episode = episode
+        stamp = sample.stamp_ns
+        if abs(stamp - seq * 1_000_000_000 // self._rate) > 500_000_000 // self._rate:
+            self._logger.fatal(
+                f"control_rate = {self._rate} Hz, but samples come at {seq * 1e9 / stamp:.6g} Hz"
+            )
+            self._stop.request(exit_code=2)

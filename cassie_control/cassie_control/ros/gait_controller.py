@@ -16,7 +16,7 @@ from cassie_control.ros.common import (
     START_PATIENCE,
     Conditions,
     LaneConfig,
-    check_rate,
+    RateCheck,
 )
 from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
@@ -53,6 +53,7 @@ class GaitControllerNode(Node):
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
+        self._rate = RateCheck(self, stop, self._lane.control_rate)
         self._states = LaneSubscription(self, RobotState)
         self._commands = LanePublisher(self, MotorCommand)
         self._status = LanePublisher(self, ControllerStatus)
@@ -94,8 +95,7 @@ class GaitControllerNode(Node):
         episode, seq = key = int(state.episode), int(state.seq)
         if key == self._answered:
             self._commands.publish_raw(self._reply)
-            if self._status_reply:
-                self._status.publish_raw(self._status_reply)
+            self._status.publish_raw(self._status_reply)
             return
         if episode != self._answered[0]:
             self._begin(episode)
@@ -106,19 +106,19 @@ class GaitControllerNode(Node):
         self._reply = command.to_bytes()
         self._commands.publish_raw(self._reply)
         self._answered = key
-        if seq % STATUS_TICKS == 0:
-            self._tell(seq)
+        self._rate.check(episode, seq, state)
+        if seq % STATUS_TICKS == 0 or not self._status_reply:
+            self._tell()  # a new controller at once, so that nobody thinks it is still lost
         self._conditions.set("state_estimator", "")
         self._conditions.set("state", self._controller.problem)
 
-    def _tell(self, seq: int) -> None:
-        status = self._core.status
+    def _tell(self) -> None:
+        status = self._controller.status(self._state)
         status.supervisor_lost[...] = float(self._modes.lost)
         self._status_reply = status.to_bytes()
         self._status.publish_raw(self._status_reply)
 
     def _begin(self, episode: int) -> None:
-        check_rate(self._state, self._lane.control_rate)
         self._controller.reset()
         self._modes.reset(episode)
         self.get_logger().info(f"episode {episode}")

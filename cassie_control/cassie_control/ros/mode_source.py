@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from cassie_control.ros.common import START_PATIENCE, Conditions
 from cassie_control.schedule import ModeTable, StopAndStand
+from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.process import Stop
@@ -52,16 +53,21 @@ class ModeSource:
         self._waited_for = True
         self._heard = False
         self._episode = -1
+        self._current = self._table.newest
+        self._span = range(0)  # ticks for which the current mode is known to hold
 
     def reset(self, episode: int) -> None:
         """A new episode."""
         self._table.reset(episode)
         self._episode = episode
         self._waited_for = True
+        self._span = range(0)
         self._set_lost(False)
 
     def at(self, tick: int) -> Mode:
         """The mode for a tick; may wait for it."""
+        if tick in self._span:
+            return self._current
         self._take()
         if not self.lost and self._waited_for and not self._table.may_begin(tick):
             self._wait(tick)
@@ -70,6 +76,8 @@ class ModeSource:
             self._set_lost(False)
         mode = self._table.at(tick)
         if mode is not None and not self.lost:
+            self._current = mode
+            self._span = range(tick, tick - tick % PERIOD_TICKS + PERIOD_TICKS)
             return mode
         if not self.lost and (tick - newest) * self._period > PATIENCE:
             self._set_lost(True)

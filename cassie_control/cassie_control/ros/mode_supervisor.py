@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_control.guarded import GuardedSupervisor
-from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, check_rate
+from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, RateCheck
 from cassie_control.ros.operator_source import OperatorSource
 from cassie_control.ros.supervisor_status import StatusTopic
 from cassie_control.ros.watch import Watch
@@ -48,6 +48,7 @@ class ModeSupervisorNode(Node):
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
+        self._rate = RateCheck(self, stop, self._lane.control_rate)
         self._states = LaneSubscription(self, RobotState, qos=_STATES)
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
@@ -70,7 +71,7 @@ class ModeSupervisorNode(Node):
             now = time.monotonic()
             if now >= next_look:
                 next_look = now + LOOK_PERIOD
-                if self._watch.look(now):
+                if self._watch.look(now) or self._status.is_due(now):
                     self._status.publish(self._core.status, self._state, self._watch.faults)
 
     def _take_states(self) -> None:
@@ -101,6 +102,7 @@ class ModeSupervisorNode(Node):
             return
         if new_episode:
             self._begin(episode)
+        self._rate.check(episode, seq, self._state)
         operator = self._operator.at(seq)
         lost = self._watch.controller_lost(time.monotonic())
         mode = self._supervisor.step(self._state, operator, lost)
@@ -114,7 +116,6 @@ class ModeSupervisorNode(Node):
         self._status.follow(seq, self._core.status, self._state, faults)
 
     def _begin(self, episode: int) -> None:
-        check_rate(self._state, self._lane.control_rate)
         self._supervisor.reset()
         self._operator.reset(episode)
         self._replies.clear()

@@ -48,6 +48,7 @@ class OperatorSource:
         self._conditions = conditions
         self._scripted = scripted
         self._early: deque[bytes] = deque()
+        self._answered: dict[int, OperatorCommand] = {}
         self._command = OperatorCommand()
         self._arrived = -1.0
         self._episode = -1
@@ -58,6 +59,7 @@ class OperatorSource:
     def reset(self, episode: int) -> None:
         """A new episode: earlier answers of a script do not count."""
         self._episode = episode
+        self._answered.clear()
         if self._scripted:
             self._arrived = -1.0
         self._lost = False
@@ -83,6 +85,14 @@ class OperatorSource:
         return None if self._lost else self._command
 
     def _answers(self, seq: int) -> bool:
+        """Whether the answer to a state is there; it is the command then.
+
+        The loop runs on for a period before it waits for us, so the answer to the next state
+        may be there as well.
+        """
+        self._command = self._answered.get(seq, self._command)
+        for older in [key for key in self._answered if key <= seq]:
+            del self._answered[older]
         return self._arrived >= 0.0 and int(self._command.seq) == seq
 
     def _wait(self, seq: int) -> None:
@@ -117,6 +127,8 @@ class OperatorSource:
             if self._scripted and not self._is_ours(command):
                 continue
             self._command = command
+            if self._scripted:
+                self._answered[int(command.seq)] = command
             self._arrived = time.monotonic()
             self._heard = True
 

@@ -14,7 +14,7 @@ from cassie_control.ros.common import (
     START_PATIENCE,
     Conditions,
     LaneConfig,
-    check_rate,
+    RateCheck,
 )
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
@@ -36,6 +36,7 @@ class StateEstimator(Node):
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
+        self._rate = RateCheck(self, stop, self._lane.control_rate)
         self._samples = LaneSubscription(self, Sensors)
         self._states = LanePublisher(self, RobotState)
         self._standard = StandardTopics(self, self._lane.control_rate)
@@ -75,12 +76,12 @@ class StateEstimator(Node):
         self._reply = state.to_bytes()
         self._states.publish_raw(self._reply)
         self._answered = key
+        self._rate.check(episode, seq, sample)
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
         self._standard.publish(seq, sample, state)
 
     def _begin(self, episode: int) -> None:
-        check_rate(self._sample, self._lane.control_rate)
         self._estimator.reset()
         self.get_logger().info(f"episode {episode}")
 

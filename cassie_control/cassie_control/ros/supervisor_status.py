@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
@@ -11,6 +13,8 @@ from cassie_msgs.msg import SupervisorStatus as SupervisorStatusMessage
 
 RATE = 10
 """In robot time. In Hz."""
+
+_HEARTBEAT = 1.0  # s of wall time; also while robot time stands still
 
 
 class StatusTopic:
@@ -25,6 +29,7 @@ class StatusTopic:
         self._due = 0
         self._told: tuple[object, ...] = ()
         self._mode = ""
+        self._published = 0.0
 
     def follow(
         self, seq: int, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]
@@ -36,6 +41,10 @@ class StatusTopic:
         self._due = seq + self._period
         self._told = now
         self.publish(status, state, faults)
+
+    def is_due(self, now: float) -> bool:
+        """Whether nothing was published for a while, whatever robot time does."""
+        return now - self._published >= _HEARTBEAT
 
     def publish(self, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]) -> None:
         """Publish now."""
@@ -55,6 +64,7 @@ class StatusTopic:
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(state.stamp_ns, 10**9)
         message.header.frame_id = "base_link"
         self._publisher.publish(message)
+        self._published = time.monotonic()
         if message.mode != self._mode:
             self._mode = message.mode
             self._logger.info(f"mode {self._mode}")

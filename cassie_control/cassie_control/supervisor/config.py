@@ -37,5 +37,7 @@ class SupervisorConfig:
     stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")
     fall_tilt: float = tunable(0.8, "rad", 0.3, 1.5, "Torso tilt that counts as a fall")
     fall_height: float = tunable(0.33, "m", 0.1, 0.6, "Pelvis height that counts as a fall")
-    upright_tilt: float = tunable(0.3, "rad", 0.1, 0.8, "Tilt below which drives may do more than damp")
+    upright_tilt: float = tunable(
+        0.3, "rad", 0.1, 0.8, "Tilt below which drives may do more than damp"
+    )
     upright_time: float = tunable(1.0, "s", 0.1, 10.0, "Time upright after a fall")

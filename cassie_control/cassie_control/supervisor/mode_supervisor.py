@@ -5,8 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from cassie_control.errors import ControlError
+from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.set_points import SetPoints, approach, wishes
+from cassie_control.supervisor.set_points import (
+    SetPoints,
+    approach,
+    refusal,
+    requested_mode,
+    wishes,
+)
 from cassie_gaits import robot
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 
@@ -14,6 +22,7 @@ PERIOD_TICKS = 10
 """The supervisor answers every so many states, and an answer holds so many ticks later."""
 
 _WEIGHT = robot.total_mass() * 9.81
+_GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
 _SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
 
 
@@ -63,6 +72,9 @@ class ModeSupervisor:
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
     - No command from the operator, or a bad link: stop and stand.
+    - A command that means nothing (not a number, an unknown mode) is refused: the last good one
+      holds, without its speeds.
+    - After damping with feet on the ground, standing begins from the height the pelvis has.
 
     All decisions rest on the state's own clock, so that a recording replays to the same bits.
 
@@ -81,12 +93,16 @@ class ModeSupervisor:
         """Back to off."""
         self.status = SupervisorStatus()
         self._set_points = SetPoints()
+        self._wish = SetPoints()
+        self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._since = 0.0
         self._still = 0.0
         self._upright = 0.0
         self._slow = 0.0
         self._fallen = False
+        self._low = self._grounded = False
+        self._height = 0.0
         self._speed = (0.0, 0.0)
 
     def step(
@@ -104,43 +120,59 @@ class ModeSupervisor:
 
         Returns:
             The mode from `effective_seq` on; reused by the next step.
+
+        Raises:
+            ControlError: if the state holds a value that is not finite; it then changes nothing.
         """
+        check(state, "state", ControlError)
         self._observe(state)
         linked = operator is not None and bool(operator.link)
-        wish = SetPoints(height=self._set_points.height)
-        requested = RobotMode.STAND
-        if operator is not None and linked:
-            wish = wishes(operator, self.config)
-            requested = _requested(operator)
+        refused = self._hear(operator if linked else None)
         powered = float(state.power) > 0.5
         reasons = self._reasons(state, powered, controller_lost)
         previous = self._current
-        self._current = self._next(requested, reasons, powered, controller_lost)
+        self._current = self._next(reasons, powered, controller_lost)
         self._since = 0.0 if self._current is not previous else self._since + self._period
-        self._limit(wish, requested)
+        self._limit()
         self.status = SupervisorStatus(
             mode=self._current,
-            requested=requested,
+            requested=self._requested,
             stand=reasons[RobotMode.STAND],
             walk=reasons[RobotMode.WALK],
             segway=reasons[RobotMode.SEGWAY],
-            faults=self._faults(linked, controller_lost),
+            faults=self._faults(linked, refused, controller_lost),
             fallen=self._fallen,
             link=linked,
         )
         return self._answer(state)
 
+    def _hear(self, operator: OperatorCommand | None) -> str:
+        """Take in the operator's wish; says why it is refused, if it is."""
+        if operator is None:
+            self._wish = SetPoints(height=self._set_points.height)
+            self._requested = RobotMode.STAND
+            return ""
+        refused = refusal(operator)
+        if refused:
+            self._wish = replace(self._wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+        else:
+            self._wish = wishes(operator, self.config)
+            self._requested = requested_mode(operator)
+        return refused
+
     def _observe(self, state: RobotState) -> None:
         c = self.config
         pitch, roll = float(state.q[4]), float(state.q[5])
         tilt = max(abs(pitch), abs(roll))
-        loaded = float(state.foot_force.max()) > 50.0
-        low = float(state.q[2]) < c.fall_height and loaded
-        if tilt > c.fall_tilt or (low and self._current in (RobotMode.STAND, RobotMode.WALK)):
-            self._fallen = True
-        upright = tilt < c.upright_tilt
+        self._height = float(state.q[2])
+        self._grounded = float(state.foot_force.max()) > _GROUNDED
+        self._low = self._grounded and self._height < c.fall_height
+        moving = self._current in (RobotMode.STAND, RobotMode.WALK)
+        upright = tilt < c.upright_tilt and not self._low
         self._upright = self._upright + self._period if upright else 0.0
-        if self._fallen and self._upright >= c.upright_time:
+        if tilt > c.fall_tilt or (self._low and moving):
+            self._fallen = True
+        elif self._upright >= c.upright_time:
             self._fallen = False
         vx, vy, _ = state.com_velocity.tolist()
         still = math.hypot(vx, vy) < c.still_speed
@@ -162,6 +194,8 @@ class ModeSupervisor:
             common = "the controller is silent"
         elif self._fallen:
             common = "Cassie fell: hang her up or set her upright"
+        elif self._low:
+            common = f"the pelvis is at {self._height:.2f} m: lift her"
         elif self._upright <= 0.0:
             common = f"the torso is tilted by more than {self.config.upright_tilt:g} rad"
         return {
@@ -190,19 +224,14 @@ class ModeSupervisor:
         carried = float(state.foot_force.sum())
         if carried < c.weight_share * _WEIGHT or float(state.contact_probability.min()) < 0.5:
             return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let her down"
-        height = float(state.q[2])
-        if abs(height - c.walk_height) > c.height_tolerance:
-            return f"walking begins at {c.walk_height:g} m, pelvis at {height:.2f} m"
+        if abs(self._height - c.walk_height) > c.height_tolerance:
+            return f"walking begins at {c.walk_height:g} m, pelvis at {self._height:.2f} m"
         if min(self._still, self._since) < c.stand_time:
             return f"standing still for {min(self._still, self._since):.1f} s of {c.stand_time:g} s"
         return ""
 
     def _next(
-        self,
-        requested: RobotMode,
-        reasons: dict[RobotMode, str],
-        powered: bool,
-        controller_lost: bool,
+        self, reasons: dict[RobotMode, str], powered: bool, controller_lost: bool
     ) -> RobotMode:
         if not powered:
             return RobotMode.OFF
@@ -210,15 +239,14 @@ class ModeSupervisor:
             return RobotMode.DAMP
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             return RobotMode.DAMP if reasons[RobotMode.STAND] else RobotMode.STAND
-        if requested in reasons and not reasons[requested]:
-            return requested
-        return self._current
+        return self._current if reasons[self._requested] else self._requested
 
-    def _limit(self, wish: SetPoints, requested: RobotMode) -> None:
+    def _limit(self) -> None:
         """Move the set-points towards what the mode in force permits of the wish."""
-        c = self.config
+        c, wish, requested = self.config, self._wish, self._requested
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
-            self._set_points = SetPoints(height=wish.height)
+            height = max(c.height_low, min(c.height_high, self._height))
+            self._set_points = SetPoints(height=height if self._grounded else wish.height)
         if self._current is not RobotMode.WALK or requested is not RobotMode.WALK:
             wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
         if requested is RobotMode.WALK or self._current is RobotMode.WALK:
@@ -231,12 +259,14 @@ class ModeSupervisor:
         )
         self._slow = self._slow + self._period if slow else 0.0
 
-    def _faults(self, linked: bool, controller_lost: bool) -> tuple[str, ...]:
+    def _faults(self, linked: bool, refused: str, controller_lost: bool) -> tuple[str, ...]:
         faults = []
         if self._fallen:
             faults.append("fallen: drives damp")
         if not linked:
             faults.append("operator lost: stopping and standing")
+        if refused:
+            faults.append(f"operator command refused: {refused}")
         if controller_lost:
             faults.append("gait controller lost: drives damp")
         return tuple(faults)
@@ -251,9 +281,3 @@ class ModeSupervisor:
         mode.transition[...] = min(1.0, self._since)
         self._set_points.write(mode)
         return mode
-
-
-def _requested(operator: OperatorCommand) -> RobotMode:
-    wished = int(operator.mode)
-    permitted = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
-    return RobotMode(wished) if wished in permitted else RobotMode.STAND

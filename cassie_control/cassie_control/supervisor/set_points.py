@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from cassie_control.finite import fault
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_msgs.layout import Mode, OperatorCommand
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode
 
 
 @dataclass
 class SetPoints:
-    """What the controller is given; SI units, see Mode.msg."""
+    """What the controller is given.
+
+    Attributes:
+        vx, vy: Forward and to the left. In m/s.
+        yaw_rate: To the left. In rad/s.
+        height: Of the pelvis above the soles. In m.
+        com_x, com_y: Shift of the centre of mass, forward and to the left. In m.
+        roll, pitch: Of the torso. In rad.
+        trims: Sagittal and lateral leg angle, torso pitch and roll. In rad.
+    """
 
     vx: float = 0.0
     vy: float = 0.0
@@ -26,6 +36,23 @@ class SetPoints:
         """Fill in the set-points of a mode message."""
         for field in fields(self):
             getattr(mode, field.name)[...] = getattr(self, field.name)
+
+
+def refusal(command: OperatorCommand) -> str:
+    """Why an operator's command cannot be followed; empty if it can.
+
+    What exceeds a limit is followed up to that limit; this is about what means nothing.
+    """
+    if command.mode > RobotMode.SEGWAY:
+        return f"mode is {command.mode}, must be 0 .. {RobotMode.SEGWAY:d}"
+    return fault(command)
+
+
+def requested_mode(command: OperatorCommand) -> RobotMode:
+    """The mode that an operator wishes for; standing if it is none to wish for."""
+    wished = int(command.mode)
+    permitted = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
+    return RobotMode(wished) if wished in permitted else RobotMode.STAND
 
 
 def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
@@ -51,7 +78,7 @@ def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
 
 
 def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: float) -> None:
-    """Move set-points towards a wish by one period, each no faster than permitted."""
+    """Move set-points towards a wish by one period, in s, each no faster than permitted."""
     c = config
     now.vx = _towards(now.vx, wish.vx, c.acceleration * period)
     now.vy = _towards(now.vy, wish.vy, c.acceleration * period)

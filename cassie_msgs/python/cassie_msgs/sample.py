@@ -72,6 +72,7 @@ class Sample:
         TOPIC: Topic it travels on.
         DTYPE: Structured type of the whole serialized message, for reading bags.
         SIZE: Its size, in bytes.
+        floats: All float64 fields, which stand together in every message, as one view.
     """
 
     LAYOUT: ClassVar[tuple[Field, ...]] = ()
@@ -80,6 +81,7 @@ class Sample:
     DTYPE: ClassVar[np.dtype[Any]]
     SIZE: ClassVar[int]
 
+    floats: npt.NDArray[np.float64]
     episode: npt.NDArray[np.uint32]
     seq: npt.NDArray[np.uint64]
 
@@ -98,6 +100,10 @@ class Sample:
         attributes["_memory"] = buffer.data
         for name in self.DTYPE.names or ():
             attributes[name] = buffer.view(self.DTYPE)[name].reshape(self.DTYPE[name].shape)
+        own = [name for name, kind, _ in self.LAYOUT if kind is np.float64]
+        start = self.DTYPE.fields[own[0]][1] if self.DTYPE.fields and own else self.SIZE
+        stop = start + 8 * sum(count for name, _, count in self.LAYOUT if name in own)
+        attributes["floats"] = buffer[start:stop].view(np.float64)
 
     _memory: memoryview
 

@@ -20,7 +20,8 @@ from cassie_sim.ros.lane import SimulatorLane
 from cassie_sim.ros.services import Services
 from cassie_sim.scenario import Scenario
 from cassie_sim.simulator_config import SimulatorConfig, scenario_of
-from cassie_sim.video import Film, RenderError, Window
+from cassie_sim.video import Film, RenderError
+from cassie_sim.window import Window
 
 _FLUSH = 1.0  # s; at the end, for what was published to arrive
 
@@ -67,7 +68,7 @@ class Simulator(Node):
     def close(self) -> None:
         """Finish the film and close the window."""
         if self._film is not None:
-            self._film.close()
+            self._film.close(soon=self._stop.requested)
         if self._window is not None:
             self._window.close()
 
@@ -88,7 +89,7 @@ class Simulator(Node):
         if self._film is not None and plant.seq % self._film_period == 0:
             self._film.snap(plant.data.qpos)
         if self._window is not None:
-            self._window.show(time.monotonic())
+            self._window.show(plant.model, plant.data, time.monotonic())
 
     def _report(self, condition: str, problem: str | None) -> None:
         if problem is None:

@@ -15,9 +15,10 @@ from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaite
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 
-# Deeper than one: outside lock-step nobody repeats a state that was overwritten.
+# Every 10th state counts. The loop runs on for a period before it waits for the answer, so more
+# states than that may be waiting when this process gets its turn; none may be overwritten.
 _STATES = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=PERIOD
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=5 * PERIOD
 )
 _SILENCE = 1.0  # s of wall time without a state, from which it is reported
 

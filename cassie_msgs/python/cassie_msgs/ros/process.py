@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from cassie_msgs.ros.parameters import refuse_unknown
+from cassie_msgs.ros.transport import use_loopback
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
@@ -81,6 +82,7 @@ def run(name: str, build: Callable[[Stop], Any]) -> None:
 
 def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
     try:
+        use_loopback()
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = build(stop)
         refuse_unknown(node)

@@ -1,4 +1,4 @@
-"""Subscriptions to any topic as bytes, outside rclpy's executor."""
+"""Topics to be recorded: their types, and how to subscribe so that nothing is missed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_bags.errors import BagError
-from cassie_msgs.ros.fast_lane import _NotForExecutors as NotForExecutors
+from cassie_msgs.ros.fast_lane import RawSubscription
 
 DEPTH = 10000
 """Length of the queue of each topic: seconds of the control lane."""
@@ -22,13 +22,11 @@ _NUMBERS = {
 }
 
 
-class RawSubscription:
-    """One topic, taken message by message as bytes.
+class RecordedTopic(RawSubscription):
+    """One topic that a bag keeps, as bytes.
 
     Attributes:
-        topic: Its name.
         channel: Where the bag keeps it.
-        handle: For a wait set.
     """
 
     def __init__(
@@ -39,19 +37,8 @@ class RawSubscription:
         Raises:
             BagError: if the message type is not installed.
         """
-        self.topic = topic
+        super().__init__(node, message_class(type_name), topic, qos)
         self.channel = channel
-        self._type = message_class(type_name)
-        self._subscription = node.create_subscription(
-            self._type, topic, _ignore, qos, callback_group=NotForExecutors(), raw=True
-        )
-        self.handle = self._subscription.handle
-        self._take = self.handle.take_message
-
-    def take(self) -> bytes | None:
-        """The oldest message not yet taken; None if there is none."""
-        taken = self._take(self._type, True)
-        return None if taken is None else taken[0]
 
 
 def message_class(type_name: str) -> Any:
@@ -99,7 +86,3 @@ def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
 def qos_numbers(qos: QoSProfile, depth: int) -> tuple[int, int, int, int]:
     """History, depth, reliability and durability as a bag notes them for a replay."""
     return (1, depth, _NUMBERS[qos.reliability], _NUMBERS[qos.durability])
-
-
-def _ignore(_: object) -> None:
-    """Callback of a subscription that no executor serves."""

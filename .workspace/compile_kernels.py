@@ -1,0 +1,23 @@
+"""Run every compiled function once; their machine code is kept beside the sources."""
+
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_msgs.layout import Mode, RobotMode
+from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.scenario import Scenario
+
+PERIOD = 0.002
+TICKS = 500
+
+library = load_library(default_library_path())
+plant = Plant(PlantConfig(), Scenario(start="standing"))
+estimator = KinematicEstimator(EstimatorConfig(), PERIOD)
+controller = GaitController(ControllerConfig(), library, PERIOD)
+mode = Mode()
+mode.height[...] = 0.95
+plant.power(True)
+for tick in range(TICKS):
+    mode.mode[...] = RobotMode.STAND if tick < TICKS // 5 else RobotMode.WALK
+    plant.step(controller.step(estimator.step(plant.sense()), mode))

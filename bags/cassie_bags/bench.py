@@ -1,0 +1,243 @@
+"""`make bench`: how fast the loop is over DDS, as one would first write it, and without DDS.
+
+All variants run the same cores on the same experiment, one after the other, several times; the
+figures are medians. It prints a table and writes a JSON file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.cores import make_cores, make_loop, tick_count
+from cassie_bags.errors import RunError
+from cassie_bags.experiment_file import Experiment, parse_experiment
+from cassie_bags.in_process import Loop, run
+from cassie_bags.resolve import resolve, write_resolved
+from cassie_bags.ros.processes import Processes, environment, own_domain
+
+FloatArray = npt.NDArray[np.float64]
+
+EXPERIMENT = """
+name: bench
+start: standing
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.98}
+  - {t: 1.0, mode: walk}
+duration: 12.0
+"""
+
+TARGETS = {
+    "rtf_five_processes_500hz": (2.0, "at least"),
+    "round_trip_p50_us": (600.0, "at most"),
+    "tick_us": (300.0, "at most"),
+}
+
+_SETTLE = 1.0  # s of robot time at the start that do not count
+_PATIENCE = 120.0  # s of wall time for one run
+_NODES = (
+    "state_estimator",
+    "gait_controller",
+    "mode_supervisor",
+    "scripted_operator",
+    "simulator",
+)
+
+
+def main() -> int:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(prog="python -m cassie_bags.bench", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("build/bench.json"))
+    parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=12.0, help="robot time of a run")
+    arguments = parser.parse_args()
+    text = EXPERIMENT.replace("12.0", f"{arguments.seconds:g}")
+    experiment = resolve(parse_experiment(text, "bench"))
+    try:
+        results = [_measure(experiment, number) for number in range(arguments.repetitions)]
+    except (RunError, TimeoutError) as error:
+        print(f"bench: error: {error}", file=sys.stderr)
+        return 3
+    medians = {name: statistics.median(result[name] for result in results) for name in results[0]}
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    content = {
+        **medians,
+        "repetitions": results,
+        "machine": _machine(),
+        "robot_s": arguments.seconds,
+    }
+    arguments.out.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    print(_table(medians, results))
+    print(f"written to {arguments.out}")
+    return 0
+
+
+def _measure(experiment: Experiment, number: int) -> dict[str, float]:
+    """Every variant once."""
+    figures: dict[str, float] = {}
+    for name, variant in (
+        ("five processes", _five_processes),
+        ("default executor", _default_executor),
+        ("one process", _one_process),
+        ("tick", _tick),
+    ):
+        print(f"run {number + 1}: {name}", file=sys.stderr, flush=True)
+        figures |= variant(experiment)
+    return figures
+
+
+def _five_processes(experiment: Experiment) -> dict[str, float]:
+    """The nodes as they are installed, the simulator with a stopwatch."""
+    from cassie_bags.ros.dds_run import START_PATIENCE, start_nodes, watch
+    from cassie_bags.ros.spectator import Spectator
+
+    def play(folder: Path, processes: Processes, domain: int) -> None:
+        program: list[str | Path] = [
+            sys.executable,
+            "-m",
+            "cassie_bags.ros.bench_simulator",
+            folder / "times.npz",
+        ]
+        start_nodes(experiment, folder, processes, {"simulator": program})
+        with Spectator(domain) as spectator:
+            spectator.resume(START_PATIENCE)
+            watch(experiment, processes, spectator)
+
+    sent, answered = _timed(play)
+    skip = _settled(experiment)
+    trips = (answered[: len(sent)] - sent[: len(answered)])[skip:] * 1e6
+    return {
+        "rtf_five_processes_500hz": _factor(experiment, sent),
+        "round_trip_p50_us": float(np.percentile(trips, 50)),
+        "round_trip_p99_us": float(np.percentile(trips, 99)),
+    }
+
+
+def _default_executor(experiment: Experiment) -> dict[str, float]:
+    """Five processes with message objects and `rclpy.spin`."""
+
+    def play(folder: Path, processes: Processes, domain: int) -> None:
+        file = folder / "experiment.yaml"
+        write_resolved(experiment, file)
+        for name in _NODES:
+            module = "cassie_bags.ros.bench_executor"
+            processes.start(name, [sys.executable, "-m", module, name, file, folder / "times.npz"])
+        deadline = time.monotonic() + _PATIENCE
+        while processes.running("simulator"):
+            processes.check("simulator")
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"the default executor takes more than {_PATIENCE:g} s")
+            time.sleep(0.05)
+
+    sent, _ = _timed(play)
+    return {"rtf_default_executor_500hz": _factor(experiment, sent)}
+
+
+def _one_process(experiment: Experiment) -> dict[str, float]:
+    """The cores in one process, no transport at all."""
+    loop = make_loop(experiment, lambda *_: None)
+    times: list[float] = []
+
+    def ticks() -> Any:
+        for tick in range(tick_count(experiment)):
+            times.append(time.perf_counter())
+            yield tick
+
+    run(loop, ticks())
+    return {"rtf_in_process_500hz": _factor(experiment, np.array(times))}
+
+
+def _tick(experiment: Experiment) -> dict[str, float]:
+    """One tick of estimator and controller together."""
+    cores = make_cores(experiment)
+    estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
+    loop = Loop(
+        cores.plant,
+        estimator,
+        controller,
+        cores.supervisor,
+        cores.operator,
+        lambda *_: None,
+    )
+    run(loop, range(tick_count(experiment)))
+    both = (np.array(estimator.times) + np.array(controller.times))[_settled(experiment) :] * 1e6
+    return {"tick_us": float(np.median(both)), "tick_p99_us": float(np.percentile(both, 99))}
+
+
+class _Timed:
+    """A core with a stopwatch around its step."""
+
+    def __init__(self, core: Any) -> None:
+        self._core = core
+        self.times: list[float] = []
+
+    def step(self, *arguments: Any) -> Any:
+        started = time.perf_counter()
+        answer = self._core.step(*arguments)
+        self.times.append(time.perf_counter() - started)
+        return answer
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._core, name)
+
+
+def _timed(play: Callable[[Path, Processes, int], None]) -> tuple[FloatArray, FloatArray]:
+    """Play a run in a folder and domain of its own; wall times of its samples and answers."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
+        own_domain() as domain,
+        Processes(environment(domain), Path(name) / "log") as processes,
+    ):
+        folder = Path(name)
+        play(folder, processes, domain)
+        with np.load(folder / "times.npz") as times:
+            sent = times["sent"]
+            return sent, times.get("answered", sent)
+
+
+def _settled(experiment: Experiment) -> int:
+    """Ticks at the start that do not count."""
+    return round(_SETTLE * tick_count(experiment) / experiment.duration)
+
+
+def _factor(experiment: Experiment, times: FloatArray) -> float:
+    """Robot time by wall time, from the wall time of each tick."""
+    counted = times[_settled(experiment) :]
+    robot = (len(counted) - 1) * experiment.duration / tick_count(experiment)
+    return float(robot / (counted[-1] - counted[0]))
+
+
+def _machine() -> dict[str, Any]:
+    return {
+        "cores": len(os.sched_getaffinity(0)),
+        "load": os.getloadavg()[0],
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+    }
+
+
+def _table(medians: Mapping[str, float], results: list[dict[str, float]]) -> str:
+    lines = [f"{'median of ' + str(len(results)):32}{'value':>10}{'least':>10}{'most':>10}  target"]
+    for name, value in medians.items():
+        values = [result[name] for result in results]
+        target = "{1} {0:g}".format(*TARGETS[name]) if name in TARGETS else ""
+        lines.append(f"{name:32}{value:10.2f}{min(values):10.2f}{max(values):10.2f}  {target}")
+    load = os.getloadavg()[0]
+    lines.append(f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} over the last minute")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

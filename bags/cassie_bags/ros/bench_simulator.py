@@ -1,0 +1,64 @@
+"""The simulator node with a stopwatch, for the benchmark.
+
+Usage: python -m cassie_bags.ros.bench_simulator FILE --ros-args ...
+FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and
+its command was taken.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cassie_msgs.layout import Sensors
+from cassie_msgs.ros.process import run
+from cassie_sim.plant import Plant
+from cassie_sim.ros import simulator
+from cassie_sim.ros.lane import SimulatorLane
+
+
+class TimedLane(SimulatorLane):
+    """Notes when samples leave and when their commands arrive."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.sent: list[float] = []
+        self.answered: list[float] = []
+        self._seen = self.command_key
+
+    def announce(self, sample: Sensors, plant: Plant) -> None:
+        """Note the time, then publish."""
+        self.sent.append(time.perf_counter())
+        super().announce(sample, plant)
+
+    def wait(self, timeout: float) -> None:
+        """Wait, and note the time if that brought a command."""
+        super().wait(timeout)
+        if self.command_key != self._seen:
+            self._seen = self.command_key
+            self.answered.append(time.perf_counter())
+
+
+class TimedSimulator(simulator.Simulator):
+    """Leaves its times in a file."""
+
+    def close(self) -> None:
+        """Write the file."""
+        super().close()
+        lane = self._lane
+        if isinstance(lane, TimedLane):
+            np.savez(Path(sys.argv[1]), sent=lane.sent, answered=lane.answered)
+
+
+def main() -> None:
+    """Run the node."""
+    vars(simulator)["SimulatorLane"] = TimedLane
+    run("simulator", TimedSimulator)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""The experiment command: one line of JSON, exit codes, files, and nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cassie_bags.bag_reader import BagIndex, read_messages
+
+TEXT = """
+start: standing
+duration: 1.0
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.95}
+expect:
+  phases:
+    - {name: stand, t0: 0.6, t1: 1.0, vx: {target: 0.0, tolerance: 0.5}}
+"""
+
+COMMAND = [sys.executable, "-m", "cassie_bags.ros.experiment"]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "try.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def experiment(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [*COMMAND, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+
+
+def result(process: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    lines = process.stdout.splitlines()
+    assert len(lines) == 1, process.stderr
+    return json.loads(lines[0])
+
+
+def test_a_run_as_expected_is_one_line_of_json_and_a_table(file: Path):
+    process = experiment(file, "--in-process", "--seed", "7")
+    assert process.returncode == 0, process.stderr
+    content = result(process)
+    assert content["passed"] is True
+    assert content["fell"] is False
+    assert content["seed"] == 7
+    assert content["how"] == "in-process"
+    assert content["draw"]["mass"] != 1.0
+    assert set(content["tracked"]) == {"vx", "vy", "yaw_rate", "height"}
+    assert content["peak_torque"]["left_knee"] > 0.0
+    assert content["real_time_factor"] > 0.0
+    assert content["phases"][0]["name"] == "stand"
+    assert "stand " in process.stderr
+    assert process.stderr.rstrip().endswith("passed")
+
+
+def test_a_run_not_as_expected_exits_with_1_and_says_why(file: Path):
+    change = "expect.phases.0.vx={min: 2.0}"
+    process = experiment(file, "--in-process", "--set", change)
+    assert process.returncode == 1
+    assert "stand: vx" in result(process)["failures"][0]
+    assert "expected >= 2" in process.stderr
+
+
+def test_a_run_leaves_bag_pictures_table_and_json(file: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    process = experiment(file, "--in-process", "--out", out)
+    assert process.returncode == 0, process.stderr
+    names = {path.name for path in out.iterdir()}
+    pictures = {"knee_phase_portrait.png", "speed_tracking.png", "footsteps.png", "strip.png"}
+    assert names >= pictures | {"bag.mcap", "experiment.yaml", "table.txt", "result.json"}
+    for path in result(process)["files"].values():
+        assert Path(path).stat().st_size > 100
+
+
+def test_the_file_a_run_leaves_gives_the_same_run(file: Path, tmp_path: Path):
+    first = experiment(file, "--in-process", "--seed", "3", "--out", tmp_path, "--no-pictures")
+    again = experiment(tmp_path / "experiment.yaml", "--in-process")
+    one, other = result(first), result(again)
+    for key in ("metrics", "phases", "peak_torque", "draw", "seed"):
+        for content in (one, other):
+            content["metrics"].pop("real_time_factor", None)
+        assert one[key] == other[key]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--set", "durtion=3"], "unknown key durtion: did you mean duration"),
+        (["--set", "scene=flatt"], "did you mean flat"),
+        (["--set", "controller.walk.laww=paper"], "controller: unknown parameter walk.laww"),
+        (["--set", "gait_library=none.json"], "none.json"),
+    ],
+)
+def test_a_wrong_file_exits_with_2_and_one_line(file: Path, words: list[str], reason: str):
+    process = experiment(file, "--in-process", *words)
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert len(process.stderr.splitlines()) == 1
+    assert reason in process.stderr
+
+
+def test_a_missing_file_exits_with_2(tmp_path: Path):
+    process = experiment(tmp_path / "none.yaml")
+    assert process.returncode == 2
+    assert "No such file" in process.stderr
+
+
+def test_ctrl_c_ends_a_run_without_a_traceback_and_closes_its_bag(file: Path, tmp_path: Path):
+    bag = tmp_path / "bag.mcap"
+    words = [str(file), "--in-process", "--set", "duration=600", "--out", str(tmp_path)]
+    with subprocess.Popen(
+        [*COMMAND, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as process:
+        while process.poll() is None and not (bag.is_file() and bag.stat().st_size > 100_000):
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=10)
+    assert process.returncode == 130
+    assert output == ""
+    assert errors.splitlines()[-1] == "experiment: stopped"
+    assert "Traceback" not in errors
+    index = BagIndex()
+    assert sum(1 for _ in read_messages(bag, ["/cassie/state"], index)) > 100
+    assert index.complete

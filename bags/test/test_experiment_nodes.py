@@ -1,0 +1,159 @@
+"""Experiments with every node as a process, and the same one without ROS."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rosbags.highlevel import AnyReader
+
+from cassie_bags.continuity import differences, gaps
+from cassie_bags.errors import RunError
+from cassie_bags.recording import RECORDED_TOPICS, read_recording
+from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+
+TEXT = """
+start: standing
+seed: 6
+duration: 5.0
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.98}
+  - {t: 1.0, mode: walk}
+pushes:
+  - {t: 3.0, duration: 0.1, force: [0.0, 20.0, 0.0]}
+expect:
+  fell: null
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed() -> None:
+    try:
+        executable("cassie_bags", "experiment")
+        executable("cassie_control", "gait_controller")
+    except RunError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("experiment") / "try.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def experiment(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [executable("cassie_bags", "experiment"), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@contextmanager
+def both_cores_loaded() -> Iterator[None]:
+    command = [sys.executable, "-c", "while True: pass"]
+    burners = [subprocess.Popen(command) for _ in range(os.cpu_count() or 2)]
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
+
+
+def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, tmp_path: Path):
+    folders = [tmp_path / name for name in ("dds", "loaded", "process")]
+    runs = [experiment(file, "--out", folders[0], "--no-pictures")]
+    with both_cores_loaded():
+        runs.append(experiment(file, "--out", folders[1], "--no-pictures"))
+    runs.append(experiment(file, "--out", folders[2], "--no-pictures", "--in-process"))
+    for run in runs:
+        assert run.returncode == 0, run.stderr
+    dds, loaded, process = (read_recording(folder / "bag.mcap") for folder in folders)
+    assert gaps(dds) == gaps(loaded) == gaps(process) == []
+    assert len(process.truth) == 2500
+    assert differences(dds, process, RECORDED_TOPICS) == []
+    assert differences(loaded, process, RECORDED_TOPICS) == []
+    contents = [json.loads(run.stdout) for run in runs]
+    for key in ("phases", "peak_torque", "draw"):
+        assert contents[0][key] == contents[2][key]
+    _check_other_topics(folders[0] / "bag.mcap")
+
+
+def _check_other_topics(bag: Path) -> None:
+    """Beside the control lane, the bag has what ROS tools want to see."""
+    with AnyReader([bag]) as reader:
+        topics = reader.topics
+        for topic in ("/clock", "/joint_states", "/imu/data", "/odom", "/diagnostics"):
+            assert topics[topic].msgcount > 3
+        assert topics["/robot_description"].msgcount == 1
+
+
+def test_a_node_that_ends_ends_the_run_with_its_words(file: Path):
+    run = experiment(file, "--set", "simulator.video=/none/such/film.mp4")
+    assert run.returncode == 3
+    assert run.stdout == ""
+    assert run.stderr.startswith("experiment: error: simulator ended with exit code 2: ")
+    assert "there is no folder /none/such" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_a_file_that_no_node_could_use_is_refused_before_any_starts(file: Path):
+    run = experiment(file, "--set", "gait_library=/dev/null")
+    assert run.returncode == 2
+    assert "/dev/null" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_ctrl_c_ends_every_process(file: Path, tmp_path: Path):
+    with own_domain() as domain, Processes(environment(domain), tmp_path / "log") as processes:
+        command = [executable("cassie_bags", "experiment"), file, "--out", tmp_path / "out"]
+        processes.start("experiment", [*command, "--set", "duration=600"])
+        log = tmp_path / "out" / "log" / "simulator.log"
+        deadline = time.monotonic() + 40.0
+        while not (log.is_file() and "running at tick 0" in log.read_text()):
+            assert processes.running("experiment"), processes.log("experiment").read_text()
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert _processes_of(tmp_path) >= 6
+        processes.signal("experiment", signal.SIGINT)
+        while processes.running("experiment"):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert processes.log("experiment").read_text().splitlines()[-1] == "experiment: stopped"
+    assert _processes_of(tmp_path) == 0
+
+
+def test_a_killed_runner_leaves_no_process_behind(file: Path, tmp_path: Path):
+    with own_domain() as domain, Processes(environment(domain), tmp_path / "log") as processes:
+        command = [executable("cassie_bags", "experiment"), file, "--out", tmp_path / "out"]
+        processes.start("experiment", [*command, "--set", "duration=600"])
+        deadline = time.monotonic() + 40.0
+        while _processes_of(tmp_path) < 7:
+            assert processes.running("experiment"), processes.log("experiment").read_text()
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        processes.signal("experiment", signal.SIGKILL)
+        while _processes_of(tmp_path):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+
+
+def _processes_of(folder: Path) -> int:
+    """Number of processes whose command line names a folder."""
+    count = 0
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            count += str(folder).encode() in path.read_bytes()
+        except OSError:  # it has just ended
+            continue
+    return count

@@ -1,0 +1,79 @@
+"""Pictures of a run, with and without something to render with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from synthetic import glide
+
+from cassie_bags import pictures
+from cassie_bags.figures import draw_all, moving_mean
+from cassie_bags.metrics import Phase
+from cassie_bags.track import Track, make_track
+from cassie_sim.errors import SimulationError
+from cassie_sim.scenario import Scenario
+
+PHASES = (Phase("first", 0.0, 1.0), Phase("second", 1.0, 2.0))
+
+
+@pytest.fixture(scope="module")
+def track() -> Track:
+    return make_track(glide(2.0, yaw_rate=0.3))
+
+
+def shades(path: Path) -> int:
+    """Number of different colours, 1 in an empty picture."""
+    pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3)
+    return len(np.unique(pixels, axis=0))
+
+
+def test_each_figure_is_a_png_with_something_in_it(track: Track, tmp_path: Path):
+    files = draw_all(track, PHASES, "try", tmp_path)
+    assert set(files) == {"knee_phase_portrait", "speed_tracking", "footsteps"}
+    for path in files.values():
+        assert shades(path) > 20
+
+
+def test_a_run_that_ended_at_once_can_be_drawn(tmp_path: Path):
+    for path in draw_all(make_track(glide(0.02)), (), "short", tmp_path).values():
+        assert path.is_file()
+
+
+def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
+    track: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    reason = "install the Debian packages libegl1"
+
+    def no_opengl(*_: object, **__: object) -> None:
+        raise SimulationError(reason)
+
+    monkeypatch.setattr(pictures, "Camera", no_opengl)
+    path = tmp_path / "strip.png"
+    assert pictures.strip(track, Scenario(), PHASES, "try", path) == reason
+    assert shades(path) > 20
+
+
+def test_a_strip_shows_the_middle_of_each_phase(track: Track):
+    phases = [Phase(str(i), 0.4 * i, 0.4 * i + 0.4) for i in range(5)]
+    shown = [track.time[index] for index in pictures.moments(track, phases)]
+    np.testing.assert_allclose(shown, [0.2, 0.6, 1.0, 1.4, 1.8], atol=0.003)
+    assert len(pictures.moments(track, ())) == pictures.STRIP_LENGTH
+
+
+def test_a_moving_mean_of_a_line_is_the_line():
+    time = np.arange(0.0, 2.0, 0.01)
+    mean = moving_mean(time, 3.0 * time, 0.2)
+    known = np.isfinite(mean)
+    assert known.sum() > 150
+    np.testing.assert_allclose(mean[known], 3.0 * time[known])
+
+
+def test_a_moving_mean_is_unknown_where_a_value_is():
+    values = np.ones(200)
+    values[100] = np.nan
+    mean = moving_mean(np.arange(200) * 0.01, values, 0.2)
+    assert np.isnan(mean[91:110]).all()
+    np.testing.assert_allclose(mean[20:80], 1.0)

@@ -1,0 +1,120 @@
+"""A run of the cores in one process: deterministic, on the schedule, refused where it must be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cassie_bags.continuity import differences, gaps
+from cassie_bags.cores import check_parameters, make_loop, tick_count
+from cassie_bags.errors import ExperimentError
+from cassie_bags.experiment_file import Experiment, parse_experiment
+from cassie_bags.in_process import Store, run
+from cassie_bags.observers import BagObserver
+from cassie_bags.recording import RECORDED_TOPICS, Recording, read_recording
+from cassie_bags.resolve import resolve
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, Sensors
+
+TEXT = """
+start: standing
+seed: 4
+duration: 1.5
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.95}
+pushes:
+  - {t: 0.5, duration: 0.1, force: [20.0, 0.0, 0.0]}
+"""
+
+
+def read(text: str = TEXT) -> Experiment:
+    return resolve(parse_experiment(text, "try"))
+
+
+def record(experiment: Experiment) -> Recording:
+    store = Store()
+    return store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return record(read())
+
+
+def test_the_same_seed_gives_the_same_bytes(recording: Recording):
+    assert differences(recording, record(read()), RECORDED_TOPICS) == []
+
+
+def test_another_seed_gives_another_run(recording: Recording):
+    other = record(read(TEXT.replace("seed: 4", "seed: 5")))
+    assert "/cassie/ground_truth" in " ".join(differences(recording, other, RECORDED_TOPICS))
+
+
+def test_every_tick_is_there(recording: Recording):
+    assert gaps(recording) == []
+    assert len(recording.truth) == 750
+    assert len(recording.lane["/cassie/mode"]) == 75
+
+
+def test_scripted_power_takes_effect_ten_ticks_after_the_state_it_answers(recording: Recording):
+    power = recording.rows(Sensors)["power"]
+    assert power[10] == 0.0  # switched in the step of tick 10
+    assert power[11] == 1.0
+
+
+def test_modes_and_commands_hold_ten_ticks_later(recording: Recording):
+    for kind in (Mode, OperatorCommand):
+        rows = recording.rows(kind)
+        np.testing.assert_array_equal(rows["effective_seq"], rows["seq"] + 10)
+    assert RobotMode.STAND in recording.rows(Mode)["mode"]
+
+
+def test_fixed_lag_is_deterministic_and_not_the_same_as_lockstep(recording: Recording):
+    lagging = read(TEXT + "simulator: {pacing: fixed_lag}\n")
+    one, other = record(lagging), record(lagging)
+    assert differences(one, other, RECORDED_TOPICS) == []
+    assert differences(one, recording, RECORDED_TOPICS) != []
+
+
+def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: Recording):
+    paths = [tmp_path / "one.mcap", tmp_path / "other.mcap"]
+    for path in paths:
+        with BagObserver(path, read()) as bag:
+            run(make_loop(read(), bag), range(750))
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    copy = read_recording(paths[0])
+    assert differences(copy, recording, RECORDED_TOPICS) == []
+    again = parse_experiment(copy.metadata["cassie_experiment"]["file"], "bag")
+    assert again.scenario == read().scenario
+
+
+def test_the_wall_clock_is_not_there_to_pace_a_run():
+    with pytest.raises(ExperimentError, match="pacing = realtime needs a wall clock"):
+        make_loop(read(TEXT + "simulator: {pacing: realtime}\n"), lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("section", "reason"),
+    [
+        ("simulator: {control_rat: 500}", "simulator: unknown parameter control_rat"),
+        ("simulator: {scenario: x.yaml}", "simulator.scenario follows from other keys"),
+        ("estimator: {height_bandwidth: -1.0}", "estimator: height_bandwidth = -1"),
+        ("controller: {walk: {law: papre}}", "controller: walk.law = 'papre'"),
+        ("supervisor: {walk_height: high}", "supervisor: walk_height = 'high' is not a number"),
+    ],
+)
+def test_a_wrong_parameter_is_refused_before_anything_runs(section: str, reason: str):
+    with pytest.raises(ExperimentError, match=reason):
+        check_parameters(read(TEXT + section + "\n"))
+
+
+def test_a_missing_gait_library_is_refused():
+    experiment = read(TEXT + "gait_library: none.json\n")
+    with pytest.raises(ValueError, match=r"none\.json"):
+        make_loop(experiment, lambda *_: None)
+
+
+def test_a_rate_that_does_not_divide_is_refused():
+    with pytest.raises(ValueError, match="control_rate = 300 Hz"):
+        make_loop(read(TEXT + "simulator: {control_rate: 300}\n"), lambda *_: None)

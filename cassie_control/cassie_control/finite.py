@@ -1,0 +1,56 @@
+"""Whether the numbers of a message can be computed with."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.compiled import compiled
+from cassie_gaits.errors import CassieError
+from cassie_msgs.layout import Sample
+
+LARGEST = 1e6
+"""Magnitude, in any unit, beyond which no field of a message makes sense.
+
+Such a value would pass a test for being finite, and overflow on the way.
+"""
+
+
+@compiled
+def _first_beyond(values: npt.NDArray[np.float64], limit: float) -> int:
+    for i in range(values.size):
+        if not abs(values[i]) <= limit:  # true for NaN
+            return i
+    return -1
+
+
+def fault(sample: Sample) -> str:
+    """What is wrong with a message's numbers; empty if nothing is.
+
+    Returns:
+        Words that name the first bad field, its value and what is expected.
+    """
+    if _first_beyond(sample.floats, LARGEST) < 0:
+        return ""
+    for name, kind, count in sample.LAYOUT:
+        if kind is not np.float64:
+            continue
+        values = np.atleast_1d(getattr(sample, name))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        if bad.size:
+            value = values[bad[0]]
+            where = name if count == 1 else f"{name}[{bad[0]}]"
+            wanted = f"within ±{LARGEST:g}" if np.isfinite(value) else "finite"
+            return f"{where} is {value:g}, must be {wanted}"
+    return ""
+
+
+def check(sample: Sample, what: str, error: type[CassieError]) -> None:
+    """Refuse a message whose numbers cannot be computed with.
+
+    Raises:
+        error: naming `what`, the field, its value and what is expected.
+    """
+    problem = fault(sample)
+    if problem:
+        raise error(f"{what} {problem}")

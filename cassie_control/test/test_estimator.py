@@ -1,0 +1,166 @@
+"""The state estimate against the truth, and samples that it must refuse."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from closed_loop import PERIOD
+from robot_states import leg_joints
+
+from cassie_control.controller.readings import WEIGHT
+from cassie_control.errors import SensorError
+from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_msgs.layout import Sensors
+from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.scenario import Scenario
+
+
+def errors(robot, activity):
+    """Estimate minus truth of velocity (n, 3), height (n,), angles (n, 3) and forces (n, 2)."""
+    moments = [m for m in robot.moments if m.activity == activity and m.time > 1.0]
+    return (
+        np.array([m.v[:3] - m.velocity for m in moments]),
+        np.array([m.q[2] - m.position[2] for m in moments]),
+        np.array([m.q[3:6] - m.angles for m in moments]),
+        np.array([m.foot_force - m.forces for m in moments]),
+    )
+
+
+def rms(values):
+    return np.sqrt((values**2).mean(axis=0))
+
+
+@pytest.mark.parametrize("activity", ["standing", "walking"])
+def test_truth_with_ideal_sensors(walked, activity):
+    velocity, height, angles, forces = errors(walked, activity)
+    assert (rms(velocity) < (0.03, 0.02, 0.01)).all()
+    assert np.abs(height).max() < 2e-3
+    assert np.abs(angles).max() < 1e-9
+    assert (rms(forces) < (4.0 if activity == "standing" else 40.0)).all()
+
+
+@pytest.mark.parametrize("activity", ["standing", "walking"])
+def test_truth_with_faithful_sensors(walked_faithful, activity):
+    velocity, height, angles, forces = errors(walked_faithful, activity)
+    assert (rms(velocity) < (0.08, 0.03, 0.03)).all()
+    assert np.abs(height).max() < 3e-3
+    assert np.abs(angles).max() < math.radians(0.5)
+    assert (rms(forces) < (5.0 if activity == "standing" else 40.0)).all()
+
+
+def test_load_and_contact_follow_the_foot_force(walked):
+    carried = walked.moments[-1].foot_force.sum()
+    assert carried == pytest.approx(WEIGHT, rel=0.03)
+    assert (walked.state.contact_probability > 0.9).all()
+    force = walked.state.foot_force
+    assert walked.state.foot_load == pytest.approx(np.clip((force - 100.0) / 100.0, 0.0, 1.0))
+
+
+def sample(yaw=0.0, pitch=0.0, roll=0.0, seq=0):
+    """Cassie hanging still at these angles."""
+    sensors = Sensors()
+    c, s = np.cos(np.array([roll, pitch, yaw]) / 2), np.sin(np.array([roll, pitch, yaw]) / 2)
+    sensors.orientation[:] = (
+        s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+        c[0] * s[1] * c[2] + s[0] * c[1] * s[2],
+        c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
+        c[0] * c[1] * c[2] + s[0] * s[1] * s[2],
+    )
+    hip_roll, hip_yaw, hip_pitch, knee, shin, tarsus, toe = leg_joints(hip_roll=0.05)
+    sensors.drive_position[:] = (hip_roll, hip_yaw, hip_pitch, knee, toe) * 2
+    sensors.joint_position[:] = (shin, tarsus, toe) * 2
+    up = (-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
+    sensors.linear_acceleration[:] = 9.81 * np.array(up)
+    sensors.power[...] = 1.0
+    sensors.seq[...] = seq
+    sensors.stamp_ns = seq * 2_000_000
+    return sensors
+
+
+def estimator():
+    return KinematicEstimator(EstimatorConfig(), PERIOD)
+
+
+@pytest.mark.parametrize(
+    "angles", [(0.0, 0.0, 0.0), (0.4, 0.2, -0.3), (-2.8, -0.5, 0.7), (3.1, 1.2, -1.3)]
+)
+def test_euler_angles_are_intrinsic_yaw_pitch_roll(angles):
+    state = estimator().step(sample(*angles))
+    assert state.q[3:6] == pytest.approx(angles, abs=1e-12)
+
+
+def test_euler_rates_are_the_derivatives_of_the_angles():
+    angles, rates, dt = np.array([0.4, 0.3, -0.5]), np.array([0.7, -0.4, 0.9]), 1e-6
+    yaw, pitch, roll = angles
+    sensors = sample(yaw, pitch, roll)
+    sensors.angular_velocity[:] = (
+        rates[2] - rates[0] * math.sin(pitch),
+        rates[1] * math.cos(roll) + rates[0] * math.cos(pitch) * math.sin(roll),
+        -rates[1] * math.sin(roll) + rates[0] * math.cos(pitch) * math.cos(roll),
+    )
+    assert estimator().step(sensors).v[3:6] == pytest.approx(rates, abs=1e-9)
+    # The same rates turn the orientation as the gyro says.
+    before, after = sample(*angles), sample(*(angles + dt * rates))
+    change = np.abs(before.orientation @ after.orientation)
+    turned = 2.0 * math.acos(min(1.0, change)) / dt
+    assert turned == pytest.approx(np.linalg.norm(sensors.angular_velocity), rel=1e-3)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_yaw_counts_on_beyond_half_a_turn(direction):
+    core = estimator()
+    for step in range(200):
+        yaw = direction * 0.1 * step
+        state = core.step(sample(math.remainder(yaw, 2.0 * math.pi)))
+        assert state.q[3] == pytest.approx(yaw, abs=1e-9)
+
+
+def test_height_is_that_of_the_soles_from_the_first_sample_on():
+    plant = Plant(PlantConfig(sensors="ideal"), Scenario(start="standing"))
+    state = estimator().step(plant.sense())
+    assert state.q[2] == pytest.approx(plant.pelvis_pose[0][2], abs=2e-3)
+
+
+def test_stamp_seq_and_episode_are_those_of_the_sample():
+    sensors = sample(seq=7)
+    sensors.episode[...] = 3
+    state = estimator().step(sensors)
+    assert (int(state.seq), int(state.episode), state.stamp_ns) == (7, 3, 14_000_000)
+
+
+def spoiled(name, value):
+    field, _, index = name.partition("[")
+    sensors = sample(0.5)
+    getattr(sensors, field)[int(index[:-1]) if index else ...] = value
+    return sensors
+
+
+@pytest.mark.parametrize("name", ["orientation[2]", "drive_velocity[9]", "joint_position[0]"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e300])
+def test_a_value_that_is_no_number_is_refused_by_name(name, value):
+    core = estimator()
+    core.step(sample(0.1))
+    before = core.step(sample(0.2)).to_bytes()
+    with pytest.raises(SensorError, match=name.replace("[", r"\[").replace("]", r"\]")):
+        core.step(spoiled(name, value))
+    undisturbed = estimator()
+    undisturbed.step(sample(0.1))
+    assert undisturbed.step(sample(0.2)).to_bytes() == before
+    assert core.step(sample(0.3)).to_bytes() == undisturbed.step(sample(0.3)).to_bytes()
+
+
+def test_an_orientation_of_no_length_is_refused():
+    sensors = sample()
+    sensors.orientation[:] = 0.0
+    with pytest.raises(SensorError, match="orientation is a quaternion of length 0, must be 1"):
+        estimator().step(sensors)
+
+
+def test_reset_forgets_everything():
+    core, fresh = estimator(), estimator()
+    for yaw in (0.0, 1.5, 3.0, -1.8):
+        core.step(sample(yaw))
+    core.reset()
+    assert core.step(sample(0.3)).to_bytes() == fresh.step(sample(0.3)).to_bytes()

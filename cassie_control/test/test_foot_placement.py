@@ -1,0 +1,184 @@
+"""Where the swing foot goes: a pendulum keeps its speed, the paper's law gives its figures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from robot_states import leg_joints, readings_of, state_of
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.foot_placement import (
+    GRAVITY,
+    PaperPlacement,
+    PendulumPlacement,
+    StepAhead,
+    Wish,
+    placement,
+)
+from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X, HIP_Y
+
+CONFIG = WalkConfig(pendulum_gain_x=1.0, pendulum_gain_y=1.0)
+STEP_TIME = 0.4
+LENGTH = 0.8
+LEFT, RIGHT = 0, 1
+
+
+def pose():
+    return readings_of(state_of(leg_joints(), leg_joints()))
+
+
+def foot_from_com(readings, swing, end):
+    """Where swing leg angles put the toe joint, from the CoM. (2,), in m."""
+    x = HIP_X + LENGTH * math.sin(end.pitch) - readings.com[0]
+    y = swing.hip_y + (LENGTH + HIP_TO_PELVIS) * math.sin(end.roll) - readings.com[1]
+    return x, y
+
+
+class Pendulum:
+    """A CoM that walks on feet put where a law says."""
+
+    def __init__(self, config: WalkConfig, wish: Wish, velocity: tuple[float, float]) -> None:
+        self.law, self.wish = placement(config), wish
+        self.coast = config.double_support
+        self.readings = pose()
+        self.stance = LEFT
+        ankle = self.readings.legs[LEFT].ankle
+        self.w = math.sqrt(GRAVITY / (self.readings.com[2] - ankle[2]))
+        self.position = [-0.5 * wish.vx * STEP_TIME, -0.12]
+        self.velocity = list(velocity)
+
+    def step(self) -> tuple[float, float]:
+        """Walk from one touchdown to the next; velocity there. In m/s."""
+        fall = STEP_TIME - self.coast
+        cosh, sinh = math.cosh(self.w * fall), math.sinh(self.w * fall)
+        for k in range(2):
+            x = self.position[k] + self.velocity[k] * self.coast
+            self.position[k] = x * cosh + self.velocity[k] / self.w * sinh
+            self.velocity[k] = self.w * x * sinh + self.velocity[k] * cosh
+        self._place()
+        return self.velocity[0], self.velocity[1]
+
+    def _place(self) -> None:
+        """Touchdown now: ask where, and measure the CoM from the new foot."""
+        readings = self.readings
+        stance, swing = readings.legs[self.stance], readings.legs[1 - self.stance]
+        readings.com_velocity = (*self.velocity, 0.0)
+        ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
+        stance.ankle = (ankle[0], ankle[1], stance.ankle[2])
+        ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, length=LENGTH)
+        end = self.law.swing_end(readings, stance, swing, self.wish, ahead)
+        foot = foot_from_com(readings, swing, end)
+        self.position = [-foot[0], -foot[1]]
+        self.stance = 1 - self.stance
+
+
+@pytest.mark.parametrize("speed", [-0.4, 0.0, 0.5, 1.0])
+def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
+    walker = Pendulum(CONFIG, Wish(vx=speed), (speed + 0.15, 0.3))
+    walker.step()
+    steady = walker.step()[0]
+    assert walker.step()[0] == pytest.approx(steady, abs=1e-9)
+    # Ground gained from touchdown to touchdown: the foot ahead of the CoM, and behind it before.
+    before = walker.position[0]
+    end = before
+    single = STEP_TIME - CONFIG.double_support
+    x = before + steady * CONFIG.double_support
+    end = x * math.cosh(walker.w * single) + steady / walker.w * math.sinh(walker.w * single)
+    assert (end - before) / STEP_TIME == pytest.approx(speed, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [-0.15, 0.0, 0.2])
+def test_gain_one_removes_a_lateral_error_in_one_step(speed):
+    config = replace(CONFIG, least_foot_distance=0.05)
+    walker = Pendulum(config, Wish(vy=speed), (0.0, 0.2))
+    walker.step()
+    swaying = [walker.step()[1] for _ in range(4)]
+    assert swaying[0] == pytest.approx(swaying[2], abs=1e-9)
+    assert swaying[1] == pytest.approx(swaying[3], abs=1e-9)
+    assert swaying[0] * swaying[1] < 0.0
+    # The CoM gains the same ground over two steps as the feet.
+    travelled = 0.0
+    for _ in range(2):
+        y, vy = walker.position[1], walker.velocity[1]
+        walker.step()
+        fall = STEP_TIME - config.double_support
+        x = y + vy * config.double_support
+        sway = x * math.cosh(walker.w * fall) + vy / walker.w * math.sinh(walker.w * fall)
+        travelled += sway - y
+    assert travelled / (2.0 * STEP_TIME) == pytest.approx(speed, abs=1e-9)
+
+
+def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
+    walker = Pendulum(CONFIG, Wish(), (0.0, 0.3))
+    for _ in range(4):
+        walker.step()
+    y = walker.position[1]
+    before = walker.velocity[1]
+    walker.step()
+    single = STEP_TIME - CONFIG.double_support
+    x = y + before * CONFIG.double_support
+    end = x * math.cosh(walker.w * single) + before / walker.w * math.sinh(walker.w * single)
+    assert abs(end - walker.position[1]) == pytest.approx(2.0 * (HIP_Y + CONFIG.foot_spread))
+
+
+@pytest.mark.parametrize("law", ["pendulum", "paper"])
+@pytest.mark.parametrize("swing", [LEFT, RIGHT])
+@pytest.mark.parametrize("vy", [-1.0, -0.5, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("trim", [-0.1, 0.1])
+def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
+    readings = pose()
+    stance_leg, swing_leg = readings.legs[1 - swing], readings.legs[swing]
+    readings.com_velocity = (0.0, vy, 0.0)
+    config = replace(CONFIG, law=law)
+    ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, velocity=(1.0, vy), length=LENGTH)
+    wish = Wish(roll_trim=trim)
+    end = placement(config).swing_end(readings, stance_leg, swing_leg, wish, ahead)
+    foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
+    apart = swing_leg.side * (foot - stance_leg.ankle[1])
+    clamped = abs(end.roll) > 0.399
+    assert apart > CONFIG.least_foot_distance - 1e-9 or clamped
+
+
+def test_sums_add_up_the_mean_error_within_their_bound():
+    law, readings, wish = PendulumPlacement(CONFIG), pose(), Wish(vx=0.3)
+    stance, swing = readings.legs
+    ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, length=LENGTH)
+
+    def foot():
+        end = law.swing_end(readings, stance, swing, wish, ahead)
+        return foot_from_com(readings, swing, end)[0]
+
+    start = foot()
+    law.touchdown((0.5, 0.0), (0.0, 0.0), wish)
+    assert foot() - start == pytest.approx(CONFIG.integral_x * 0.2)
+    for _ in range(100):
+        law.touchdown((1.5, 0.0), (0.0, 0.0), wish)
+    assert foot() - start == pytest.approx(CONFIG.integral_limit)
+    law.reset()
+    assert foot() == pytest.approx(start)
+
+
+@pytest.mark.parametrize("stance", [LEFT, RIGHT])
+def test_the_papers_law_gives_its_known_answer(stance):
+    law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
+    law.touchdown((9.0, 9.0), (0.2, -0.1), Wish())
+    ahead = StepAhead(
+        0.1, 0.3, STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
+    )
+    wish = Wish(vx=0.4, vy=0.1, pitch_trim=0.01, roll_trim=-0.02)
+    end = law.swing_end(readings, readings.legs[stance], readings.legs[1 - stance], wish, ahead)
+    d = 1.0 if stance == LEFT else -1.0
+    pitch = 0.11 + 0.1 * (0.5 - 0.4) + 0.25 * (0.5 - 0.2) + 0.04 + 0.01
+    roll = 0.02 + 0.4 * (0.04 - 0.1) + 0.35 * (0.04 + 0.1) + d * 0.1 * 0.5 - 0.02
+    assert end.pitch == pytest.approx(pitch)
+    assert end.roll == pytest.approx(roll)
+
+
+@pytest.mark.parametrize(("speed", "narrowing"), [(-1.0, 0.0), (0.5, 0.05), (3.0, 0.1)])
+def test_the_papers_narrowing_saturates(speed, narrowing):
+    law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
+    ahead = StepAhead(0.1, 0.3, STEP_TIME, velocity=(speed, 0.0), length=LENGTH)
+    end = law.swing_end(readings, *readings.legs, Wish(), ahead)
+    assert end.roll == pytest.approx(narrowing)

@@ -1,0 +1,163 @@
+"""Standing: what toes, legs and hips are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from robot_states import (
+    leg_joints,
+    mirrored_command,
+    mirrored_mode,
+    mirrored_state,
+    mode_of,
+    random_state,
+    readings_of,
+    state_of,
+)
+
+from cassie_control.controller.config import StandConfig
+from cassie_control.controller.readings import WEIGHT
+from cassie_control.controller.standing import StandingController
+from cassie_gaits import virtual_leg
+from cassie_msgs.layout import MotorCommand
+
+CONFIG = StandConfig()
+PERIOD = 0.002
+TOES, KNEES, HIP_ROLLS = [4, 9], [3, 8], [0, 5]
+
+
+def stood(state, mode=None, ticks=1, lean=0.0):
+    """The command after so many ticks in one state."""
+    core, command, readings = StandingController(CONFIG, PERIOD), MotorCommand(), readings_of(state)
+    core.start(readings)
+    for _ in range(ticks):
+        core.step(readings, mode or mode_of(height=0.9), command, lean)
+    return command
+
+
+def both_feet(com_x=None, **kwargs):
+    state = state_of(leg_joints(), leg_joints(), **kwargs)
+    state.com_position[0] = 0.0 if com_x is None else com_x
+    return state
+
+
+def lengths(command):
+    return [virtual_leg.length(knee) for knee in command.position[KNEES]]
+
+
+def test_toes_push_the_com_back():
+    still = stood(both_feet()).torque[TOES]
+    ahead = stood(both_feet(com_x=0.02)).torque[TOES]
+    moving = stood(both_feet(velocity=(0.2, 0.0))).torque[TOES]
+    wished = stood(both_feet(com_x=0.02), mode_of(height=0.9, com_x=0.02)).torque[TOES]
+    # A positive toe angle lifts the tip: to push forward of the toe joint it turns down.
+    assert (ahead < still).all()
+    assert (moving < still).all()
+    assert (wished > ahead).all()
+
+
+def test_toe_torque_puts_the_centre_of_pressure_under_the_com():
+    state = both_feet(com_x=0.01)
+    readings = readings_of(state)
+    torque = stood(state).torque[TOES]
+    push = CONFIG.kp_com_x * 0.01 / WEIGHT
+    for leg, value in zip(readings.legs, torque, strict=True):
+        arm = readings.com[0] + push - leg.ankle[0]
+        assert value == pytest.approx(-0.5 * WEIGHT * arm, rel=1e-9)
+
+
+@pytest.mark.parametrize("com_x", [-1.0, 1.0])
+def test_toe_torque_is_bounded(com_x):
+    torque = stood(both_feet(com_x=com_x, velocity=(com_x, 0.0))).torque[TOES]
+    assert (np.abs(torque) <= CONFIG.toe_torque).all()
+    assert (torque * com_x < 0.0).all()
+
+
+def test_a_foot_in_the_air_gets_no_toe_torque_and_keeps_its_sole_level():
+    state = both_feet(com_x=0.05, forces=(WEIGHT, 0.0))
+    command = stood(state, ticks=500)
+    assert command.torque[9] == 0.0
+    assert command.kp[9] == pytest.approx(CONFIG.kp_toe, rel=1e-3)
+    assert command.position[9] == pytest.approx(virtual_leg.toe_angle(0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize("vy", [-0.2, 0.2])
+def test_the_weight_shifts_to_the_side_the_com_moves_to(vy):
+    left, right = stood(both_feet(velocity=(0.0, vy))).torque[KNEES]
+    assert (left > right) == (vy > 0.0)
+    middle = stood(both_feet()).torque[KNEES]
+    assert middle[0] == pytest.approx(middle[1], rel=5e-3)  # the pelvis is 0.3 mm out of true
+
+
+def test_the_weight_on_both_legs_adds_up():
+    for vy in (-0.5, 0.0, 0.1):
+        torque = stood(both_feet(velocity=(0.0, vy))).torque[KNEES]
+        assert torque.sum() == pytest.approx(stood(both_feet()).torque[KNEES].sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize(("roll", "longer"), [(0.05, 1), (-0.05, 0)])
+def test_the_leg_of_the_lower_side_extends(roll, longer):
+    both = lengths(stood(both_feet(roll=roll)))
+    assert both[longer] - both[1 - longer] == pytest.approx(CONFIG.roll_length * 0.05, rel=1e-6)
+
+
+def test_the_leg_of_a_lifted_foot_does_not_shorten():
+    state = both_feet(roll=-0.1, forces=(WEIGHT, 0.0))
+    assert np.diff(lengths(stood(state, ticks=300))) == pytest.approx(0.0, abs=1e-3)
+    lean = lengths(stood(both_feet(), lean=-0.08))
+    assert lean[1] - lean[0] == pytest.approx(CONFIG.roll_length * 0.08, rel=1e-6)
+
+
+@pytest.mark.parametrize(("height", "sign"), [(0.5, 1.0), (1.2, -1.0)])
+def test_the_sum_of_the_height_error_is_bounded(height, sign):
+    # The bound is in leg length; set-points far from their own bounds show it.
+    mode = mode_of(height=0.8)
+    at_once = np.mean(lengths(stood(both_feet(height=height), mode)))
+    much_later = np.mean(lengths(stood(both_feet(height=height), mode, ticks=20000)))
+    assert much_later - at_once == pytest.approx(sign * 0.08, abs=2e-3)
+
+
+def test_legs_give_way_to_the_bounce_of_the_springs():
+    still, rising = both_feet(), both_feet()
+    rising.v[2] = 0.2
+    shorter = np.mean(lengths(stood(rising))) - np.mean(lengths(stood(still)))
+    assert shorter == pytest.approx(-0.2 * CONFIG.height_damping, rel=1e-6)
+
+
+def test_the_height_error_is_not_summed_up_in_the_air():
+    state = both_feet(height=0.5, forces=(0.0, 0.0))
+    mode = mode_of(height=0.8)
+    assert lengths(stood(state, mode, ticks=2000)) == pytest.approx(lengths(stood(state, mode)))
+
+
+def test_hips_hold_where_the_feet_took_load_and_go_home_in_the_air():
+    wide = state_of(leg_joints(hip_roll=0.2), leg_joints(hip_roll=-0.2))
+    assert stood(wide, ticks=2000).position[HIP_ROLLS] == pytest.approx([0.2, -0.2])
+    wide.contact_probability[:] = wide.foot_force[:] = 0.0
+    left, right = stood(wide, ticks=2000).position[HIP_ROLLS]
+    assert left == pytest.approx(-right)
+    assert 0.0 < left < 0.05
+
+
+@pytest.mark.parametrize("pitch", [-0.1, 0.1])
+def test_torso_pitch_is_regulated_through_both_hips(pitch):
+    command = stood(both_feet(pitch=pitch))
+    assert command.position[[2, 7]] - 0.5 == pytest.approx(-pitch)
+
+
+def test_standing_gains_are_the_configured_ones():
+    command = stood(both_feet())
+    c = CONFIG
+    kp = (c.kp_hip_roll, c.kp_hip_yaw, c.kp_hip_pitch, c.kp_knee, 0.0)
+    assert command.kp == pytest.approx(kp * 2)
+    assert command.kd[4] == c.kd_toe
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_mirror_image_of_a_state_gets_the_mirror_image_of_the_command(seed):
+    state = random_state(seed, roll=0.05, pitch=0.1)
+    state.foot_force[:] += 80.0
+    mode = mode_of(height=0.85, com_x=0.01, com_y=0.02, roll=0.03, pitch=0.04)
+    here = stood(state, mode, ticks=20, lean=-0.02)
+    there = stood(mirrored_state(state), mirrored_mode(mode), ticks=20, lean=0.02)
+    assert there.floats == pytest.approx(mirrored_command(here).floats, abs=1e-9)

@@ -1,0 +1,74 @@
+"""When a step ends, and the velocities that are averaged over steps."""
+
+from __future__ import annotations
+
+import pytest
+from robot_states import leg_joints, readings_of, state_of
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.step_timing import LEFT, RIGHT, StepTiming
+
+CONFIG = WalkConfig()
+PERIOD = 0.002
+
+
+def timing(stance=LEFT):
+    core = StepTiming(CONFIG, 0.4, PERIOD)
+    core.start(stance)
+    return core
+
+
+def readings(swing_force, stance=LEFT, velocity=(0.0, 0.0)):
+    forces = (300.0, swing_force) if stance == LEFT else (swing_force, 300.0)
+    return readings_of(state_of(leg_joints(), leg_joints(), forces=forces, velocity=velocity))
+
+
+def phase_at_end(core, swing_force, stance=LEFT):
+    seen = readings(swing_force, stance)
+    for _ in range(1000):
+        if core.advance(seen):
+            return core.phase
+    raise AssertionError("the step never ends")
+
+
+@pytest.mark.parametrize("stance", [LEFT, RIGHT])
+def test_a_loaded_swing_foot_ends_the_step_but_not_early(stance):
+    phase = phase_at_end(timing(stance), CONFIG.touchdown_force + 1.0, stance)
+    assert phase == pytest.approx(CONFIG.earliest_touchdown, abs=0.006)
+
+
+def test_without_touchdown_a_step_ends_late():
+    phase = phase_at_end(timing(), CONFIG.touchdown_force - 1.0)
+    assert phase == pytest.approx(CONFIG.latest_touchdown, abs=0.006)
+
+
+def test_load_on_the_stance_foot_ends_no_step():
+    core = timing(RIGHT)
+    assert phase_at_end(core, 0.0, RIGHT) > 1.0
+
+
+def test_the_legs_exchange_and_the_phase_begins_anew():
+    core = timing(RIGHT)
+    phase_at_end(core, 300.0, RIGHT)
+    core.end_step()
+    assert (core.stance, core.steps, core.phase, core.elapsed) == (LEFT, 1, 0.0, 0.0)
+
+
+def test_mean_velocity_is_that_of_the_last_two_steps():
+    core, means = timing(), []
+    for velocity in ((1.0, 0.0), (0.5, 0.2), (0.3, -0.2)):
+        for _ in range(100):
+            core.advance(readings(0.0, velocity=velocity))
+        means.append(core.end_step())
+    assert means[0] == pytest.approx((1.0, 0.0))
+    assert means[1] == pytest.approx((0.75, 0.1))
+    assert means[2] == pytest.approx((0.4, 0.0))
+
+
+def test_low_passed_velocity_has_its_cut_off():
+    core = timing()
+    time_constant = 1.0 / (2.0 * 3.14159265 * CONFIG.speed_filter)
+    seen = readings(0.0, velocity=(1.0, -1.0))
+    for _ in range(round(time_constant / PERIOD)):
+        core.advance(seen)
+    assert core.velocity == pytest.approx((0.632, -0.632), abs=0.005)

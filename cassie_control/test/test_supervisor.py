@@ -1,0 +1,225 @@
+"""The mode supervisor: conditions of each mode, falls and losses."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from supervised import CONFIG, DAMP, OFF, PERIOD, SEGWAY, STAND, WALK, Scene
+
+from cassie_control.controller.readings import WEIGHT
+from cassie_control.errors import ControlError
+
+
+def test_without_power_off_and_with_it_stand(scene):
+    scene.state.power[...] = 0.0
+    assert int(scene.run().mode) == OFF
+    assert scene.readiness == "the drives have no power"
+    scene.state.power[...] = 1.0
+    assert int(scene.run().mode) == STAND
+    assert scene.readiness == ""
+
+
+def test_losing_power_is_off_at_once(walking):
+    walking.state.power[...] = 0.0
+    walking.run()
+    assert walking.mode is OFF
+
+
+def test_tilted_she_damps_and_says_why(scene):
+    scene.state.q[5] = 0.5
+    scene.run()
+    assert scene.mode is DAMP
+    assert scene.readiness == "the torso is tilted by more than 0.3 rad"
+
+
+def test_walking_needs_standing_first(scene):
+    scene.wish(mode=int(WALK))
+    scene.run()
+    assert scene.mode is STAND
+    assert scene.core.status.walk == "stand first"
+
+
+def test_walking_needs_the_weight_on_the_feet(scene):
+    scene.state.foot_force[:] = 0.3 * WEIGHT
+    scene.wish(mode=int(WALK))
+    scene.run(2.0)
+    assert scene.mode is STAND
+    assert scene.readiness == f"the feet carry {0.6 * WEIGHT:.0f} N of {WEIGHT:.0f} N: let her down"
+
+
+def test_walking_needs_both_feet_on_the_ground(scene):
+    scene.state.contact_probability[1] = 0.2
+    scene.wish(mode=int(WALK))
+    scene.run(2.0)
+    assert scene.mode is STAND
+    assert scene.readiness.startswith("the feet carry")
+
+
+def test_walking_begins_at_its_height(standing):
+    standing.state.q[2] = 0.8
+    standing.wish(mode=int(WALK), height=0.8)
+    mode = standing.run(2.0)
+    assert standing.mode is STAND
+    assert standing.readiness == "walking begins at 0.98 m, pelvis at 0.80 m"
+    assert float(mode.height) == pytest.approx(CONFIG.walk_height)  # she rises by herself
+
+
+def test_walking_needs_standing_still_for_a_while(scene):
+    scene.wish(mode=int(WALK))
+    scene.state.com_velocity[0] = 0.2
+    scene.run(2.0)
+    assert scene.readiness == "standing still for 0.0 s of 1 s"
+    scene.state.com_velocity[0] = 0.0
+    scene.run(0.5)
+    assert scene.readiness.startswith("standing still for 0.")
+    scene.run(0.6)
+    assert scene.mode is WALK
+
+
+def test_riding_a_segway_is_refused(standing):
+    standing.wish(mode=int(SEGWAY))
+    standing.run(2.0)
+    assert standing.mode is STAND
+    assert standing.readiness == "there is no Segway under the feet"
+
+
+def test_walking_ends_after_stepping_in_place(walking):
+    walking.wish(vx=0.5)
+    walking.state.com_velocity[0] = 0.5
+    walking.run(3.0)
+    walking.wish(mode=int(STAND))
+    walking.run(0.5)
+    assert walking.mode is WALK
+    assert walking.readiness == "slowing down from 0.50 m/s"
+    walking.run(2.0)
+    assert walking.readiness == "stepping in place first: 0.50 m/s, stands below 0.12 m/s"
+    walking.state.com_velocity[0] = 0.0
+    walking.run(CONFIG.stop_time)
+    assert walking.mode is WALK
+    walking.run(1.0)
+    assert walking.mode is STAND
+
+
+def test_a_lost_operator_stops_and_stands(walking):
+    walking.wish(vx=0.5)
+    walking.run(3.0)
+    walking.operator = None
+    mode = walking.run(0.5)
+    assert walking.mode is WALK
+    assert 0.0 < float(mode.vx) < 0.5
+    assert walking.core.status.faults == ("operator lost: stopping and standing",)
+    assert not walking.core.status.link
+    mode = walking.run(4.0)
+    assert walking.mode is STAND
+    assert float(mode.vx) == 0.0
+    assert float(mode.height) == pytest.approx(CONFIG.walk_height)
+
+
+def test_a_bad_link_counts_as_a_lost_operator(walking):
+    walking.wish(link=False)
+    walking.run(3.0)
+    assert walking.mode is STAND
+    assert walking.core.status.faults == ("operator lost: stopping and standing",)
+
+
+def test_a_lost_controller_damps_until_it_is_back(walking):
+    walking.lost = True
+    walking.run()
+    assert walking.mode is DAMP
+    assert walking.core.status.faults == ("gait controller lost: drives damp",)
+    assert walking.readiness == "the controller is silent"
+    walking.lost = False
+    walking.run()
+    assert walking.mode is STAND
+
+
+@pytest.mark.parametrize(("index", "value"), [(4, 0.9), (5, -0.9)])
+def test_a_fall_damps_until_she_has_been_upright_for_a_while(walking, index, value):
+    walking.state.q[index] = value
+    walking.run()
+    assert walking.mode is DAMP
+    assert walking.core.status.fallen
+    assert walking.core.status.faults == ("fallen: drives damp",)
+    walking.run(2.0)
+    walking.state.q[index] = 0.0
+    walking.run(0.9 * CONFIG.upright_time)
+    assert walking.mode is DAMP
+    assert walking.readiness == "Cassie fell: hang her up or set her upright"
+    walking.run(0.2 * CONFIG.upright_time)
+    assert walking.mode is STAND
+    assert not walking.core.status.fallen
+
+
+def test_tilt_on_the_way_up_starts_the_wait_anew(walking):
+    walking.state.q[4] = 0.9
+    walking.run()
+    for _ in range(4):
+        walking.state.q[4] = 0.0
+        walking.run(0.6)
+        walking.state.q[4] = 0.4
+        walking.run(0.1)
+    assert walking.mode is DAMP
+
+
+def test_sinking_onto_the_ground_upright_is_a_fall_too(standing):
+    standing.state.q[2] = 0.3
+    standing.run()
+    assert standing.mode is DAMP
+    assert standing.core.status.fallen
+    for _ in range(250):
+        standing.run()
+        assert standing.mode is DAMP
+        assert standing.core.status.fallen  # upright, but as low as she fell
+    standing.state.q[2] = 0.6
+    standing.run(1.2)
+    assert standing.mode is STAND
+
+
+def test_too_low_to_stand_is_said(scene):
+    scene.state.q[2] = 0.3
+    scene.run(2.0)
+    assert scene.mode is DAMP
+    assert scene.readiness == "the pelvis is at 0.30 m: lift her"
+
+
+def test_standing_begins_at_the_height_she_has_on_the_ground(scene):
+    scene.lost = True
+    scene.state.q[2] = 0.6
+    scene.run()
+    scene.lost = False
+    mode = scene.run()
+    assert float(mode.height) == pytest.approx(0.6, abs=0.01)
+    assert float(scene.run(1.0).height) == pytest.approx(0.6 + CONFIG.height_rate, abs=0.02)
+
+
+def test_hanging_the_legs_take_the_wished_height_at_once(scene):
+    scene.state.q[2], scene.state.foot_force[:] = 1.15, 0.0
+    scene.state.power[...] = 0.0
+    scene.run()
+    scene.state.power[...] = 1.0
+    assert float(scene.run().height) == pytest.approx(CONFIG.walk_height)
+
+
+def test_a_state_that_is_no_number_is_refused_and_changes_nothing(walking):
+    before = walking.run(2.0).to_bytes()
+    walking.state.com_velocity[0] = math.nan
+    with pytest.raises(ControlError, match=r"state com_velocity\[0\] is nan"):
+        walking.run()
+    walking.state.com_velocity[0] = 0.0
+    assert walking.run().to_bytes() == before
+
+
+def test_the_answer_holds_ten_ticks_later(scene):
+    scene.state.seq[...], scene.state.episode[...] = 120, 4
+    mode = scene.run()
+    assert (int(mode.seq), int(mode.effective_seq), int(mode.episode)) == (120, 130, 4)
+
+
+def test_reset_is_as_new(walking):
+    walking.core.reset()
+    fresh = Scene()
+    fresh.wish(mode=int(WALK))
+    for duration in (PERIOD, 0.5, 2.0):
+        assert walking.run(duration).to_bytes() == fresh.run(duration).to_bytes()
+        assert walking.core.status == fresh.core.status

@@ -1,0 +1,177 @@
+"""Walking: desired outputs and their continuity, mirror images, new gains on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from robot_states import (
+    leg_joints,
+    mirrored_command,
+    mirrored_mode,
+    mirrored_state,
+    mode_of,
+    random_state,
+    readings_of,
+    state_of,
+)
+from walkers import CONFIG, LIBRARY, swinging, walking
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.outputs import (
+    FOOT_SW,
+    LENGTH_ST,
+    LENGTH_SW,
+    PITCH_SW,
+    ROLL_SW,
+    YAW_ST,
+    YAW_SW,
+)
+from cassie_control.controller.step_timing import LEFT, RIGHT
+from cassie_msgs.layout import MotorCommand
+
+STANCES = pytest.mark.parametrize("stance", [LEFT, RIGHT])
+
+
+@STANCES
+def test_desired_outputs_go_on_from_where_the_legs_are_at_touchdown(stance):
+    core, command = walking(stance, config=WalkConfig(law="paper")), MotorCommand()
+    state = random_state(4)
+    state.foot_force[1 - stance] = 0.0
+    readings = readings_of(state)
+    for _ in range(120):
+        core.step(readings, mode_of(), command)
+    state.foot_force[1 - stance] = 300.0
+    assert core.step(readings_of(state), mode_of(), command)
+    assert core.timing.stance == 1 - stance
+    kept = [YAW_ST, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW]
+    assert core.desired[kept] == pytest.approx(core.outputs[kept], abs=1e-12)
+    # The leg's own rates jump at the impact, so only what the torso carries along goes on.
+    carried = [ROLL_SW, PITCH_SW]
+    assert core.desired_rates[carried] == pytest.approx(core.rates[carried], abs=1e-9)
+    held = [YAW_ST, LENGTH_ST, YAW_SW, LENGTH_SW, FOOT_SW]
+    assert core.desired_rates[held] == pytest.approx(0.0, abs=1e-9)
+
+
+@STANCES
+def test_desired_rates_are_the_derivatives_of_the_desired_outputs(stance):
+    period = 1e-5
+    core, command, state = walking(stance, period), MotorCommand(), swinging(stance)
+    core.config = replace(CONFIG, law="paper")
+    for phase in (0.1, 0.5, 0.9):
+        core.timing.phase = phase
+        core.step(readings_of(state), mode_of(), command)
+        before, rates = core.desired.copy(), core.desired_rates.copy()
+        core.step(readings_of(state), mode_of(), command)
+        rows = [LENGTH_ST, LENGTH_SW, FOOT_SW, YAW_SW, YAW_ST]
+        slope = (core.desired - before) / period
+        assert slope[rows] == pytest.approx(rates[rows], abs=2e-3)
+
+
+@STANCES
+def test_desired_outputs_reach_the_gaits_end(stance):
+    core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    core.timing.velocity = (0.4, 0.0)
+    readings = readings_of(state)
+    readings.velocity = (0.4, 0.0, 0.0)
+    while core.timing.phase < 0.9999:
+        core.step(readings, mode_of(), command)
+    gait = LIBRARY.interpolate(core.gait_speed)[0 if stance == RIGHT else 1]
+    rows = [LENGTH_ST, LENGTH_SW, FOOT_SW]
+    assert core.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
+
+
+@STANCES
+def test_swing_leg_ends_where_leg_angle_adjustment_says(stance):
+    law = replace(CONFIG, law="paper", paper_offset=0.05, paper_narrowing=0.0)
+    core, command, state = walking(stance, config=law), MotorCommand(), swinging(stance)
+    mode = mode_of(trims=(0.02, -0.03, 0.0, 0.0))
+    readings = readings_of(state)
+    while core.timing.phase < 0.9999:
+        core.step(readings, mode, command)
+    assert core.desired[PITCH_SW] == pytest.approx(0.07, abs=1e-3)
+    assert core.desired[ROLL_SW] == pytest.approx(-0.03, abs=1e-3)
+
+
+@pytest.mark.parametrize("law", ["pendulum", "paper"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_mirror_image_of_a_state_gets_the_mirror_image_of_the_command(law, seed):
+    config = replace(CONFIG, law=law)
+    state = random_state(seed, roll=0.05, pitch=0.1)
+    mirrored = mirrored_state(state)
+    left = walking(LEFT, config=config, state=state)
+    right = walking(RIGHT, config=config, state=mirrored)
+    mode = mode_of(vx=0.3, vy=0.1, yaw_rate=0.2, roll=0.03, trims=(0.01, 0.02, 0.03, 0.04))
+    here, there = MotorCommand(), MotorCommand()
+    readings, mirrored_readings = readings_of(state), readings_of(mirrored)
+    for _ in range(150):
+        left.step(readings, mode, here)
+        right.step(mirrored_readings, mirrored_mode(mode), there)
+    assert left.timing.steps == right.timing.steps
+    assert there.floats == pytest.approx(mirrored_command(here).floats, abs=1e-9)
+
+
+def test_the_swing_leg_reaches_down_for_late_ground():
+    core, command, state = walking(), MotorCommand(), swinging(LEFT)
+    lengths, readings = [], readings_of(state)
+    while not core.step(readings, mode_of(), command):
+        lengths.append((core.timing.phase, core.desired[LENGTH_SW]))
+    planned = next(length for phase, length in lengths if phase >= 1.0)
+    late = [length for phase, length in lengths if phase > 1.0]
+    assert (np.diff(late) > 0.0).all()
+    assert late[-1] - planned == pytest.approx(0.25 * 0.4 * 0.3, abs=3e-3)
+
+
+def test_hip_yaws_turn_towards_the_heading_within_their_bound():
+    core, command, state = walking(), MotorCommand(), swinging(LEFT)
+    for yaw, sign in ((0.2, -1.0), (-5.0, 1.0)):
+        state.q[3] = yaw
+        core.timing.phase = 0.99
+        core.step(readings_of(state), mode_of(), command)
+        expected = sign * min(CONFIG.yaw_limit, CONFIG.heading_gain * abs(yaw))
+        assert core.desired[YAW_SW] == pytest.approx(expected, abs=5e-3)
+
+
+def test_turning_does_not_wind_up_while_the_robot_is_held():
+    core, command, readings = walking(), MotorCommand(), readings_of(swinging(LEFT))
+    for _ in range(3000):
+        core.step(readings, mode_of(yaw_rate=0.5), command)
+    for _ in range(1000):  # back by less than what was asked for
+        core.step(readings, mode_of(yaw_rate=-0.5), command)
+    core.timing.phase = 0.99
+    core.step(readings, mode_of(), command)
+    assert core.desired[YAW_SW] == pytest.approx(-0.25, abs=5e-3)
+
+
+def test_new_gains_leave_phase_and_sums_as_they_are():
+    state = state_of(leg_joints(), leg_joints(), forces=(330.0, 300.0), velocity=(0.5, 0.0))
+    fast = readings_of(state)
+    changed, same = walking(), walking()
+    command, other = MotorCommand(), MotorCommand()
+    for tick in range(1000):
+        if tick == 900:
+            changed.configure(replace(CONFIG, heading_gain=0.7))
+            changed.configure(CONFIG)
+        changed.step(fast, mode_of(), command)
+        same.step(fast, mode_of(), other)
+        assert command.to_bytes() == other.to_bytes()
+    assert changed.timing.steps > 3
+
+
+def test_another_law_takes_over_while_walking_goes_on():
+    core, command, state = walking(), MotorCommand(), swinging(LEFT)
+    readings = readings_of(state)
+    for _ in range(60):
+        core.step(readings, mode_of(), command)
+    phase = core.timing.phase
+    core.configure(replace(CONFIG, law="paper"))
+    core.step(readings_of(state), mode_of(), command)
+    assert core.timing.phase > phase
+    assert np.isfinite(command.floats).all()
+
+
+def test_the_library_is_read_within_its_range():
+    core = walking()
+    core.timing.velocity = (9.0, 0.0)
+    assert core.gait_speed == LIBRARY.speed_range[1]

@@ -1,0 +1,32 @@
+"""Walking controllers, and states in the middle of a step."""
+
+from __future__ import annotations
+
+from robot_states import leg_joints, readings_of, state_of
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.step_timing import LEFT
+from cassie_control.controller.walking import WalkingController
+from cassie_gaits.provisional import provisional_library
+from cassie_msgs.layout import RobotState
+
+LIBRARY = provisional_library()
+CONFIG = WalkConfig()
+
+
+def walking(
+    stance: int = LEFT,
+    period: float = 0.002,
+    config: WalkConfig = CONFIG,
+    state: RobotState | None = None,
+) -> WalkingController:
+    """A walking controller that begins a step, from standing unless a state is given."""
+    core = WalkingController(config, LIBRARY, period)
+    core.start(readings_of(state or state_of(leg_joints(), leg_joints())), stance)
+    return core
+
+
+def swinging(stance: int, swing_force: float = 0.0) -> RobotState:
+    """A state in the middle of a step: the stance leg carries the weight."""
+    forces = (330.0, swing_force) if stance == LEFT else (swing_force, 330.0)
+    return state_of(leg_joints(), leg_joints(knee=-1.3), forces=forces)

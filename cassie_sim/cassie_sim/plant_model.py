@@ -1,0 +1,99 @@
+"""The MuJoCo model of a scenario, and where in it the robot's readings are."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.names import DRIVES, SENSED_JOINTS
+from cassie_sim.errors import SimulationError
+from cassie_sim.kernels import gather
+from cassie_sim.scenario import Scenario
+from cassie_sim.scenes import scene_spec
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.MjModel:
+    """The robot of a scenario in its scene.
+
+    Args:
+        scenario: Scene, drawn robot and factors on the model.
+        meshes: Whether to load the visual meshes.
+        period: Length of a physics step. In s.
+
+    Raises:
+        SimulationError, ParameterError: naming the setting, its value and what is permitted.
+    """
+    if scenario.start == "segway":
+        raise SimulationError(f"start = segway: the scene {scenario.scene} has no Segway")
+    spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=meshes)
+    spec.option.timestep = period
+    for name, kind in (
+        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
+        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
+    ):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
+    model = spec.compile()
+    _scale(model, scenario)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def _scale(model: mujoco.MjModel, scenario: Scenario) -> None:
+    scale, draw = scenario.model, scenario.draw
+    mass = scale.mass * draw.mass
+    model.body_mass[:] *= mass
+    model.body_inertia[:] *= mass
+    model.jnt_stiffness[:] *= scale.spring
+    model.dof_damping[:] *= scale.damping
+    model.dof_armature[:] *= scale.armature
+    ground = model.geom_priority > 0
+    model.geom_friction[ground, 0] *= scale.friction * draw.friction
+
+
+class Readings:
+    """Views of the true state, and what the sensors are told of it.
+
+    Attributes:
+        position: Of the pelvis. Shape (3,), in m.
+        quaternion: Pelvis to world, w x y z. Shape (4,).
+        rotation: The same as a matrix, row by row, as of the last kinematics. Shape (9,).
+        twist: Linear velocity in the world, angular velocity in the pelvis. Shape (6,).
+        wrench: External force and torque on the pelvis, to be set. Shape (6,), world axes.
+        torques: Of the drives, to be set. Shape (10,), in Nm.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        drives = [model.joint(name) for name in DRIVES]
+        joints = [model.joint(name) for name in SENSED_JOINTS]
+        self._addresses = tuple(
+            np.array([address[0] for address in addresses])
+            for addresses in (
+                [joint.qposadr for joint in drives],
+                [joint.dofadr for joint in drives],
+                [joint.qposadr for joint in joints],
+                [joint.dofadr for joint in joints],
+            )
+        )
+        self._values = (np.zeros(10), np.zeros(10), np.zeros(6), np.zeros(6))
+        self._qpos, self._qvel = data.qpos, data.qvel
+        pelvis = model.body("pelvis").id
+        self.position: FloatArray = data.qpos[:3]
+        self.quaternion: FloatArray = data.qpos[3:7]
+        self.rotation: FloatArray = data.xmat[pelvis]
+        self.twist: FloatArray = data.qvel[:6]
+        self.wrench: FloatArray = data.xfrc_applied[pelvis]
+        self.torques: FloatArray = data.ctrl
+        self._imu: FloatArray = data.sensordata[:6]
+
+    def measured(self) -> tuple[FloatArray, ...]:
+        """The arguments of `IdealSensors.observe`; the arrays are reused."""
+        drive_q, drive_v, joint_q, joint_v = self._addresses
+        position, velocity, joints, joint_rates = self._values
+        gather(self._qpos, drive_q, position)
+        gather(self._qvel, drive_v, velocity)
+        gather(self._qpos, joint_q, joints)
+        gather(self._qvel, joint_v, joint_rates)
+        return position, velocity, joints, joint_rates, self.quaternion, self._imu
