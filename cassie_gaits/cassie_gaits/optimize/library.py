@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,7 +11,7 @@ from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.optimize.request import Request
-from cassie_gaits.optimize.solution import Outcome, Point, solve
+from cassie_gaits.optimize.solution import Outcome, Point, point_of, solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class _Work:
 
 
 def find(
-    requests: Sequence[Request], executor: Executor, done: Sequence[Request] = ()
+    requests: Sequence[Request], executor: Executor, done: Mapping[Request, Gait]
 ) -> Iterator[Result]:
     """Solve and certify every request; results come as they are ready.
 
@@ -52,12 +52,12 @@ def find(
     Args:
         requests: What is wanted, all different.
         executor: Runs the work: local processes or a cluster.
-        done: Requests that are there already.
+        done: Gaits that are there already.
     """
     work = _Work({request: neighbour(request, requests) for request in requests})
-    for request in done:
+    for request, gait in done.items():
         work.waiting.pop(request, None)
-        work.points[request] = None
+        work.points[request] = point_of(gait)
     try:
         while work.waiting or work.solving or work.checking:
             _start_ready(work, executor)

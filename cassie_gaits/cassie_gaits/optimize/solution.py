@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
 from cassie_gaits.optimize.constraints import STRAIGHT
@@ -35,12 +36,13 @@ class Point:
 
     Attributes:
         unknowns: Of the program.
-        bound_prices, row_prices: Multipliers of bounds and constraints of the lean program.
+        bound_prices, row_prices: Multipliers of bounds and constraints of the lean program; None
+            if they are not known.
     """
 
     unknowns: FloatArray
-    bound_prices: FloatArray
-    row_prices: FloatArray
+    bound_prices: FloatArray | None = None
+    row_prices: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,7 @@ def solve(request: Request, near: Point | None = None) -> Outcome:
     point, status, iterations = _run(lean, request, near)
     x = point.unknowns
     if status == "Solve_Succeeded" and _violations(whole, request, x)[1].max() > LEEWAY:
-        again, status, more = _run(whole, request, None, x)
+        again, status, more = _run(whole, request, Point(x))
         x, iterations = again.unknowns, iterations + more
     judge = whole if status == "Solve_Succeeded" else lean
     cost, violations = _violations(judge, request, x)
@@ -123,22 +125,27 @@ class _Found:
     violation: float
 
 
-def _run(
-    program: Problem, request: Request, near: Point | None, guess: FloatArray | None = None
-) -> tuple[Point, str, int]:
+def point_of(gait: Gait) -> Point:
+    """Where the solver ended for a gait that comes from a file.
+
+    Raises:
+        GaitLibraryError: if the gait is not one of this tool's.
+    """
+    if gait.passive is None or gait.passive.shape[2] != grid.PASSIVE_DEGREE + 1:
+        raise GaitLibraryError("the gait's passive motion is not this optimizer's")
+    right = [gait.coefficients[0][:-1].ravel(), gait.passive[0].ravel()]
+    left = [mirror(gait.coefficients[1])[:-1].ravel(), mirror_passive(gait.passive[1]).ravel()]
+    symmetric = gait.solver["request"]["symmetric"]
+    return Point(np.concatenate(right if symmetric else [*right, *left]))
+
+
+def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
     lower, upper = _bounds(program, request)
     bounds = {"lbx": program.x_lower, "ubx": program.x_upper, "lbg": lower, "ubg": upper}
-    if near is None:
-        solver, start = program.solver, {"x0": program.guess() if guess is None else guess}
-    else:
-        solver, start = (
-            program.follower,
-            {
-                "x0": near.unknowns,
-                "lam_x0": near.bound_prices,
-                "lam_g0": near.row_prices,
-            },
-        )
+    solver, start = program.solver, {"x0": program.guess() if near is None else near.unknowns}
+    if near is not None and near.bound_prices is not None and near.row_prices is not None:
+        solver = program.follower
+        start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
     result = solver(p=parameters(request), **bounds, **start)
     stats = solver.stats()
     names = ("x", "lam_x", "lam_g")

@@ -135,16 +135,21 @@ def touchdown() -> Touchdown:
         (after.swing, still, rate_after[5:] - FLIP * rate_before[:5]),
     )
     roll_impulse = ca.dot(ca.DM(foot_frame()[:, 0]), efforts.moment)
-    same = ca.vertcat(
-        after.torso[1] - before.torso[1],
-        after.torso[2] + before.torso[2],
-        after.stance - FLIP * before.swing,
-        after.swing - FLIP * before.stance,
-    )
+    same = _difference(before, after)
     impulse = ca.vertcat(efforts.stance, efforts.swing, roll_impulse)
     yaw = ca.atan2(attitude[1, 0], attitude[0, 0])
     return Touchdown(
         end, end_rate, start, start_rate, slope, asymmetry, same, impulse, foot, velocity, yaw
+    )
+
+
+def _difference(before: Posture, after: Posture) -> ca.SX:
+    """Of torso and joints across the change of legs, which mirrors."""
+    return ca.vertcat(
+        after.torso[1] - before.torso[1],
+        after.torso[2] + before.torso[2],
+        after.stance - FLIP * before.swing,
+        after.swing - FLIP * before.stance,
     )
 
 

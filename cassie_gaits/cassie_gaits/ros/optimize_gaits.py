@@ -106,7 +106,7 @@ def _search(
     requests: list[Request], options: argparse.Namespace, found: dict[Request, Gait], partial: Path
 ) -> int:
     """Find what is missing; each gait goes to `found` and to the partial file at once."""
-    failed, taken = 0, list(found)
+    failed, taken = 0, dict(found)
     with _executor(options, symmetric=requests[0].symmetric) as executor:
         for result in find(requests, executor, taken):
             failed += result.gait is None
