@@ -142,10 +142,13 @@ def point_of(gait: Gait) -> Point:
 def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
     lower, upper = _bounds(program, request)
     bounds = {"lbx": program.x_lower, "ubx": program.x_upper, "lbg": lower, "ubg": upper}
-    solver, start = program.solver, {"x0": program.guess() if near is None else near.unknowns}
-    if near is not None and near.bound_prices is not None and near.row_prices is not None:
-        solver = program.follower
-        start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
+    if near is None:
+        solver, start = program.solver, {"x0": program.guess()}
+    else:
+        # Without known multipliers zeros do: the follower's small barrier keeps it near.
+        solver, start = program.follower, {"x0": near.unknowns}
+        if near.bound_prices is not None and near.row_prices is not None:
+            start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
     result = solver(p=parameters(request), **bounds, **start)
     stats = solver.stats()
     names = ("x", "lam_x", "lam_g")
