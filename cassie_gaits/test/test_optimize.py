@@ -115,6 +115,13 @@ def test_bad_requests_are_refused(change, reason):
         Request(**change)
 
 
+def test_a_softer_landing_with_wider_feet_can_be_asked_for():
+    asked = Request(vx=0.25, landing_speed=0.4, feet_apart=0.25)
+    worst = {row.name: row.worst for row in certify(solve(asked).gait).rows}
+    assert worst["swing foot velocity on impact (z)"] > -0.4
+    assert worst["distance between feet"] > 0.25
+
+
 def test_a_neighbour_is_one_step_nearer_to_rest():
     requests = [Request(vx=v) for v in (-0.5, 0.0, 0.25, 0.5)]
     assert neighbour(requests[3], requests) == requests[2]

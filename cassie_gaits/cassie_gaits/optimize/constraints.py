@@ -24,6 +24,10 @@ PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymme
 GRID = 25
 """Instants at which what depends on the posture alone is watched; odd, so that one is mid-step."""
 
+APART = "distance between feet"
+LANDING = "swing foot velocity on impact (z)"
+"""Rows whose bounds a request may tighten."""
+
 STRAIGHT = "swing foot straight ahead on a slope"
 """The row whose bounds close where the ground rises: turned-out feet would not stand level."""
 
@@ -141,7 +145,7 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
             limits.pelvis_low + margin,
             limits.pelvis_high - margin,
         ),
-        Row("distance between feet", foot[1], limits.feet_apart + margin, INF),
+        Row(APART, foot[1], limits.feet_apart + margin, INF),
     ]
     if not lean:
         rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
@@ -215,7 +219,7 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
         Row("swing foot lands", c * foot[2] - s * foot[0], 0.0, 0.0),
         Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
         Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
-        Row("swing foot velocity on impact (z)", across, -fast, -1e-3),
+        Row(LANDING, across, -fast, -1e-3),
         Row(STRAIGHT, yaw, -1.0, 1.0),
     ]
     ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start

@@ -13,6 +13,8 @@ _RANGES = {
     "step_time": (0.15, 1.5),
     "clearance": (0.0, 1.0),
     "slope": (-0.5, 0.5),
+    "landing_speed": (0.01, 1.0),
+    "feet_apart": (0.2, 0.5),
 }
 
 
@@ -27,6 +29,8 @@ class Request:
         step_time: Duration of a step. In s.
         clearance: Least height of the swing foot at mid-step. In m.
         slope: Rise of the ground ahead. In rad.
+        landing_speed: Largest speed of the foot down to the ground; the table allows 1. In m/s.
+        feet_apart: Least distance of the feet to the side; the table asks for 0.2. In m.
         symmetric: Whether a left step is the mirror image of a right one, on a robot whose pelvis
             is made symmetric. Otherwise two steps are found, for the robot as it is.
 
@@ -44,6 +48,8 @@ class Request:
     step_time: float = 0.4
     clearance: float = 0.15
     slope: float = 0.0
+    landing_speed: float = 1.0
+    feet_apart: float = 0.2
     symmetric: bool = True
 
     def __post_init__(self) -> None:

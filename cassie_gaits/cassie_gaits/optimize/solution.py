@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
-from cassie_gaits.optimize.constraints import STRAIGHT
+from cassie_gaits.optimize.constraints import APART, LANDING, STRAIGHT
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
 from cassie_gaits.optimize.request import Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
@@ -157,11 +157,13 @@ def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point,
 
 
 def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
-    if request.slope == 0.0:
-        return program.lower, program.upper
     lower, upper = program.lower.copy(), program.upper.copy()
-    turned = np.array([name == STRAIGHT for name in program.names])
-    lower[turned] = upper[turned] = 0.0
+    names = np.array(program.names)
+    table = Request()
+    lower[names == APART] += request.feet_apart - table.feet_apart
+    lower[names == LANDING] += table.landing_speed - request.landing_speed
+    if request.slope != 0.0:
+        lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
     return lower, upper
 
 

@@ -55,6 +55,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--step-time", type=float, default=0.4, help="duration of a step, s")
     add("--clearance", type=float, default=0.15, help="of the swing foot at mid-step, m")
     add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
+    add("--landing-speed", type=float, default=1.0, help="largest, of the swing foot, m/s")
+    add("--feet-apart", type=float, default=0.2, help="least distance of the feet, m")
     add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
     add("--jobs", type=int, default=2, help="local processes")
     add("--scheduler", help="address of a Dask scheduler, in place of local processes")
@@ -96,6 +98,8 @@ def _requests(options: argparse.Namespace) -> list[Request]:
             step_time=options.step_time,
             clearance=options.clearance,
             slope=options.slope,
+            landing_speed=options.landing_speed,
+            feet_apart=options.feet_apart,
             symmetric=straight and not options.general,
         )
         for speed in sorted(set(options.speeds))
@@ -167,7 +171,10 @@ def _taken_over(partial: Path, requests: list[Request]) -> dict[Request, Gait]:
 def _library(gaits: list[Gait], options: argparse.Namespace) -> GaitLibrary:
     settings = {
         name: getattr(options, name)
-        for name in ("lateral", "yaw_rate", "step_time", "clearance", "slope", "general")
+        for name in (
+            *("lateral", "yaw_rate", "step_time", "clearance", "slope"),
+            *("landing_speed", "feet_apart", "general"),
+        )
     }
     provenance = Provenance(
         "cassie_gaits.optimize_gaits", _VERSION, datetime.date.today().isoformat(), settings
