@@ -13,7 +13,7 @@ demo: build ## stand up, walk, turn, squat: each node a process; results in buil
 	@. ./env.sh && ros2 run cassie_bags experiment bags/experiments/demo.yaml --out build/demo
 
 bench: build ## speed of the loop, side by side; also in build/bench.json
-	@. ./env.sh && python3 -m cassie_bags.bench --out build/bench.json
+	@. ./env.sh && python3 -m cassie_bags.ros.bench --out build/bench.json
 
 lint: build ## ruff, and mypy (strict on the cores)
 	@.workspace/lint.sh

@@ -30,7 +30,7 @@ def test_a_short_run_leaves_every_figure(tmp_path: Path):
     except RunError as error:
         pytest.skip(str(error))
     out = tmp_path / "bench.json"
-    command = [sys.executable, "-m", "cassie_bags.bench", "--out", str(out)]
+    command = [sys.executable, "-m", "cassie_bags.ros.bench", "--out", str(out)]
     run = subprocess.run(
         [*command, "--repetitions", "1", "--seconds", "2"],
         capture_output=True,

@@ -9,7 +9,6 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from cassie_control.controller.gait_controller import DAMPING
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import (
     ControllerStatus,
@@ -92,6 +91,9 @@ class GuardedController:
     """
 
     def __init__(self, core: Controller) -> None:
+        # Here, because it brings the compiler along, which the supervisor can do without.
+        from cassie_control.controller.gait_controller import DAMPING
+
         self.core = core
         self.problem = ""
         self._blank = ControllerStatus()

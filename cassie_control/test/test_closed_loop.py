@@ -31,9 +31,9 @@ def test_steps_in_place_by_the_papers_law():
     robot.wish(height=0.98)
     robot.run(1.8)
     robot.wish(mode=int(RobotMode.WALK))
-    robot.run(6.7)
+    robot.run(5.2)
     assert not robot.fallen
-    assert float(robot.controller.status.step_count) > 12
+    assert float(robot.controller.status.step_count) > 9
 
 
 def test_boots_from_the_gantry_and_stands():

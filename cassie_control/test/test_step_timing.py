@@ -57,8 +57,9 @@ def test_the_legs_exchange_and_the_phase_begins_anew():
 def test_mean_velocity_is_that_of_the_last_two_steps():
     core, means = timing(), []
     for velocity in ((1.0, 0.0), (0.5, 0.2), (0.3, -0.2)):
+        seen = readings(0.0, velocity=velocity)
         for _ in range(100):
-            core.advance(readings(0.0, velocity=velocity))
+            core.advance(seen)
         means.append(core.end_step())
     assert means[0] == pytest.approx((1.0, 0.0))
     assert means[1] == pytest.approx((0.75, 0.1))

@@ -65,8 +65,8 @@ class Film:
             self._frames.put(qpos.tobytes())
 
     def close(self, *, soon: bool = False) -> None:
-        """Finish the file, with all that is still waiting, or `soon` without it."""
-        while soon and not self._frames.empty():
+        """Finish the file, with all that is still waiting, or `soon` with one picture of it."""
+        while soon and self._frames.qsize() > 1:
             self._frames.get_nowait()
         self._frames.put(None)
         self._thread.join()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +40,12 @@ def test_each_snap_is_a_picture(plant: Plant, tmp_path: Path) -> None:
 
 
 def test_closing_soon_leaves_out_what_waits(plant: Plant, tmp_path: Path) -> None:
+    imageio = pytest.importorskip("imageio.v3")
     film = _film(plant, tmp_path / "film.gif")
     for _ in range(2000):
         film.snap(plant.data.qpos)
-    started = time.monotonic()
     film.close(soon=True)
-    assert time.monotonic() - started < 5.0
-    assert (tmp_path / "film.gif").is_file()
+    assert 1 <= len(imageio.imread(tmp_path / "film.gif", index=None)) < 1000
 
 
 @pytest.mark.parametrize(("name", "words"), [("a.txt", ".mp4, .gif"), ("no/a.mp4", "no folder")])

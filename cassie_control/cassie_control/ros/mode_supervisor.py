@@ -16,7 +16,7 @@ from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
-from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.tunables import tunable
@@ -60,6 +60,7 @@ class ModeSupervisorNode(Node):
         stop.on_request(self._waiter.wake)
         self._state = RobotState()
         self._last = (-1, -1)
+        self._doze = Doze()
         self._replies: list[bytes] = []
 
     def loop(self) -> None:
@@ -87,6 +88,7 @@ class ModeSupervisorNode(Node):
                 self._repeat()
             elif seq % PERIOD_TICKS == 0:
                 self._answer(raw, episode, seq)
+                self._doze.doze()
 
     def _repeat(self) -> None:
         """A repeated state says that an answer may have got lost, or that a node is new."""

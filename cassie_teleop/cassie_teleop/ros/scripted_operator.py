@@ -11,7 +11,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
-from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 
@@ -54,6 +54,7 @@ class ScriptedOperatorNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""
+        self._doze = Doze()
 
     def loop(self) -> None:
         """Answer states until stopped."""
@@ -79,6 +80,7 @@ class ScriptedOperatorNode(Node):
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
         self._commands.publish_raw(self._reply)
+        self._doze.doze()
 
 
 def main() -> None:

@@ -58,7 +58,7 @@ _NODES = (
 
 def main() -> int:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(prog="python -m cassie_bags.bench", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m cassie_bags.ros.bench", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/bench.json"))
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=12.0, help="robot time of a run")
