@@ -19,6 +19,9 @@ setup(
     ],
     zip_safe=False,
     entry_points={
-        "console_scripts": [],
+        "console_scripts": [
+            "optimize_gaits = cassie_gaits.ros.optimize_gaits:main",
+            "check_gaits = cassie_gaits.ros.check_gaits:main",
+        ],
     },
 )

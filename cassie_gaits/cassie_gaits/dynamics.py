@@ -13,6 +13,7 @@ control loop needs every tick is in `leg_chain`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,23 @@ def rigid_pose(base: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
     return q
 
 
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Terms of the equation of motion at one state.
+
+    Attributes:
+        mass: D. Shape (20, 20).
+        bias: H. Shape (20,), in N and Nm.
+        soles: Jacobians as of `Dynamics.sole_jacobian`, left and right. Shape (2, 6, 20).
+        sole_drifts: Accelerations of the soles when v' = 0. Shape (2, 6), in m/s^2, rad/s^2.
+    """
+
+    mass: FloatArray
+    bias: FloatArray
+    soles: FloatArray
+    sole_drifts: FloatArray
+
+
 class Dynamics:
     """Mass matrix, bias forces, feet and centre of mass in the paper's coordinates.
 
@@ -90,13 +108,14 @@ class Dynamics:
     reach. Legs are "left" and "right". Vectors are in world axes.
     """
 
-    def __init__(self, gravity: float = 9.81) -> None:
+    def __init__(self, gravity: float = 9.81, pelvis: robot.Link = robot.PELVIS) -> None:
         """Build the model.
 
         Args:
             gravity: In m/s^2.
+            pelvis: To take a symmetric one instead.
         """
-        self._tree = build_tree(gravity)
+        self._tree = build_tree(gravity, pelvis)
         self._model: Any = self._tree.model
         self._data: Any = self._model.createData()
 
@@ -149,6 +168,24 @@ class Dynamics:
         drift = self._drift(full, rate)
         result: FloatArray = G.T @ pin.rnea(self._model, self._data, full, rate, drift)
         return result
+
+    def terms(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Terms:
+        """D, H and what a sole's contact asks, in one pass."""
+        full = self.configuration(q)
+        G = self._embed(full)
+        upper = pin.crba(self._model, self._data, full)
+        M = np.triu(upper) + np.triu(upper, 1).T
+        rate = G @ _checked(v, "v")
+        drift = self._drift(full, rate)
+        soles, accels = [], []
+        pin.forwardKinematics(self._model, self._data, full, rate, drift)
+        for frame in self._tree.soles:
+            world = pin.LOCAL_WORLD_ALIGNED
+            soles.append(pin.getFrameJacobian(self._model, self._data, frame, world) @ G)
+            accel = pin.getFrameClassicalAcceleration(self._model, self._data, frame, world)
+            accels.append(np.concatenate([accel.linear, accel.angular]))
+        bias = G.T @ pin.rnea(self._model, self._data, full, rate, drift)
+        return Terms(G.T @ M @ G, bias, np.array(soles), np.array(accels))
 
     def spring_torque(self, q: npt.ArrayLike) -> FloatArray:
         """tau_sp(q): what the four leaf springs do to the coordinates. Shape (20,), in Nm.
@@ -211,7 +248,7 @@ class Dynamics:
         for loop in tree.loops:
             jacobian = self._gap_jacobian(loop)
             own = jacobian[:, loop.follows]
-            G[loop.follows] = -np.linalg.pinv(own) @ jacobian[:, tree.joints_v]
+            G[loop.follows] = -_least_squares(own, jacobian[:, tree.joints_v])
         return G
 
     def _gap_jacobian(self, loop: Loop) -> FloatArray:
@@ -236,8 +273,13 @@ class Dynamics:
                 for frame in (loop.tip, loop.pin)
             )
             own = self._gap_jacobian(loop)[:, loop.follows]
-            drift[loop.follows] = -np.linalg.pinv(own) @ (tip - target)
+            drift[loop.follows] = -_least_squares(own, tip - target)
         return drift
+
+
+def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Solution of a small system, of least norm where there are several."""
+    return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], dtype=np.float64)
 
 
 def _checked(values: npt.ArrayLike, name: str) -> FloatArray:

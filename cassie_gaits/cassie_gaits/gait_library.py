@@ -5,10 +5,11 @@ The file that holds one is in `gait_library_file`.
 
 from __future__ import annotations
 
+import functools
 import math
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -36,8 +37,15 @@ OUTPUTS = (
 )
 """The nine outputs of eq:h0, the rows of every coefficient matrix."""
 
+PASSIVE = ("stance_foot_roll", "stance_leg_pitch")
+"""What moves on its own in a step, the rows of `Gait.passive`: the stance foot about the middle
+line of its sole, and the pitch of the stance leg as of an output."""
+
 STANCES = ("right_stance", "left_stance")
 """The two domains, in the order in which arrays and files hold them."""
+
+MOST_COEFFICIENTS = 64
+"""Of a polynomial of torque or passive motion."""
 
 KINDS = ("optimized", "provisional", "imported")
 
@@ -57,7 +65,9 @@ class Gait:
         coefficients: Bezier coefficients of the outputs, right stance then left stance. Shape
             (2, 9, 6), in rad and m, read-only.
         torques: Bezier coefficients of the ten drives' torques in the order of `names.DRIVES`,
-            right stance then left stance, or None. Shape (2, 10, 6), in Nm, read-only.
+            right stance then left stance, or None. Shape (2, 10, n), in Nm, read-only.
+        passive: Bezier coefficients of what the outputs leave free, `PASSIVE`, or None. Shape
+            (2, 2, n), in rad, read-only.
         cost: Value of the optimized cost, or None.
         solver: What the solver reported.
         certificate: What an independent check found, or None.
@@ -72,6 +82,7 @@ class Gait:
     cost: float | None = None
     solver: Mapping[str, Any] = field(default_factory=dict)
     certificate: Mapping[str, Any] | None = None
+    passive: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("vx", "vy", "yaw_rate", "step_time"):
@@ -82,11 +93,20 @@ class Gait:
         shape = (2, len(OUTPUTS), COEFFICIENTS)
         object.__setattr__(self, "coefficients", _frozen(self.coefficients, shape, "coefficients"))
         if self.torques is not None:
-            shape = (2, len(DRIVES), COEFFICIENTS)
-            object.__setattr__(self, "torques", _frozen(self.torques, shape, "torques"))
+            object.__setattr__(self, "torques", _series(self.torques, len(DRIVES), "torques"))
+        if self.passive is not None:
+            object.__setattr__(self, "passive", _series(self.passive, len(PASSIVE), "passive"))
         object.__setattr__(self, "solver", MappingProxyType(dict(self.solver)))
         if self.certificate is not None:
             object.__setattr__(self, "certificate", MappingProxyType(dict(self.certificate)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Read-only mappings do not travel between processes.
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        values["solver"] = dict(self.solver)
+        if self.certificate is not None:
+            values["certificate"] = dict(self.certificate)
+        return functools.partial(Gait, **values), ()
 
 
 @dataclass(frozen=True)
@@ -198,6 +218,27 @@ def mirror(coefficients: FloatArray) -> FloatArray:
     """
     result: FloatArray = coefficients * _MIRROR_SIGN
     return result
+
+
+def mirror_passive(coefficients: FloatArray) -> FloatArray:
+    """The same for coefficients of `PASSIVE`. Shape (2, n)."""
+    result: FloatArray = coefficients * np.array([[-1.0], [1.0]])
+    return result
+
+
+def mirror_torques(coefficients: FloatArray) -> FloatArray:
+    """The same for coefficients of the drives' torques: legs change places. Shape (10, n)."""
+    legs = coefficients.reshape(2, 5, -1)[::-1] * np.array([-1.0, -1.0, 1.0, 1.0, 1.0])[:, None]
+    result: FloatArray = legs.reshape(10, -1)
+    return result
+
+
+def _series(values: FloatArray, rows: int, name: str) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != 3 or not 2 <= array.shape[2] <= MOST_COEFFICIENTS:
+        expected = f"(2, {rows}, 2 .. {MOST_COEFFICIENTS})"
+        raise GaitLibraryError(f"{name} have shape {array.shape}, expected {expected}")
+    return _frozen(array, (2, rows, array.shape[2]), name)
 
 
 def _frozen(values: FloatArray, shape: tuple[int, ...], name: str) -> FloatArray:

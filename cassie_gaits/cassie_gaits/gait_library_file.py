@@ -5,7 +5,8 @@
      "outputs": ["torso_roll", ...],
      "gaits": [{"vx": 0.5, "vy": 0.0, "yaw_rate": 0.0, "step_time": 0.4,
                 "coefficients": {"right_stance": 9 rows of 6, "left_stance": 9 rows of 6},
-                "torques": null or {"right_stance": 10 rows of 6, "left_stance": ...},
+                "torques": null or {"right_stance": 10 rows of n, "left_stance": ...},
+                "passive": null or {"right_stance": 2 rows of n, "left_stance": ...},
                 "cost": null or a number, "solver": {...}, "certificate": null or {...}}]}
 
 Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives.
@@ -26,6 +27,7 @@ import numpy as np
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
+from cassie_gaits.model_hash import model_hash
 
 SCHEMA_VERSION = 1
 
@@ -34,6 +36,7 @@ _PROVENANCE = {"tool", "version", "date", "settings"}
 _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"} | {
     "solver",
     "certificate",
+    "passive",
 }
 
 
@@ -64,6 +67,32 @@ def load_library(path: str | Path) -> GaitLibrary:
     except ValueError as error:  # ours, and integers with too many digits
         reason = str(error)
     raise GaitLibraryError(f"gait library {path}: {reason}")
+
+
+def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> GaitLibrary:
+    """Read a library to walk with: made for this robot, and every gait certified.
+
+    Args:
+        path: File to read.
+        allow_uncertified: Whether gaits without a certificate, provisional or imported, will do.
+
+    Raises:
+        GaitLibraryError: as `load_library`, and if the library is for another model or a gait is
+            not certified; one line that says which.
+    """
+    library = load_library(path)
+    expected = model_hash()
+    if library.model_hash != expected:
+        raise GaitLibraryError(
+            f"gait library {path}: it is for model {library.model_hash}, this robot is {expected}"
+        )
+    for gait in library.gaits:
+        if not allow_uncertified and (gait.certificate or {}).get("met") is not True:
+            raise GaitLibraryError(
+                f"gait library {path}: the {library.kind} gait of {gait.vx:g} m/s is not "
+                "certified (allow_uncertified is false)"
+            )
+    return library
 
 
 def save_library(library: GaitLibrary, path: str | Path) -> None:
@@ -119,6 +148,9 @@ def _gait_document(gait: Gait) -> dict[str, Any]:
         "torques": None
         if gait.torques is None
         else dict(zip(STANCES, gait.torques.tolist(), strict=True)),
+        "passive": None
+        if gait.passive is None
+        else dict(zip(STANCES, gait.passive.tolist(), strict=True)),
         "cost": gait.cost,
         "solver": dict(gait.solver),
         "certificate": None if gait.certificate is None else dict(gait.certificate),
@@ -157,7 +189,7 @@ def _library(document: object, path: Path) -> GaitLibrary:
 
 def _gait(document: object, index: int) -> Gait:
     try:
-        entry = _object(document, "the entry", _GAIT)
+        entry = _object({"passive": None, **_object(document, "the entry")}, "the entry", _GAIT)
         certificate = entry["certificate"]
         return Gait(
             vx=_number(entry, "vx"),
@@ -169,6 +201,7 @@ def _gait(document: object, index: int) -> Gait:
             cost=None if entry["cost"] is None else _number(entry, "cost"),
             solver=_object(entry["solver"], "solver"),
             certificate=None if certificate is None else _object(certificate, "certificate"),
+            passive=None if entry["passive"] is None else _matrices(entry["passive"], "passive"),
         )
     except GaitLibraryError as error:
         raise GaitLibraryError(f"gaits[{index}]: {error}") from None

@@ -69,11 +69,12 @@ class Tree:
     toes: tuple[int, int]
 
 
-def build_tree(gravity: float = 9.81) -> Tree:
+def build_tree(gravity: float = 9.81, pelvis_link: robot.Link = robot.PELVIS) -> Tree:
     """Build the tree from the robot table.
 
     Args:
         gravity: In m/s^2.
+        pelvis_link: The pelvis, to take a symmetric one instead.
     """
     model = pin.Model()
     model.name = "cassie"
@@ -82,7 +83,7 @@ def build_tree(gravity: float = 9.81) -> Tree:
     pelvis = model.addJoint(
         position, pin.JointModelSphericalZYX(), pin.SE3.Identity(), "orientation"
     )
-    model.appendBodyToJoint(pelvis, _inertia(robot.PELVIS), pin.SE3.Identity())
+    model.appendBodyToJoint(pelvis, _inertia(pelvis_link), pin.SE3.Identity())
     joints = {leg: _add_leg(model, pelvis, leg) for leg in LEGS}
     model.armature = _armature(model, joints)
     order = [joints[leg][name] for leg in LEGS for name in LEG_JOINTS]

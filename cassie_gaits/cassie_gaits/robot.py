@@ -38,6 +38,7 @@ __all__ = [
     "leg_links",
     "mirror_vector",
     "mirrored",
+    "symmetric_pelvis",
     "total_mass",
 ]
 
@@ -233,6 +234,13 @@ def _mirror_axis_of(name: str) -> int:
 def leg_links(leg: str) -> tuple[Link, ...]:
     """The links of "left" or "right" leg, parents before children."""
     return LEFT_LEG if leg == "left" else tuple(mirrored(link) for link in LEFT_LEG)
+
+
+def symmetric_pelvis() -> Link:
+    """The pelvis without what sets left and right apart: 0.35 mm, 5e-4 kg m^2."""
+    ixx, iyy, izz, _, ixz, _ = PELVIS.inertia
+    com = (PELVIS.com[0], 0.0, PELVIS.com[2])
+    return replace(PELVIS, com=com, inertia=(ixx, iyy, izz, 0.0, ixz, 0.0))
 
 
 def total_mass() -> float:

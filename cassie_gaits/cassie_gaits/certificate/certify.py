@@ -1,0 +1,122 @@
+"""The certificate of a gait: everything that is required, with its margins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.certificate import states
+from cassie_gaits.certificate.rollout import POINTS, Step, integrate
+from cassie_gaits.certificate.table import Row, row, speed_rows, step_rows, travel
+from cassie_gaits.certificate.walker import Walker
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
+
+FloatArray = npt.NDArray[np.float64]
+
+POSITION_TOLERANCE = 1e-5
+VELOCITY_TOLERANCE = 1e-4
+IMPACT_TOLERANCE = 1e-3
+RESIDUAL_TOLERANCE = 0.05
+
+_SAME = 1e-12
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was found for a gait.
+
+    Attributes:
+        rows: Every requirement; where both steps were integrated, the worse of the two.
+        mirrored: Whether the left step is exactly the right one's mirror image, so that one step
+            on a symmetric pelvis stands for both.
+    """
+
+    rows: tuple[Row, ...]
+    mirrored: bool
+
+    @property
+    def met(self) -> bool:
+        """Whether every requirement is met."""
+        return all(entry.met for entry in self.rows)
+
+    def as_document(self) -> dict[str, Any]:
+        """For the library's file."""
+        return {
+            "met": self.met,
+            "points": POINTS,
+            "mirrored": self.mirrored,
+            "worst": {entry.name: entry.worst for entry in self.rows},
+        }
+
+
+def certify(gait: Gait) -> Certificate:
+    """Check a gait.
+
+    Raises:
+        GaitLibraryError: if there is nothing to check: no torques, no passive motion, no request.
+    """
+    if gait.torques is None or gait.passive is None:
+        raise GaitLibraryError("the gait has no torques or no passive motion to check")
+    try:
+        asked = gait.solver["request"]
+        clearance, slope = float(asked["clearance"]), float(asked["slope"])
+        symmetric = bool(asked["symmetric"])
+    except (KeyError, TypeError, ValueError):
+        raise GaitLibraryError("the gait does not say its clearance, slope and symmetry") from None
+    walker = Walker(symmetric=symmetric, slope=slope)
+    mirrored = symmetric and _is_mirrored(gait)
+    steps = [integrate(walker, gait, domain) for domain in ((0,) if mirrored else (0, 1))]
+    rows = [_step(walker, gait, step, clearance) for step in steps]
+    worse = [min(pair, key=lambda entry: entry.margin) for pair in zip(*rows, strict=True)]
+    first = travel(walker, steps[0])
+    second = (first[0], -first[1], -first[2]) if mirrored else travel(walker, steps[1])
+    return Certificate((*worse, *speed_rows(gait, first, second)), mirrored)
+
+
+def _is_mirrored(gait: Gait) -> bool:
+    if gait.torques is None or gait.passive is None:
+        return False
+    pairs = (
+        (mirror(gait.coefficients[0]), gait.coefficients[1]),
+        (mirror_passive(gait.passive[0]), gait.passive[1]),
+        (mirror_torques(gait.torques[0]), gait.torques[1]),
+    )
+    return all(bool(np.abs(a - b).max() <= _SAME) for a, b in pairs)
+
+
+def _step(walker: Walker, gait: Gait, step: Step, clearance: float) -> list[Row]:
+    position, velocity = _after_impact(walker, gait, step)
+    inf = math.inf
+    return [
+        row("end of the step, position", "m, rad", -inf, POSITION_TOLERANCE, step.position_error),
+        row("end of the step, velocity", "/s", -inf, VELOCITY_TOLERANCE, step.velocity_error),
+        row("start of the next step, position", "m, rad", -inf, IMPACT_TOLERANCE, position),
+        row("start of the next step, velocity", "/s", -inf, IMPACT_TOLERANCE, velocity),
+        row("outputs on the way", "m, rad", -inf, VELOCITY_TOLERANCE, step.output_error),
+        row("dynamics between nodes", "Nm", -inf, RESIDUAL_TOLERANCE, step.residual),
+        *step_rows(walker, gait, step, clearance),
+    ]
+
+
+def _after_impact(walker: Walker, gait: Gait, step: Step) -> tuple[float, float]:
+    """Difference of the state after the impact and the start of the next step.
+
+    Both are seen from the foot that now stands, which is turned against the one before.
+    """
+    _, swing = states.legs(step.domain)
+    yaw = travel(walker, step)[2]
+    after = walker.impact(step.q[-1], step.v[-1], swing, yaw)
+    next_q, next_v = states.state(walker, gait, 1 - step.domain, 0.0)
+    q, v = step.q[-1].copy(), after
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    origin = walker.dynamics.sole(q, swing)[0]
+    q[:3] = turn @ (q[:3] - origin)
+    q[3] -= yaw
+    v = np.concatenate([turn @ v[:3], v[3:]])
+    return float(np.abs(q - next_q).max()), float(np.abs(v - next_v).max())

@@ -1,0 +1,188 @@
+"""What is required of a gait, row by row, and how far inside the bounds it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.certificate import states
+from cassie_gaits.certificate.rollout import Step
+from cassie_gaits.certificate.walker import Walker
+from cassie_gaits.dynamics import RIGID
+from cassie_gaits.gait_library import Gait
+from cassie_gaits.names import LEG_DRIVES, LEG_JOINTS, LEGS
+
+FloatArray = npt.NDArray[np.float64]
+
+FRICTION = 0.6
+FEET_APART = 0.2
+PELVIS_TO_FOOT = (0.5, 1.0)
+LANDING_SPEED = 1.0
+
+SPEED_TOLERANCE = 1e-4
+"""Of mean speeds, in m/s, and of the turning rate, in rad/s."""
+
+REST_TOLERANCE = 1e-3
+"""Of the landing foot's speed along the ground. In m/s."""
+
+ANGLE_TOLERANCE = 1e-4
+"""Of the swing foot's pitch. In rad."""
+
+TORQUE_TOLERANCE = 1e-6
+"""Of the stance toe's torque. In Nm."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One requirement.
+
+    Attributes:
+        name: What it is.
+        low, high: Bounds.
+        worst: Value nearest to a bound, or furthest past it.
+        unit: Of all three.
+    """
+
+    name: str
+    low: float
+    high: float
+    worst: float
+    unit: str
+
+    @property
+    def margin(self) -> float:
+        """Distance to the nearer bound, negative past it; not a number counts as past it."""
+        margin = min(self.worst - self.low, self.high - self.worst)
+        return margin if math.isfinite(margin) else -math.inf
+
+    @property
+    def met(self) -> bool:
+        """Whether the value is inside."""
+        return self.margin >= 0.0
+
+
+def row(name: str, unit: str, low: float, high: float, values: npt.ArrayLike) -> Row:
+    """A row for the worst of several values."""
+    array = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    margins = np.minimum(array - low, high - array)
+    return Row(name, low, high, float(array[int(np.argmin(margins))]), unit)
+
+
+def step_rows(walker: Walker, gait: Gait, step: Step, clearance: float) -> list[Row]:
+    """Rows of one step but for the mean speeds."""
+    stance, swing = states.legs(step.domain)
+    places = [_place(walker, q, stance, swing) for q in step.q]
+    feet, pelvis = np.array([place[0] for place in places]), [place[1] for place in places]
+    end = _sole_velocity(walker, step, swing)
+    along = np.hypot(step.forces[:, 0], step.forces[:, 1])
+    foot = np.array([states.outputs(step.domain, q)[8] for q in step.q]) - walker.slope
+    side = 1.0 if swing == "left" else -1.0
+    toe = states.drive(stance, "toe") - 6
+    middle = len(step.phases) // 2
+    infinite = math.inf
+    return [
+        row("step time", "s", 0.05, 5.0, gait.step_time),
+        row("torque for stance foot pitch", "Nm", *_about(TORQUE_TOLERANCE), step.torques[:, toe]),
+        row("friction cone", "", -infinite, FRICTION, along / step.forces[:, 2]),
+        row("ground pushes", "N", 0.0, infinite, step.forces[:, 2]),
+        row("mid-step swing foot clearance", "m", clearance, infinite, feet[middle, 2]),
+        row("swing foot above the ground", "m", 0.0, infinite, feet[1:-1, 2]),
+        row("absolute swing foot pitch", "rad", *_about(ANGLE_TOLERANCE), foot),
+        row("distance between feet", "m", FEET_APART, infinite, side * feet[:, 1]),
+        row("distance between pelvis and stance foot", "m", *PELVIS_TO_FOOT, pelvis),
+        row("swing foot velocity on impact (x)", "m/s", *_about(REST_TOLERANCE), end[0]),
+        row("swing foot velocity on impact (y)", "m/s", *_about(REST_TOLERANCE), end[1]),
+        row("swing foot velocity on impact (z)", "m/s", -LANDING_SPEED, 0.0, end[2]),
+        *_drive_rows(step),
+        _stops_row(step),
+    ]
+
+
+def _about(tolerance: float) -> tuple[float, float]:
+    return -tolerance, tolerance
+
+
+def _place(walker: Walker, q: FloatArray, stance: str, swing: str) -> tuple[FloatArray, float]:
+    """Swing sole from the stance sole in ground axes, and the pelvis's distance from the latter."""
+    standing, _ = walker.dynamics.sole(q, stance)
+    moving, _ = walker.dynamics.sole(q, swing)
+    axes = walker.ground_axes()
+    return axes.T @ (moving - standing), float(np.linalg.norm(q[:3] - standing))
+
+
+def _sole_velocity(walker: Walker, step: Step, swing: str) -> FloatArray:
+    terms = walker.dynamics.terms(step.q[-1], step.v[-1])
+    velocity = terms.soles[LEGS.index(swing)][:3] @ step.v[-1]
+    result: FloatArray = walker.ground_axes().T @ velocity
+    return result
+
+
+def _drive_rows(step: Step) -> list[Row]:
+    """Torques against their bounds, at rest and at speed."""
+    drives = [robot.DRIVES[name] for _ in LEGS for name in LEG_DRIVES]
+    most = np.array([drive.torque_limit for drive in drives])
+    fastest = np.array([drive.speed_limit for drive in drives])
+    speeds = np.abs(np.linalg.lstsq(RIGID, step.v.T, rcond=None)[0][6:].T) / fastest
+    loads = np.abs(step.torques) / most
+    return [
+        row("torque of the drives, share of the limit", "", -math.inf, 1.0, loads.ravel()),
+        row(
+            "torque at speed, share of the limit",
+            "",
+            -math.inf,
+            1.0,
+            (0.5 * loads + speeds).ravel(),
+        ),
+    ]
+
+
+def _stops_row(step: Step) -> Row:
+    room = []
+    for leg in LEGS:
+        stops = {link.name: link.joint.limits for link in robot.leg_links(leg)}
+        angles = step.q[:, 6 + 7 * LEGS.index(leg) :][:, :7]
+        for i, joint in enumerate(LEG_JOINTS):
+            low, high = stops[joint] or (-math.inf, math.inf)
+            room.append(np.minimum(angles[:, i] - low, high - angles[:, i]))
+    return row("joint angles inside their stops", "rad", 0.0, math.inf, np.array(room).ravel())
+
+
+def travel(walker: Walker, step: Step) -> tuple[float, float, float]:
+    """Where the swing foot lands: ahead and left of the stance foot in m, and its turn in rad."""
+    stance, swing = states.legs(step.domain)
+    foot, _ = _place(walker, step.q[-1], stance, swing)
+    _, attitude = walker.dynamics.sole(step.q[-1], swing)
+    ahead = walker.ground_axes().T @ attitude[:, 0]
+    return float(foot[0]), float(foot[1]), math.atan2(ahead[1], ahead[0])
+
+
+def speed_rows(gait: Gait, first: tuple[float, ...], second: tuple[float, ...]) -> list[Row]:
+    """Mean speeds over two steps.
+
+    Args:
+        gait: What they should be.
+        first: `travel` of the step on the right leg.
+        second: Of the step on the left leg.
+
+    The torso's heading lies evenly between the feet's; a gait that turns goes along an arc.
+    """
+    x1, y1, yaw1 = first
+    x2, y2, yaw2 = second
+    time = 2.0 * gait.step_time
+    turn = yaw1 + yaw2
+    way = complex(x1, y1) + complex(math.cos(yaw1), math.sin(yaw1)) * complex(x2, y2)
+    heading = 0.5 * (yaw1 + 0.5 * turn)
+    chord = time * float(np.sinc(0.5 * turn / math.pi))
+    speed = way * complex(math.cos(heading), -math.sin(heading)) / chord
+    return [
+        row(name, unit, want - SPEED_TOLERANCE, want + SPEED_TOLERANCE, value)
+        for name, unit, want, value in (
+            ("average sagittal velocity", "m/s", gait.vx, speed.real),
+            ("average lateral velocity", "m/s", gait.vy, speed.imag),
+            ("average turning rate", "rad/s", gait.yaw_rate, turn / time),
+        )
+    ]

@@ -1,0 +1,162 @@
+"""Parts of the nonlinear program: a function, and the instants at which it is asked.
+
+A part's function has few arguments, so its exact second derivative is cheap; the program's
+Jacobian and Hessian are put together from these by constant matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Inner:
+    """What rows and cost depend on, when that is long and they are short.
+
+    Attributes:
+        symbols: What rows and cost are written in. Shape (m, 1).
+        values: What they stand for, by the block's `z` and `p`. Shape (m, 1).
+    """
+
+    symbols: ca.SX
+    values: ca.SX
+
+
+@dataclass(frozen=True)
+class Row:
+    """A constraint with its bounds.
+
+    Attributes:
+        name: What it is, for a person.
+        value: Symbol of the value.
+        low, high: Bounds; equal for an equation.
+        scale: The program sees value / scale.
+    """
+
+    name: str
+    value: ca.SX
+    low: float
+    high: float
+    scale: float = 1.0
+
+
+class Block:
+    """Constraints, and perhaps a share of the cost, at several instants.
+
+    Args:
+        name: Of the block.
+        z: Symbols that the unknowns lead to. Shape (n, 1).
+        p: Symbols of the request's parameters.
+        rows: Constraints.
+        maps: For each instant the matrix from the unknowns to `z`. Each of shape (n, unknowns).
+        cost: Symbol of a cost, or None.
+        weights: Of the cost at each instant.
+        inner: If given, rows and cost are functions of its symbols.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        z: ca.SX,
+        p: ca.SX,
+        rows: list[Row],
+        maps: list[FloatArray],
+        cost: ca.SX | None = None,
+        weights: FloatArray | None = None,
+        inner: Inner | None = None,
+    ) -> None:
+        self.rows = rows
+        self.count = len(maps)
+        self.lower = np.tile([row.low / row.scale for row in rows], self.count)
+        self.upper = np.tile([row.high / row.scale for row in rows], self.count)
+        self._map = ca.DM(ca.sparsify(ca.DM(np.vstack(maps))))
+        self._weights = ca.DM(weights).T if weights is not None else ca.DM.zeros(1, self.count)
+        self._name, self._z, self._p = name, z, p
+        self._inner = inner or Inner(z, z)
+        self._outer_values = ca.vertcat(*(row.value / row.scale for row in rows))
+        self._outer_price = cost
+        price = ca.SX(0) if cost is None else cost
+        self._values, self._price = ca.substitute(
+            [self._outer_values, price], [self._inner.symbols], [self._inner.values]
+        )
+        self._value = ca.Function(f"{name}_value", [z, p], [self._values, self._price])
+
+    @property
+    def size(self) -> int:
+        """Number of constraints."""
+        return len(self.rows) * self.count
+
+    def names(self) -> list[str]:
+        """Of every constraint."""
+        return [row.name for row in self.rows] * self.count
+
+    def value(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Constraints and cost."""
+        values, prices = self._value.map(self.count)(self._points(x), self._repeat(p))
+        return ca.vec(values), ca.dot(prices, self._weights)
+
+    def slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Constraints and their Jacobian."""
+        slope = ca.Function(
+            f"{self._name}_slope",
+            [self._z, self._p],
+            [self._values, ca.jacobian(self._values, self._z)],
+        )
+        values, jacobians = slope.map(self.count)(self._points(x), self._repeat(p))
+        blocks = ca.diagcat(*ca.horzsplit(jacobians, slope.size2_out(1)))
+        return ca.vec(values), ca.mtimes(blocks, self._map)
+
+    def cost_slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Cost and its gradient."""
+        if self._outer_price is None:
+            return ca.MX(0), ca.MX(x.size1(), 1)
+        slope = ca.Function(
+            f"{self._name}_cost_slope",
+            [self._z, self._p],
+            [self._price, ca.gradient(self._price, self._z)],
+        )
+        prices, gradients = slope.map(self.count)(self._points(x), self._repeat(p))
+        weighted = gradients * ca.repmat(self._weights, gradients.size1(), 1)
+        return ca.dot(prices, self._weights), ca.mtimes(self._map.T, ca.vec(weighted))
+
+    def bend(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
+        """Hessian of the Lagrangian."""
+        lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
+        bend = ca.Function(
+            f"{self._name}_bend", [self._z, self._p, lam, share], [self._hessian(lam, share)]
+        )
+        hessians = bend.map(self.count)(
+            self._points(x),
+            self._repeat(p),
+            ca.reshape(multipliers, len(self.rows), self.count),
+            sigma * self._weights,
+        )
+        blocks = ca.diagcat(*ca.horzsplit(hessians, bend.size2_out(0)))
+        return ca.mtimes(self._map.T, ca.mtimes(blocks, self._map))
+
+    def _hessian(self, lam: ca.SX, share: ca.SX) -> ca.SX:
+        """Of the Lagrangian: the inner values' own bend, and the outer one's seen through them."""
+        lagrangian = ca.dot(lam, self._outer_values)
+        if self._outer_price is not None:
+            lagrangian += share * self._outer_price
+        outer, slope = ca.hessian(lagrangian, self._inner.symbols)
+        if self._inner.values is self._z:
+            return outer
+        outer, slope = ca.substitute([outer, slope], [self._inner.symbols], [self._inner.values])
+        price = ca.SX.sym("price", slope.size1())
+        own = ca.hessian(ca.dot(price, self._inner.values), self._z)[0]
+        own = ca.substitute(own, price, slope)
+        jacobian = ca.jacobian(self._inner.values, self._z)
+        return own + ca.mtimes([jacobian.T, outer, jacobian])
+
+    def _points(self, x: ca.MX) -> ca.MX:
+        return ca.reshape(ca.mtimes(self._map, x), -1, self.count)
+
+    def _repeat(self, p: ca.MX) -> ca.MX:
+        return ca.repmat(p, 1, self.count)

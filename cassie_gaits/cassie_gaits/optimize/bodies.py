@@ -1,0 +1,182 @@
+"""Cassie with rigid springs as numbers for `inverse_dynamics`: bodies, joints and rods of a leg.
+
+The shin counts as one body with the knee link, its spring being rigid. The heel spring and the
+foot crank stay bodies of their own. A rod is a mass at each of its ends and one between them that
+together have its mass, its centre and its moment of inertia across. What that leaves over, mostly
+the inertia of 4e-6 kg m^2 about its length, turns along with the link beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.linkage import link_rotation, pin_in_target
+
+FloatArray = npt.NDArray[np.float64]
+
+CHAIN = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "tarsus", "toe")
+"""Bodies of a leg from the pelvis to the foot."""
+
+BRANCHES = ("heel_spring", "foot_crank")
+"""Bodies that hang on the tarsus beside the chain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Mass (kg), centre of mass (3,) in m, and inertia about it (3, 3) in kg m^2."""
+
+    mass: float
+    com: FloatArray
+    inertia: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """A joint about the child's z axis.
+
+    Attributes:
+        position: Of the child's frame in its parent's. Shape (3,), in m.
+        rotation: Of the child's frame in its parent's at `zero`. Shape (3, 3).
+        zero: Joint angle there. In rad.
+        armature: Inertia of the rotor reflected to the joint. In kg m^2.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    zero: float
+    armature: float
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPointRod:
+    """A rod as a mass matrix of its ends.
+
+    Attributes:
+        base_body, base: Body at one end, and the end in its frame. Shape (3,), in m.
+        tip_body, tip: The same for the other end.
+        base_mass, shared_mass, tip_mass: Force at the base is base_mass times the base's
+            acceleration plus shared_mass times the tip's, and so on. In kg.
+    """
+
+    base_body: str
+    base: FloatArray
+    tip_body: str
+    tip: FloatArray
+    base_mass: float
+    shared_mass: float
+    tip_mass: float
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """Bodies, joints and rods of a leg; the sole's middle in the toe link's frame."""
+
+    bodies: dict[str, Body]
+    hinges: dict[str, Hinge]
+    rods: tuple[TwoPointRod, ...]
+    sole: FloatArray
+
+
+def leg(name: str) -> Leg:
+    """Numbers of the "left" or "right" leg."""
+    links = {link.name: link for link in robot.leg_links(name)}
+    bodies = {part: _body(links[part]) for part in (*CHAIN, *BRANCHES)}
+    fixed = [bodies["knee"], _carried(links["knee_spring"]), _carried(links["shin"])]
+    bodies["knee"] = joined(fixed)
+    # The achilles rod stays parallel to the shin, the plantar rod to the tarsus.
+    parallel = link_rotation(links["knee"]).T
+    bodies["knee"] = joined([bodies["knee"], _left_over(links["achilles_rod"], parallel)])
+    bodies["tarsus"] = joined([bodies["tarsus"], _left_over(links["plantar_rod"], np.eye(3))])
+    hinges = {part: _hinge(links[part]) for part in (*CHAIN, *BRANCHES)}
+    shin, tarsus = links["shin"], links["tarsus"]
+    turn = link_rotation(shin)
+    hinges["tarsus"] = Hinge(
+        np.array(shin.position) + turn @ tarsus.position,
+        turn @ link_rotation(tarsus),
+        tarsus.joint.zero,
+        tarsus.joint.armature,
+    )
+    sign = -1.0 if name == "right" else 1.0
+    rods = tuple(_rod(closure, links, sign) for closure in robot.RODS)
+    return Leg(bodies, hinges, rods, np.mean(np.array(robot.FOOT_CONTACTS), axis=0))
+
+
+def pelvis() -> Body:
+    """The pelvis as it is, not quite symmetric."""
+    return _body(robot.PELVIS)
+
+
+def foot_tilt() -> float:
+    """Angle by which the toe link is turned further than its joint angles say. In rad.
+
+    Link frames of the robot table are rounded to five digits.
+    """
+    return sum(
+        float(np.arctan2(link.x_axis[1], link.x_axis[0])) - link.joint.zero
+        for link in robot.LEFT_LEG
+        if link.name in ("knee", "tarsus")
+    )
+
+
+def joined(parts: Sequence[Body]) -> Body:
+    """One body of several, all in the same frame."""
+    mass = sum(part.mass for part in parts)
+    com = sum((part.mass * part.com for part in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        d = part.com - com
+        inertia += part.inertia + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return Body(mass, com, inertia)
+
+
+def _body(link: robot.Link) -> Body:
+    xx, yy, zz, xy, xz, yz = link.inertia
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Body(link.mass, np.array(link.com), inertia)
+
+
+def _carried(link: robot.Link) -> Body:
+    """The link's body in its parent's frame, with its joint at zero."""
+    body, turn = _body(link), link_rotation(link)
+    return Body(body.mass, np.array(link.position) + turn @ body.com, turn @ body.inertia @ turn.T)
+
+
+def _left_over(rod: robot.Link, parallel: FloatArray) -> Body:
+    """Inertia of a rod beyond that of its point masses, in a link parallel to it; without mass.
+
+    `parallel` turns axes of the rod's parent into those of that link, all joints at zero.
+    """
+    body = _body(rod)
+    across = rod.inertia[2]
+    turn = parallel @ link_rotation(rod)
+    rest = turn @ (body.inertia - np.diag([0.0, across, across])) @ turn.T
+    # A rod does not spin about itself when that link turns in the plane of the leg.
+    rest[2, :] = rest[:, 2] = 0.0
+    return Body(0.0, np.zeros(3), rest)
+
+
+def _hinge(link: robot.Link) -> Hinge:
+    return Hinge(np.array(link.position), link_rotation(link), link.joint.zero, link.joint.armature)
+
+
+def _rod(closure: robot.Rod, links: dict[str, robot.Link], sign: float) -> TwoPointRod:
+    link, length = links[closure.rod], closure.length
+    share = link.com[0] / length
+    across = link.inertia[2]
+    at_base = across / (link.com[0] * length)
+    at_tip = across / ((length - link.com[0]) * length)
+    between = link.mass - at_base - at_tip
+    return TwoPointRod(
+        base_body=link.parent,
+        base=np.array(link.position),
+        tip_body=closure.target,
+        tip=pin_in_target(closure) * (1.0, 1.0, sign),
+        base_mass=at_base + between * (1.0 - share) ** 2,
+        shared_mass=between * share * (1.0 - share),
+        tip_mass=at_tip + between * share**2,
+    )

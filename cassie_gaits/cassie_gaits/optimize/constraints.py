@@ -1,0 +1,268 @@
+"""The rows of Table `table:optimization_constraints` and the robot's limits, as program blocks."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import robot
+from cassie_gaits.optimize import grid
+from cassie_gaits.optimize.blocks import Block, Inner, Row
+from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
+from cassie_gaits.optimize.posture import SIZE, places, posture
+from cassie_gaits.optimize.request import Limits
+from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdown
+
+FloatArray = npt.NDArray[np.float64]
+
+PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymmetry")
+"""Order of the program's parameters, as `request.parameters` gives them."""
+
+GRID = 25
+"""Instants at which what depends on the posture alone is watched; odd, so that one is mid-step."""
+
+APART = "distance between feet"
+LANDING = "swing foot velocity on impact (z)"
+"""Rows whose bounds a request may tighten."""
+
+STRAIGHT = "swing foot straight ahead on a slope"
+"""The row whose bounds close where the ground rises: turned-out feet would not stand level."""
+
+LEGS = {"stance": "right", "swing": "left"}
+
+INF = math.inf
+
+
+def parameter_symbols() -> tuple[ca.SX, dict[str, ca.SX]]:
+    """The vector of parameters and its entries by name."""
+    p = ca.SX.sym("p", len(PARAMETERS))
+    return p, {name: p[i] for i, name in enumerate(PARAMETERS)}
+
+
+def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool) -> Block:
+    """Dynamics, drives and friction at the Gauss points.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        sign: Of the pelvis's asymmetry in this step.
+        lean: Whether to leave out what walking seldom meets: the drives' torque at speed.
+    """
+    p, by_name = parameter_symbols()
+    z = ca.SX.sym("z", 3 * SIZE)
+    time = by_name["step_time"]
+    y, y1, y2 = ca.vertsplit(z, SIZE)
+    arguments = [y, y1 / time, y2 / time**2, by_name["slope"], sign * by_name["asymmetry"]]
+    at = instant()
+    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
+    names = ("force", "roll_moment", "torque", "rate", "attitude", "hips")
+    values = ca.Function("inner", symbols, _inner_values(at), list("yvasp"), list(names))(
+        *arguments
+    )
+    parts = dict(zip(names, values, strict=True))
+    if lean:
+        del parts["rate"]
+    inner = {name: ca.SX.sym(name, part.size1()) for name, part in parts.items()}
+    phases, weights = grid.gauss()
+    return Block(
+        "dynamics",
+        z,
+        p,
+        _dynamics_rows(inner, limits),
+        [grid.coordinates_at(phase, 2) @ place for phase in phases],
+        _cost(inner, limits),
+        weights,
+        Inner(ca.vertcat(*inner.values()), ca.vertcat(*parts.values())),
+    )
+
+
+def _inner_values(at: Instant) -> list[ca.SX]:
+    """Force in ground axes, moment about the foot, torques, rates, torso pitch and roll, hips."""
+    c, s = ca.cos(at.slope), ca.sin(at.slope)
+    along, across = c * at.force[0] + s * at.force[2], c * at.force[2] - s * at.force[0]
+    return [
+        ca.vertcat(along, at.force[1], across),
+        ca.dot(at.posture.foot_to_ground[:, 0], at.moment),
+        ca.vertcat(at.efforts.stance, at.efforts.swing),
+        ca.vertcat(at.stance_rate, at.swing_rate),
+        at.posture.torso[1:],
+        ca.vertcat(at.posture.stance[:2], at.posture.swing[:2]),
+    ]
+
+
+def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
+    weight = robot.total_mass() * GRAVITY
+    along, side, across = ca.vertsplit(at["force"])
+    cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
+    toe = RIGID_JOINTS.index("toe")
+    return [
+        Row("dynamics of the stance foot's roll", at["roll_moment"], 0.0, 0.0, 10.0),
+        Row("torque for stance foot pitch", at["torque"][toe], 0.0, 0.0, 10.0),
+        Row("friction cone", cone / weight**2, 0.0, INF),
+        Row("ground pushes", across / weight, 0.05, INF),
+        *_drive_rows(at["torque"], at.get("rate"), limits),
+    ]
+
+
+def _drive_rows(torques: ca.SX, rates: ca.SX | None, limits: Limits) -> list[Row]:
+    """|u| <= u_max, and with rates |u| / (2 u_max) + |speed| / no-load speed <= 1."""
+    rows, full = [], limits.share
+    names = [(side, joint) for side in LEGS for joint in RIGID_JOINTS]
+    for i, (side, joint) in enumerate(names):
+        drive, name = robot.DRIVES[joint], f"{side} {joint.replace('_', ' ')}"
+        load = torques[i] / (2.0 * drive.torque_limit)
+        moves = (side, joint) != ("stance", "toe")
+        if moves:
+            rows.append(Row(f"torque of {name}", load, -0.5 * full, 0.5 * full))
+        if rates is not None:
+            speed = rates[i] / drive.speed_limit
+            for sign in (1.0, -1.0) if moves else (1.0,):
+                value = sign * speed + (load if moves else 0.0)
+                rows.append(Row(f"torque at speed of {name}", value, -full, full))
+    return rows
+
+
+def _cost(at: dict[str, ca.SX], limits: Limits) -> ca.SX:
+    """Integrand of the cost in "Set of Gaits"."""
+    guided = ca.vertcat(at["attitude"], at["hips"])
+    return ca.sumsqr(at["torque"]) + limits.weight * ca.sumsqr(guided)
+
+
+def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
+    """Distances and, unless `lean`, joint stops over the whole step."""
+    p, by_name = parameter_symbols()
+    y = ca.SX.sym("y", SIZE)
+    at = posture(y, by_name["slope"])
+    pelvis, foot, _ = places(at)
+    margin = limits.margin
+    rows = [
+        Row(
+            "distance between pelvis and stance foot",
+            ca.norm_2(pelvis),
+            limits.pelvis_low + margin,
+            limits.pelvis_high - margin,
+        ),
+        Row(APART, foot[1], limits.feet_apart + margin, INF),
+    ]
+    if not lean:
+        rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
+    phases = np.linspace(0.0, 1.0, GRID)
+    maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
+    return Block("posture", y, p, rows, maps)
+
+
+def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
+    rows = []
+    for i, joint in enumerate(RIGID_JOINTS):
+        low, high = _stops(LEGS[side], joint)
+        rows.append(Row(f"stops of {side} {joint.replace('_', ' ')}", joints[i], low, high))
+    return rows
+
+
+def _stops(leg: str, joint: str) -> tuple[float, float]:
+    """Range of a joint; the tarsus moves against the knee and its stops count for it."""
+    stops = {link.name: link.joint.limits or (-INF, INF) for link in robot.leg_links(leg)}
+    low, high = stops[joint]
+    if joint == "knee":
+        low = max(low, robot.NEUTRAL_TARSUS - stops["tarsus"][1])
+        high = min(high, robot.NEUTRAL_TARSUS - stops["tarsus"][0])
+    return low + 1e-3, high - 1e-3
+
+
+def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
+    """Height of the swing foot: at mid-step what is asked for, else above the ground."""
+    p, by_name = parameter_symbols()
+    y = ca.SX.sym("y", SIZE)
+    slope = by_name["slope"]
+    _, foot, _ = places(posture(y, slope))
+    height = ca.cos(slope) * foot[2] - ca.sin(slope) * foot[0]
+    if middle:
+        phases = [0.5]
+        row = Row(
+            "mid-step swing foot clearance", height - by_name["clearance"], limits.margin, INF
+        )
+    else:
+        phases = list(np.linspace(0.0, 1.0, GRID)[1:-1])
+        row = Row("swing foot above the ground", height, 0.0, INF)
+    maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
+    return Block("clearance" if middle else "height", y, p, [row], maps)
+
+
+def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: float) -> Block:
+    """Change of legs: same posture, impact map, and how the swing foot meets the ground.
+
+    Args:
+        limits: Bounds.
+        end: Matrix from all unknowns to those of the step that ends.
+        start: The same for the step that follows, which is mirrored.
+        sign: Of the pelvis's asymmetry in the step that ends.
+    """
+    p, by_name = parameter_symbols()
+    z = ca.SX.sym("z", 4 * SIZE)
+    time, slope = by_name["step_time"], by_name["slope"]
+    ye, ye1, ys, ys1 = ca.vertsplit(z, SIZE)
+    at = touchdown()
+    symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry]
+    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity, at.foot_yaw]
+    same, impulse, foot, velocity, yaw = ca.Function("at", symbols, results)(
+        ye, ye1 / time, ys, ys1 / time, slope, sign * by_name["asymmetry"]
+    )
+    c, s = ca.cos(slope), ca.sin(slope)
+    along, across = c * velocity[0] + s * velocity[2], c * velocity[2] - s * velocity[0]
+    rows = [Row("same posture after the change of legs", same[i], 0.0, 0.0) for i in range(12)]
+    rows += [Row("impact map", impulse[i], 0.0, 0.0) for i in range(11)]
+    fast = limits.landing_speed - 1e-3
+    rows += [
+        Row("swing foot lands", c * foot[2] - s * foot[0], 0.0, 0.0),
+        Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
+        Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
+        Row(LANDING, across, -fast, -1e-3),
+        Row(STRAIGHT, yaw, -1.0, 1.0),
+    ]
+    ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start
+    return Block("landing", z, p, rows, [np.vstack([ends, starts])])
+
+
+def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
+    """Mean velocity and turn over two steps.
+
+    Args:
+        first: Matrix from all unknowns to those of the step on the right leg.
+        second: The same for the left leg, mirrored; None for a symmetric gait.
+
+    The feet may be turned out: the heading lies evenly between theirs. A symmetric gait goes
+    straight along it; otherwise the torso's path is an arc that the two steps must span.
+    """
+    p, by_name = parameter_symbols()
+    count = 1 if second is None else 2
+    z = ca.SX.sym("z", count * SIZE)
+    time, slope = by_name["step_time"], by_name["slope"]
+    at = touchdown()
+    place = ca.Function("place", [at.end, at.slope], [at.foot, at.foot_yaw])
+    foot, yaw = place(z[:SIZE], slope)
+    ahead = foot[0] / ca.cos(slope)
+    if second is None:
+        advance = ahead * ca.cos(yaw / 2.0) + foot[1] * ca.sin(yaw / 2.0)
+        rows = [Row("average sagittal velocity", advance / time - by_name["vx"], 0.0, 0.0)]
+        maps = [grid.coordinates_at(1.0, 0) @ first]
+        return Block("travel", z, p, rows, maps)
+    other, other_yaw = place(z[SIZE:], slope)
+    turn, yaw2 = by_name["yaw_rate"], -other_yaw
+    x2, y2 = other[0] / ca.cos(slope), -other[1]
+    dx = ahead + ca.cos(yaw) * x2 - ca.sin(yaw) * y2
+    dy = foot[1] + ca.sin(yaw) * x2 + ca.cos(yaw) * y2
+    # The chord of an arc is shorter than the way along it by sin(a) / a, even in a.
+    bend = turn * time
+    chord = 2.0 * time * (1.0 - bend**2 / 6.0 + bend**4 / 120.0 - bend**6 / 5040.0)
+    heading = 0.5 * (yaw + bend)
+    c, s = ca.cos(heading), ca.sin(heading)
+    rows = [
+        Row("average sagittal velocity", (c * dx + s * dy) / chord - by_name["vx"], 0.0, 0.0),
+        Row("average lateral velocity", (c * dy - s * dx) / chord - by_name["vy"], 0.0, 0.0),
+        Row("average turning rate", (yaw + yaw2) / (2.0 * time) - turn, 0.0, 0.0),
+    ]
+    ends = [grid.coordinates_at(1.0, 0) @ part for part in (first, second)]
+    return Block("travel", z, p, rows, [np.vstack(ends)])

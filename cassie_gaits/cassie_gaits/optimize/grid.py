@@ -1,0 +1,75 @@
+"""Where in a step the constraints are placed, and how the unknowns lead there.
+
+The unknowns of a step are 6 Bezier coefficients for each of 8 outputs and NODES + 2 Bernstein
+coefficients for each of the 2 passive coordinates: with NODES Gauss points that is collocation
+of their second-order dynamics.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits import bezier
+from cassie_gaits.optimize.posture import SIZE
+
+FloatArray = npt.NDArray[np.float64]
+
+NODES = 14
+"""Gauss points of a step; between them the dynamics are met within about 0.02 Nm."""
+
+PASSIVE = 2
+OUTPUT_COUNT = SIZE - PASSIVE
+PASSIVE_DEGREE = NODES + 1
+STEP_UNKNOWNS = OUTPUT_COUNT * bezier.COEFFICIENTS + PASSIVE * (PASSIVE_DEGREE + 1)
+
+
+@cache
+def gauss() -> tuple[FloatArray, FloatArray]:
+    """Phases and weights of the Gauss points. Shape (NODES,) each."""
+    points, weights = np.polynomial.legendre.leggauss(NODES)
+    return 0.5 * (points + 1.0), 0.5 * weights
+
+
+def bernstein(degree: int, phase: float, derivative: int = 0) -> FloatArray:
+    """Bernstein polynomials of a degree or a derivative of theirs. Shape (degree + 1,)."""
+    if derivative:
+        lower = bernstein(degree - 1, phase, derivative - 1)
+        padded = np.concatenate([[0.0], lower, [0.0]])
+        slope: FloatArray = degree * (padded[:-1] - padded[1:])
+        return slope
+    i = np.arange(degree + 1)
+    binomial = np.array([comb(degree, int(k)) for k in i], dtype=np.float64)
+    result: FloatArray = binomial * phase**i * (1.0 - phase) ** (degree - i)
+    return result
+
+
+def coordinates_at(phase: float, derivatives: int) -> FloatArray:
+    """Matrix from the unknowns of a step to its coordinates and derivatives by phase.
+
+    Args:
+        phase: In [0, 1].
+        derivatives: How many derivatives follow the coordinates, 0 to 2.
+
+    Returns:
+        Shape ((derivatives + 1) SIZE, STEP_UNKNOWNS).
+    """
+    rows = []
+    for order in range(derivatives + 1):
+        output = bernstein(bezier.DEGREE, phase, order)
+        passive = bernstein(PASSIVE_DEGREE, phase, order)
+        block = np.zeros((SIZE, STEP_UNKNOWNS))
+        split = OUTPUT_COUNT * bezier.COEFFICIENTS
+        block[:OUTPUT_COUNT, :split] = np.kron(np.eye(OUTPUT_COUNT), output)
+        block[OUTPUT_COUNT:, split:] = np.kron(np.eye(PASSIVE), passive)
+        rows.append(block)
+    return np.vstack(rows)
+
+
+def split(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the outputs and of the passive coordinates of a step. (8, 6), (2, n)."""
+    at = OUTPUT_COUNT * bezier.COEFFICIENTS
+    return unknowns[:at].reshape(OUTPUT_COUNT, -1), unknowns[at:].reshape(PASSIVE, -1)

@@ -1,0 +1,201 @@
+"""The nonlinear program of a gait, with exact derivatives for IPOPT."""
+
+from __future__ import annotations
+
+from functools import cache, cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.bezier import COEFFICIENTS
+from cassie_gaits.optimize import constraints, grid
+from cassie_gaits.optimize.blocks import Block
+from cassie_gaits.optimize.posture import COORDINATES
+from cassie_gaits.optimize.request import Limits
+
+FloatArray = npt.NDArray[np.float64]
+
+COST_SCALE = 1e-3
+
+GUESS = {"leg_length": 0.9}
+"""The constant first guess; coordinates not named here are zero. The solver goes from there to the
+cheapest of several local optima. In m."""
+
+_IPOPT = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-8,
+    "constr_viol_tol": 1e-9,
+    "acceptable_iter": 0,
+    "linear_solver": "mumps",
+    # Slower than an adaptive barrier, but it goes to the same optimum from any first guess.
+    "mu_strategy": "monotone",
+}
+
+_FOLLOW = {
+    "warm_start_init_point": "yes",
+    "mu_init": 1e-5,
+    "warm_start_bound_push": 1e-6,
+    "warm_start_bound_frac": 1e-6,
+    "warm_start_slack_bound_push": 1e-6,
+    "warm_start_slack_bound_frac": 1e-6,
+    "warm_start_mult_bound_push": 1e-6,
+}
+"""To go from a neighbour's solution to the one that belongs with it."""
+
+
+class Problem:
+    """The program for symmetric or for general gaits; what a gait shall be are its parameters.
+
+    Args:
+        symmetric: One step, its own mirror image, or two.
+        lean: Whether to leave out constraints that walking seldom meets. Whoever solves the lean
+            program looks at all of them afterwards.
+        limits: Bounds.
+        max_iterations: Of the solver.
+    """
+
+    def __init__(
+        self,
+        *,
+        symmetric: bool = True,
+        lean: bool = False,
+        limits: Limits | None = None,
+        max_iterations: int = 300,
+    ) -> None:
+        self.symmetric = symmetric
+        self.steps = 1 if symmetric else 2
+        self.unknowns = self.steps * grid.STEP_UNKNOWNS
+        limits = limits or Limits()
+        places = [self._place(step) for step in range(self.steps)]
+        self.blocks: list[Block] = []
+        for step, place in enumerate(places):
+            sign = 1.0 if step == 0 else -1.0
+            after = places[(step + 1) % self.steps]
+            self.blocks += [
+                constraints.dynamics_block(limits, place, sign, lean=lean),
+                constraints.posture_block(limits, place, lean=lean),
+                constraints.clearance_block(limits, place, middle=True),
+                constraints.landing_block(limits, place, after, sign),
+            ]
+            if not lean:
+                self.blocks.append(constraints.clearance_block(limits, place, middle=False))
+        second = None if symmetric else places[1]
+        self.blocks.append(constraints.travel_block(places[0], second))
+        self.lower = np.concatenate([block.lower for block in self.blocks])
+        self.upper = np.concatenate([block.upper for block in self.blocks])
+        self.names = [name for block in self.blocks for name in block.names()]
+        self.x_lower, self.x_upper = self._bounds()
+        self._max_iterations = max_iterations
+
+    @cached_property
+    def solver(self) -> ca.Function:
+        """IPOPT: x0, p, lbx, ubx, lbg, ubg to x, f, g and multipliers."""
+        return self._ipopt({})
+
+    @cached_property
+    def follower(self) -> ca.Function:
+        """The same from a neighbour's solution, with its multipliers."""
+        return self._ipopt(_FOLLOW)
+
+    def prepare(self) -> None:
+        """Set up the solver now rather than at the first gait."""
+        self.solver.n_in()
+        self.follower.n_in()
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """x, p to scaled cost and constraints."""
+        x, p, f, g = self._symbols()
+        return ca.Function("values", [x, p], [f, g])
+
+    def guess(self) -> FloatArray:
+        """Unknowns of the constant first guess."""
+        return np.tile(_constant(GUESS, 0.0), self.steps)
+
+    def _place(self, step: int) -> FloatArray:
+        place = np.zeros((grid.STEP_UNKNOWNS, self.unknowns))
+        first = step * grid.STEP_UNKNOWNS
+        place[:, first : first + grid.STEP_UNKNOWNS] = np.eye(grid.STEP_UNKNOWNS)
+        return place
+
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        lower = _constant({"leg_length": 0.3}, -1.2)
+        upper = _constant({"leg_length": 1.02}, 1.2)
+        return np.tile(lower, self.steps), np.tile(upper, self.steps)
+
+    def _symbols(self) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+        x, p = ca.MX.sym("x", self.unknowns), ca.MX.sym("p", len(constraints.PARAMETERS))
+        values = [block.value(x, p) for block in self.blocks]
+        g = ca.vertcat(*(value for value, _ in values))
+        return x, p, COST_SCALE * _total([cost for _, cost in values]), g
+
+    def _ipopt(self, extra: dict[str, Any]) -> ca.Function:
+        program, derivatives = self._program
+        options: dict[str, Any] = {
+            "ipopt": {**_IPOPT, **extra, "max_iter": self._max_iterations},
+            "print_time": False,
+            "error_on_fail": False,
+            "calc_lam_p": False,
+            **derivatives,
+        }
+        return ca.nlpsol("gait", "ipopt", program, options)
+
+    @cached_property
+    def _program(self) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
+        x, p, f, g = self._symbols()
+        return {"x": x, "p": p, "f": f, "g": g}, self._derivatives(x, p)
+
+    def _derivatives(self, x: ca.MX, p: ca.MX) -> dict[str, ca.Function]:
+        slopes = [block.slope(x, p) for block in self.blocks]
+        g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 1))
+        prices = [block.cost_slope(x, p) for block in self.blocks]
+        f, gradient = (COST_SCALE * _total([price[i] for price in prices]) for i in (0, 1))
+        sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
+        ends = np.cumsum([0] + [block.size for block in self.blocks])
+        pieces = ca.vertsplit(lam, ends.tolist())
+        hessian = _total(
+            [
+                block.bend(x, p, piece, COST_SCALE * sigma)
+                for block, piece in zip(self.blocks, pieces, strict=True)
+            ]
+        )
+        names = ["x", "p"]
+        return {
+            "grad_f": ca.Function(
+                "nlp_grad_f", [x, p], [f, ca.densify(gradient)], names, ["f", "grad_f_x"]
+            ),
+            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], names, ["g", "jac_g_x"]),
+            "hess_lag": ca.Function(
+                "nlp_hess_l",
+                [x, p, sigma, lam],
+                [ca.triu(hessian)],
+                [*names, "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            ),
+        }
+
+
+def _total(terms: list[ca.MX]) -> ca.MX:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _constant(values: dict[str, float], other: float) -> FloatArray:
+    """Unknowns of a step whose coordinates are constant; keys are endings of their names."""
+    unknowns = []
+    for i, name in enumerate(COORDINATES):
+        value = next((v for ending, v in values.items() if name.endswith(ending)), other)
+        count = COEFFICIENTS if i < grid.OUTPUT_COUNT else grid.PASSIVE_DEGREE + 1
+        unknowns += [value] * count
+    return np.array(unknowns)
+
+
+@cache
+def problem(*, symmetric: bool, lean: bool) -> Problem:
+    """The program with the table's limits, made once in a process."""
+    return Problem(symmetric=symmetric, lean=lean)

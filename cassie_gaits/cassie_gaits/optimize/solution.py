@@ -1,0 +1,240 @@
+"""Solving for a gait, and the gait that comes out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
+from cassie_gaits.optimize import grid
+from cassie_gaits.optimize.constraints import APART, LANDING, STRAIGHT
+from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
+from cassie_gaits.optimize.request import Request, as_document, parameters
+from cassie_gaits.optimize.step_model import instant
+
+FloatArray = npt.NDArray[np.float64]
+
+TORQUE_DEGREE = 28
+"""Of the polynomials that stand for the torques in the file."""
+
+TOLERANCE = 1e-6
+"""Scaled violation from which a constraint counts as in conflict."""
+
+LEEWAY = 1e-4
+"""Largest scaled violation in a solved gait: half of the margin that the limits keep."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Where a solver ended, for a neighbour to start from.
+
+    Attributes:
+        unknowns: Of the program.
+        bound_prices, row_prices: Multipliers of bounds and constraints of the lean program; None
+            if they are not known.
+    """
+
+    unknowns: FloatArray
+    bound_prices: FloatArray | None = None
+    row_prices: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a request.
+
+    Attributes:
+        request: What was asked for.
+        gait: The gait, or None if there is none.
+        point: For neighbours to start from, or None if there is no gait.
+        status: In the solver's words.
+        iterations: Of the solver.
+        cost: Of both steps.
+        violation: Largest scaled violation.
+        conflicts: Constraints that are not met at that point, worst first, with how far.
+        seconds: CPU time.
+    """
+
+    request: Request
+    gait: Gait | None
+    point: Point | None
+    status: str
+    iterations: int
+    cost: float
+    violation: float
+    conflicts: tuple[str, ...]
+    seconds: float
+
+
+def prepare(*, symmetric: bool) -> None:
+    """Set up now, in a second or two, what the first gait would need."""
+    problem(symmetric=symmetric, lean=True).prepare()
+    problem(symmetric=symmetric, lean=False).values.n_in()
+    _torques().n_in()
+
+
+def solve(request: Request, near: Point | None = None) -> Outcome:
+    """Find a gait.
+
+    The lean program is solved first. If its gait breaks one of the constraints that are left out
+    there, the whole program is solved from it.
+
+    Args:
+        request: What the gait shall be.
+        near: Where a neighbour ended, or None to start from the constant guess.
+    """
+    start = time.process_time()
+    whole = problem(symmetric=request.symmetric, lean=False)
+    lean = problem(symmetric=request.symmetric, lean=True)
+    point, status, iterations = _run(lean, request, near)
+    x = point.unknowns
+    if status == "Solve_Succeeded" and _violations(whole, request, x)[1].max() > LEEWAY:
+        again, status, more = _run(whole, request, Point(x))
+        x, iterations = again.unknowns, iterations + more
+    judge = whole if status == "Solve_Succeeded" else lean
+    cost, violations = _violations(judge, request, x)
+    solved = status == "Solve_Succeeded" and float(violations.max()) <= LEEWAY
+    steps = 2.0 / whole.steps
+    found = _Found(request, x, steps * cost, iterations, float(violations.max()))
+    seconds = time.process_time() - start
+    return Outcome(
+        request,
+        _gait(found, seconds) if solved else None,
+        replace(point, unknowns=x) if solved else None,
+        status,
+        iterations,
+        found.cost,
+        found.violation,
+        () if solved else _conflicts(judge, violations),
+        seconds,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    request: Request
+    unknowns: FloatArray
+    cost: float
+    iterations: int
+    violation: float
+
+
+def point_of(gait: Gait) -> Point:
+    """Where the solver ended for a gait that comes from a file.
+
+    Raises:
+        GaitLibraryError: if the gait is not one of this tool's.
+    """
+    if gait.passive is None or gait.passive.shape[2] != grid.PASSIVE_DEGREE + 1:
+        raise GaitLibraryError("the gait's passive motion is not this optimizer's")
+    right = [gait.coefficients[0][:-1].ravel(), gait.passive[0].ravel()]
+    left = [mirror(gait.coefficients[1])[:-1].ravel(), mirror_passive(gait.passive[1]).ravel()]
+    symmetric = gait.solver["request"]["symmetric"]
+    return Point(np.concatenate(right if symmetric else [*right, *left]))
+
+
+def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
+    lower, upper = _bounds(program, request)
+    bounds = {"lbx": program.x_lower, "ubx": program.x_upper, "lbg": lower, "ubg": upper}
+    if near is None:
+        solver, start = program.solver, {"x0": program.guess()}
+    else:
+        # Without known multipliers zeros do: the follower's small barrier keeps it near.
+        solver, start = program.follower, {"x0": near.unknowns}
+        if near.bound_prices is not None and near.row_prices is not None:
+            start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
+    result = solver(p=parameters(request), **bounds, **start)
+    stats = solver.stats()
+    names = ("x", "lam_x", "lam_g")
+    point = Point(*(np.array(result[name], dtype=np.float64).ravel() for name in names))
+    return point, str(stats["return_status"]), int(stats["iter_count"])
+
+
+def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
+    lower, upper = program.lower.copy(), program.upper.copy()
+    names = np.array(program.names)
+    table = Request()
+    lower[names == APART] += request.feet_apart - table.feet_apart
+    lower[names == LANDING] += table.landing_speed - request.landing_speed
+    if request.slope != 0.0:
+        lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
+    return lower, upper
+
+
+def _violations(program: Problem, request: Request, x: FloatArray) -> tuple[float, FloatArray]:
+    f, g = program.values(x, parameters(request))
+    values = np.array(g, dtype=np.float64).ravel()
+    lower, upper = _bounds(program, request)
+    return float(f) / COST_SCALE, np.maximum(np.maximum(lower - values, values - upper), 0.0)
+
+
+def _conflicts(program: Problem, violations: FloatArray) -> tuple[str, ...]:
+    worst: dict[str, float] = {}
+    for name, violation in zip(program.names, violations.tolist(), strict=True):
+        if violation > TOLERANCE or not np.isfinite(violation):
+            worst[name] = max(worst.get(name, 0.0), violation)
+    ordered = sorted(worst.items(), key=lambda item: -item[1])
+    return tuple(f"{name} ({by:.3g})" for name, by in ordered[:6])
+
+
+def _gait(found: _Found, seconds: float) -> Gait:
+    request = found.request
+    parts = found.unknowns.reshape(-1, grid.STEP_UNKNOWNS)
+    steps = [_step(part, request, 1.0 - 2.0 * i) for i, part in enumerate(parts)]
+    if request.symmetric:
+        steps.append(steps[0])
+    # The step on the left leg is found as its mirror image.
+    (outputs, passive, torques), (outputs_l, passive_l, torques_l) = steps
+    return Gait(
+        vx=request.vx,
+        vy=request.vy,
+        yaw_rate=request.yaw_rate,
+        step_time=request.step_time,
+        coefficients=np.stack([outputs, mirror(outputs_l)]),
+        torques=np.stack([torques, mirror_torques(torques_l)]),
+        passive=np.stack([passive, mirror_passive(passive_l)]),
+        cost=found.cost,
+        solver={
+            "name": "ipopt",
+            "iterations": found.iterations,
+            "violation": found.violation,
+            "cpu_seconds": round(seconds, 3),
+            "request": as_document(request),
+        },
+    )
+
+
+def _step(
+    unknowns: FloatArray, request: Request, asymmetry: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients of outputs, passive coordinates and torques of a step on the right leg."""
+    outputs, passive = grid.split(unknowns)
+    foot = np.full((1, outputs.shape[1]), request.slope)
+    if request.symmetric:
+        asymmetry = 0.0
+    count = 2 * TORQUE_DEGREE
+    phases = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    samples = []
+    for phase in phases:
+        y, y1, y2 = (grid.coordinates_at(float(phase), 2) @ unknowns).reshape(3, -1)
+        time = request.step_time
+        torque = _torques()(y, y1 / time, y2 / time**2, request.slope, asymmetry)
+        samples.append(np.array(torque, dtype=np.float64).ravel())
+    basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])
+    torques = np.linalg.lstsq(basis, np.array(samples), rcond=None)[0].T
+    return np.vstack([outputs, foot]), passive, torques
+
+
+@cache
+def _torques() -> ca.Function:
+    """Torques of the drives, left then right; that of the stance toe is zero by constraint."""
+    at = instant()
+    stance = ca.vertcat(at.efforts.stance[:4], 0.0)
+    torques = ca.vertcat(at.efforts.swing, stance)
+    return ca.Function("torques", [at.y, at.yd, at.ydd, at.slope, at.asymmetry], [torques])

@@ -1,0 +1,100 @@
+"""optimize_gaits and check_gaits: files, exit codes, the library that comes with the package."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import cassie_gaits
+from cassie_gaits.certificate.certify import certify
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_library_file import default_library_path, load_certified, load_library
+from cassie_gaits.optimize import solution
+from cassie_gaits.optimize.problem import Problem
+from cassie_gaits.ros import check_gaits, optimize_gaits
+
+OPTIMIZED = Path(cassie_gaits.__file__).parent / "libraries" / "optimized.json"
+
+
+def test_the_optimized_library_has_the_seven_certified_gaits():
+    library = load_certified(OPTIMIZED)
+    assert [gait.vx for gait in library.gaits] == list(optimize_gaits.SPEEDS)
+    assert library.kind == "optimized"
+
+
+def test_a_gait_of_the_library_passes_the_check_again():
+    assert certify(load_library(OPTIMIZED).gaits[-1]).met
+
+
+def changed(tmp_path, change):
+    document = json.loads(OPTIMIZED.read_text())
+    change(document)
+    path = tmp_path / "changed.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_library_for_another_model_is_refused(tmp_path):
+    path = changed(tmp_path, lambda document: document.update(model_hash="0" * 16))
+    with pytest.raises(GaitLibraryError, match="it is for model 0000"):
+        load_certified(path)
+    assert check_gaits.main([str(path)]) == 2
+
+
+def test_an_uncertified_library_runs_only_on_request(tmp_path):
+    path = changed(tmp_path, lambda document: document["gaits"][2].update(certificate=None))
+    with pytest.raises(GaitLibraryError, match="gait of 0 m/s is not certified"):
+        load_certified(path)
+    assert len(load_certified(path, allow_uncertified=True).gaits) == 7
+
+
+def test_a_half_written_library_is_refused(tmp_path, capsys):
+    path = tmp_path / "half.json"
+    path.write_text(OPTIMIZED.read_text()[:5000])
+    assert check_gaits.main([str(path)]) == 2
+    assert "half.json" in capsys.readouterr().err
+
+
+def test_optimize_writes_resumes_and_keeps_a_good_library(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "gaits.json"
+    assert optimize_gaits.main(["--speeds", "0.25", "--jobs", "1", "--out", str(out)]) == 0
+    assert "certified" in capsys.readouterr().out
+    good = out.read_bytes()
+    assert load_certified(out).gaits[0].vx == 0.25
+    out.rename(tmp_path / "gaits.json.partial")
+    arguments = ["--speeds", "0.25", "--resume", "--jobs", "1", "--out", str(out)]
+    assert optimize_gaits.main(arguments) == 0
+    assert "taken over" in capsys.readouterr().out
+    assert out.read_bytes() == good
+    hasty = Problem(symmetric=True, lean=True, max_iterations=12)
+    monkeypatch.setattr(solution, "problem", lambda **_: hasty)
+    failing = ["--speeds", "5.0", "--jobs", "1", "--out", str(out)]
+    assert optimize_gaits.main(failing) == 1
+    assert "conflict" in capsys.readouterr().out
+    assert out.read_bytes() == good
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--jobs", "0"], ["--speeds", "nan"], ["--slope", "0.1", "--yaw-rate", "0.2"]],
+)
+def test_impossible_options_are_refused(arguments, tmp_path, capsys):
+    assert optimize_gaits.main([*arguments, "--out", str(tmp_path / "x.json")]) == 2
+    assert "error" in capsys.readouterr().err
+
+
+def test_check_prints_the_table_and_fails_on_a_miss(tmp_path, capsys):
+    def raise_the_bar(document):
+        document["gaits"] = document["gaits"][:1]
+        document["gaits"][0]["solver"]["request"]["clearance"] = 0.3
+
+    assert check_gaits.main([str(changed(tmp_path, raise_the_bar)), "--jobs", "1"]) == 1
+    printed = capsys.readouterr().out
+    assert "MISS" in printed
+    assert "friction cone" in printed
+
+
+def test_the_default_library_is_there():
+    assert default_library_path().exists()
