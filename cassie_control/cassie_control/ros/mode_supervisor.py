@@ -18,7 +18,7 @@ from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervis
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.parameters import declare, on_change
-from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.process import BESIDE_THE_LOOP, Stop, run
 from cassie_msgs.tunables import tunable
 
 # Every 10th state counts, and none of these may be lost while the operator is waited for.
@@ -129,7 +129,7 @@ class ModeSupervisorNode(Node):
 
 def main() -> None:
     """Entry point of `ros2 run cassie_control mode_supervisor`."""
-    run("mode_supervisor", ModeSupervisorNode)
+    run("mode_supervisor", ModeSupervisorNode, niceness=BESIDE_THE_LOOP)
 
 
 if __name__ == "__main__":

@@ -85,4 +85,4 @@ class ScriptedOperatorNode(Node):
 
 def main() -> None:
     """Run the node."""
-    process.run("scripted_operator", ScriptedOperatorNode)
+    process.run("scripted_operator", ScriptedOperatorNode, niceness=process.BESIDE_THE_LOOP)

@@ -23,6 +23,9 @@ from cassie_msgs.ros.parameters import refuse_unknown
 from cassie_msgs.ros.transport import use_loopback
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
+BESIDE_THE_LOOP = 5
+"""Niceness of nodes that have several ticks of time for their answers."""
+
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
 
 
@@ -58,7 +61,7 @@ class Stop:
             wake()
 
 
-def run(name: str, build: Callable[[Stop], Any]) -> None:
+def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
     """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
 
     `build(stop)` makes the node, an rclpy `Node`. Its parameters, services and timers are
@@ -66,10 +69,14 @@ def run(name: str, build: Callable[[Stop], Any]) -> None:
     main thread and should return soon after `stop.requested`; if it has `close()`, that
     is called at the end, while topics can still be published.
 
+    `niceness` is for nodes beside the chain from sample to command, such as `BESIDE_THE_LOOP`:
+    several nodes wake for one state, and those in the chain come first.
+
     Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
     ValueError or OSError, such as for a wrong parameter; 1 if something broke.
     """
     stop = Stop()
+    os.nice(niceness)  # before there are threads, which take it over
     _follow_signals(stop)
     try:
         status = _run(name, build, stop)
