@@ -103,12 +103,12 @@ class StandConfig:
     kp_com_y: float = tunable(
         100.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
-    kd_com_y: float = tunable(120.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
+    kd_com_y: float = tunable(250.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
     roll_length: float = tunable(
-        2.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"
+        1.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"
     )
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
@@ -126,12 +126,16 @@ class TransitionConfig:
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
     lean_roll: float = tunable(0.08, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    stop_spread: float = tunable(
+        0.03, "m", 0.0, 0.1, "How much farther out each foot lands before walking ends"
+    )
+    stop_first: float = tunable(2.0, "", 0.0, 10.0, "Steps with wider feet before it may end")
     stop_vx: float = tunable(
         0.2, "m/s", 0.05, 1.0, "Walking ends at a touchdown with a CoM no faster than this"
     )
     stop_vy: float = tunable(0.35, "m/s", 0.05, 1.0, "The same sideways")
     stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which it ends anyway")
-    blend_time: float = tunable(0.3, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
+    blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 
 @dataclass(frozen=True, kw_only=True)

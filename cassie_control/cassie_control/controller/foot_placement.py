@@ -30,12 +30,14 @@ class Wish:
     Attributes:
         vx, vy: Velocity, forward and to the left. In m/s.
         pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
+        spread: How far each foot lands outside its usual place. In m.
     """
 
     vx: float = 0.0
     vy: float = 0.0
     pitch_trim: float = 0.0
     roll_trim: float = 0.0
+    spread: float = 0.0
 
 
 @dataclass
@@ -173,7 +175,7 @@ class PendulumPlacement:
         slope = coast + 1.0 / (w * math.tanh(w * single))
         tanh_half = math.tanh(0.5 * w * single) / w
         coth_half = 1.0 / (w * w * tanh_half)
-        width = swing.side * 2.0 * (HIP_Y + c.foot_spread)
+        width = swing.side * 2.0 * (HIP_Y + c.foot_spread + wish.spread)
         vx_steady = wish.vx * ahead.step_time / (coast + 2.0 * tanh_half)
         vy_travel = wish.vy * ahead.step_time / (coast + 2.0 * tanh_half)
         vy_swing = width / (coast + 2.0 * coth_half)

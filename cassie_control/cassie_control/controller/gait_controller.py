@@ -98,7 +98,7 @@ class GaitController:
         command.episode[...] = state.episode
         command.stamp_ns = state.stamp_ns
         self._since += self._period
-        self._choose(wanted)
+        self._choose(wanted, float(mode.height))
         self._act(mode)
         self._blend_in()
         try:
@@ -109,17 +109,17 @@ class GaitController:
         self._state, self._mode = state, mode
         return command
 
-    def _choose(self, mode: int) -> None:
+    def _choose(self, mode: int, height: float) -> None:
         if mode in (RobotMode.OFF, RobotMode.DAMP):
             self._enter(Activity.IDLE if mode == RobotMode.OFF else Activity.DAMPING)
         elif mode == RobotMode.STAND and self.activity is not Activity.WALKING:
             if self.activity is not Activity.STANDING:
                 self._enter(Activity.STANDING)
-                self.standing.start(self.readings)
+                self.standing.start(self.readings, height)
         elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
-                    self.standing.start(self.readings)
+                    self.standing.start(self.readings, height)
                 self._enter(Activity.LEANING)
             elif self._since >= self.config.transition.lean_time:
                 self._enter(Activity.WALKING)
@@ -146,13 +146,19 @@ class GaitController:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
-        elif self.walking.step(self.readings, mode, command) and self._may_stop(mode):
+        elif self._walk(mode) and self._may_stop(mode):
             self._enter(Activity.STANDING)
-            self.standing.start(self.readings)
+            self.standing.start(self.readings, float(mode.height))
             self.standing.step(self.readings, mode, command, 0.0)
 
+    def _walk(self, mode: Mode) -> bool:
+        """One tick of walking, with the feet wider before a stop; whether a step ended."""
+        stops = mode.mode == RobotMode.STAND
+        spread = self.config.transition.stop_spread if stops else 0.0
+        return self.walking.step(self.readings, mode, self._command, spread)
+
     def _may_stop(self, mode: Mode) -> bool:
-        """Whether walking ends at this touchdown: asked for, and the CoM is slow enough."""
+        """Whether walking ends here: some steps after it was asked for, with a slow CoM."""
         if mode.mode != RobotMode.STAND:
             self._stop_steps = 0
             return False
@@ -160,6 +166,8 @@ class GaitController:
         vx, vy, _ = self.readings.com_velocity
         transition = self.config.transition
         slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
+        if self._stop_steps <= transition.stop_first:
+            return False
         return slow or self._stop_steps >= transition.stop_steps
 
     def _blend_in(self) -> None:

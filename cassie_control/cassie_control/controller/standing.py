@@ -20,6 +20,7 @@ from cassie_msgs.layout import Mode, MotorCommand
 _NOMINAL_STANCE = 0.15  # m, half the distance of the feet that the paper stands with
 _REACH = 0.075  # m, centre of pressure from the middle of the sole
 _GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
+_HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
@@ -58,9 +59,19 @@ class StandingController:
         self._ground = [0.0, 0.0]
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
 
-    def start(self, readings: Readings) -> None:
-        """Begin from the present pose: the feet stay where they are."""
+    def start(self, readings: Readings, height: float) -> None:
+        """Begin from the present pose: the feet stay where they are, loaded legs keep their length.
+
+        Args:
+            readings: The robot now.
+            height: Commanded pelvis height. In m.
+        """
         self._height_sum = 0.0
+        if min(leg.contact for leg in readings.legs) > 0.5:
+            # Else the legs would give way by what the springs have taken.
+            length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
+            missing = length - (height - HIP_TO_PELVIS - ANKLE_HEIGHT)
+            self._height_sum = max(-_HEIGHT_SUM, min(_HEIGHT_SUM, missing))
         self._ground = [leg.contact for leg in readings.legs]
         self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
 
@@ -112,7 +123,7 @@ class StandingController:
         if both > 0.7:
             error = height - readings.height
             self._height_sum += c.height_integral * self._period * error
-            self._height_sum = max(-0.08, min(0.08, self._height_sum))
+            self._height_sum = max(-_HEIGHT_SUM, min(_HEIGHT_SUM, self._height_sum))
         bounce = both * c.height_damping * readings.velocity[2]
         return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum - bounce
 

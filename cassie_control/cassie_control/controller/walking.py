@@ -98,14 +98,17 @@ class WalkingController:
         self._placement.reset()
         self._begin_step(readings)
 
-    def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> bool:
-        """Fill in the set-points.
+    def step(
+        self, readings: Readings, mode: Mode, command: MotorCommand, spread: float = 0.0
+    ) -> bool:
+        """Fill in the set-points; the feet land `spread` (m) farther out than usual.
 
         Returns:
             Whether a step ended at this tick.
         """
         timing, wish = self.timing, self._wish
         wish.vx, wish.vy = float(mode.vx), float(mode.vy)
+        wish.spread = spread
         wish.pitch_trim, wish.roll_trim = float(mode.trims[0]), float(mode.trims[1])
         self._turn(readings.yaw, float(mode.yaw_rate))
         ended = timing.advance(readings)
