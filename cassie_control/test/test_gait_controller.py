@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, mode_of, random_state, state_of
 
-from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.config import ControllerConfig, TransitionConfig
 from cassie_control.controller.gait_controller import DAMPING, Activity, GaitController
 from cassie_control.controller.limits import stops
 from cassie_control.errors import ControlError
@@ -16,7 +16,7 @@ from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import MotorCommand, RobotMode
 
 LIBRARY = provisional_library()
-CONFIG = ControllerConfig()
+CONFIG = ControllerConfig(transition=TransitionConfig(stop_first=0.0))
 PERIOD = 0.002
 OFF, DAMP, STAND, WALK = RobotMode.OFF, RobotMode.DAMP, RobotMode.STAND, RobotMode.WALK
 
@@ -99,6 +99,20 @@ def test_walking_ends_only_with_a_slow_com_or_after_many_steps(velocity):
     assert steps == CONFIG.transition.stop_steps
 
 
+def test_walking_ends_after_some_steps_with_wider_feet():
+    first = TransitionConfig().stop_first
+    assert first >= 2.0
+    core, steps = walking(0.3), 0
+    core.configure(ControllerConfig())
+    while core.activity is Activity.WALKING:
+        steps += 1
+        for swing_force in (300.0, 0.0):
+            left = core.walking.timing.stance == 0
+            state = stepping(330.0, swing_force) if left else stepping(swing_force, 330.0)
+            run(core, state, STAND, PERIOD if swing_force else 0.25)
+    assert steps == first + 1
+
+
 def test_walking_goes_on_from_touchdown_to_touchdown():
     core = walking(0.25)
     run(core, stepping(right=300.0), WALK)
@@ -161,7 +175,7 @@ def test_an_unknown_mode_is_refused():
 def test_a_law_that_breaks_sends_nothing_and_starts_afresh(monkeypatch):
     core = walking()
 
-    def broken(readings, mode, command):
+    def broken(readings, mode, command, spread=0.0):
         command.torque[2] = np.nan
         return False
 

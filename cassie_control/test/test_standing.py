@@ -16,7 +16,7 @@ from robot_states import (
 )
 
 from cassie_control.controller.config import StandConfig
-from cassie_control.controller.readings import WEIGHT
+from cassie_control.controller.readings import ANKLE_HEIGHT, HIP_TO_PELVIS, WEIGHT
 from cassie_control.controller.standing import StandingController
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import MotorCommand
@@ -29,7 +29,7 @@ TOES, KNEES, HIP_ROLLS = [4, 9], [3, 8], [0, 5]
 def stood(state, mode=None, ticks=1, lean=0.0):
     """The command after so many ticks in one state."""
     core, command, readings = StandingController(CONFIG, PERIOD), MotorCommand(), readings_of(state)
-    core.start(readings)
+    core.start(readings, float((mode or mode_of(height=0.9)).height))
     for _ in range(ticks):
         core.step(readings, mode or mode_of(height=0.9), command, lean)
     return command
@@ -110,11 +110,19 @@ def test_the_leg_of_a_lifted_foot_does_not_shorten():
 
 @pytest.mark.parametrize(("height", "sign"), [(0.5, 1.0), (1.2, -1.0)])
 def test_the_sum_of_the_height_error_is_bounded(height, sign):
-    # The bound is in leg length; set-points far from their own bounds show it.
     mode = mode_of(height=0.8)
-    at_once = np.mean(lengths(stood(both_feet(height=height), mode)))
+    level = 0.8 - HIP_TO_PELVIS - ANKLE_HEIGHT
     much_later = np.mean(lengths(stood(both_feet(height=height), mode, ticks=20000)))
-    assert much_later - at_once == pytest.approx(sign * 0.08, abs=2e-3)
+    assert much_later == pytest.approx(level + sign * 0.08, abs=2e-3)
+
+
+def test_loaded_legs_keep_their_length_at_first():
+    """After walking they are longer than the height asks for, by what the springs take."""
+    own = virtual_leg.length(leg_joints()[3])
+    for height in (own + 0.12, own + 0.19):
+        assert np.mean(lengths(stood(both_feet(), mode_of(height=height)))) == pytest.approx(
+            own, abs=1e-3
+        )
 
 
 def test_legs_give_way_to_the_bounce_of_the_springs():
