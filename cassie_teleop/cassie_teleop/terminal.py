@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import shutil
@@ -29,11 +30,21 @@ class Terminal:
         tty.setcbreak(self._fd)
 
     def keys(self, timeout: float) -> str:
-        """Keys pressed by now; waits for one at most `timeout` s."""
+        """Keys pressed by now; waits for one at most `timeout` s.
+
+        Raises:
+            EOFError: if the terminal is gone.
+        """
         ready, _, _ = select.select([self._fd], [], [], timeout)
         if not ready:
             return ""
-        pressed = os.read(self._fd, 64).decode("utf-8", "ignore")
+        try:
+            raw = os.read(self._fd, 64)
+        except OSError:  # what Linux says of a terminal whose window is closed
+            raw = b""
+        if not raw:
+            raise EOFError("the terminal is gone")
+        pressed = raw.decode("utf-8", "ignore")
         return "" if pressed.startswith("\x1b") else pressed  # arrows and the like
 
     def show(self, line: str) -> None:
@@ -54,7 +65,8 @@ class Terminal:
         return shutil.get_terminal_size().columns
 
     def close(self) -> None:
-        """Put the terminal back."""
-        termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
-        self._sink.write("\n")
-        self._sink.flush()
+        """Put the terminal back, if there still is one."""
+        with contextlib.suppress(OSError, termios.error):
+            termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
+            self._sink.write("\n")
+            self._sink.flush()

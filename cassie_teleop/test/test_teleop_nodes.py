@@ -152,6 +152,22 @@ def test_keyboard_drives_and_leaves_exactly_one_stop(node):
     os.close(slave)
 
 
+def test_a_closed_terminal_is_a_stop_and_the_end(node):
+    commands = Commands(node)
+    master, slave = pty.openpty()
+    keyboard = start("keyboard_teleop", stdin=slave, stdout=slave, stderr=subprocess.PIPE)
+    os.close(slave)
+    shown = b""
+    while b"Ctrl-C" not in shown:
+        shown += os.read(master, 4096)
+    os.write(master, b"p2w")
+    commands.until(lambda c: abs(c.vx - 0.1) < 1e-9, timeout=15.0)
+    os.close(master)
+    _, err = keyboard.communicate(timeout=5)
+    assert keyboard.returncode == 1 and b"terminal is gone" in err and b"Traceback" not in err
+    commands.until(lambda c: not c.link)
+
+
 @pytest.mark.parametrize(
     ("name", "arguments", "message"),
     [

@@ -46,7 +46,14 @@ class KeyboardTeleop(Node):
         self._terminal.say(HELP)
 
     def loop(self) -> None:
-        """Read keys and send until the user leaves."""
+        """Read keys and send until the user leaves or the terminal is closed."""
+        try:
+            self._read_and_send()
+        except (EOFError, OSError) as error:
+            self.get_logger().error(f"{error}: sending a stop and leaving")
+            self._stop.request(exit_code=1)
+
+    def _read_and_send(self) -> None:
         due = time.monotonic()
         while not self._stop.requested and not self._keyboard.left:
             for key in self._terminal.keys(max(0.0, due - time.monotonic())):
