@@ -10,12 +10,14 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
 from cassie_gaits.optimize.constraints import APART, LANDING, STRAIGHT
+from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
-from cassie_gaits.optimize.request import Request, as_document, parameters
+from cassie_gaits.optimize.request import Limits, Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
 
 FloatArray = npt.NDArray[np.float64]
@@ -141,7 +143,8 @@ def point_of(gait: Gait) -> Point:
 
 def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
     lower, upper = _bounds(program, request)
-    bounds = {"lbx": program.x_lower, "ubx": program.x_upper, "lbg": lower, "ubg": upper}
+    x_lower, x_upper = _unknown_bounds(program, request)
+    bounds = {"lbx": x_lower, "ubx": x_upper, "lbg": lower, "ubg": upper}
     if near is None:
         solver, start = program.solver, {"x0": program.guess()}
     else:
@@ -159,12 +162,25 @@ def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point,
 def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
     lower, upper = program.lower.copy(), program.upper.copy()
     names = np.array(program.names)
-    table = Request()
-    lower[names == APART] += request.feet_apart - table.feet_apart
-    lower[names == LANDING] += table.landing_speed - request.landing_speed
+    limits = Limits()
+    lower[names == APART] += request.feet_apart - limits.feet_apart
+    lower[names == LANDING] += limits.landing_speed - request.landing_speed
     if request.slope != 0.0:
         lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
     return lower, upper
+
+
+def _unknown_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the coefficients; a Bezier polynomial stays within those of its own."""
+    turning = abs(request.yaw_rate) * request.step_time
+    narrow = dict.fromkeys(("torso_roll", "torso_pitch"), request.torso_tilt)
+    narrow |= dict.fromkeys(("stance_hip_yaw", "swing_hip_yaw"), request.hip_yaw + turning)
+    bound = np.full(program.unknowns, np.inf)
+    parts = bound.reshape(-1, grid.STEP_UNKNOWNS)
+    for name, most in narrow.items():
+        first = COORDINATES.index(name) * COEFFICIENTS
+        parts[:, first : first + COEFFICIENTS] = most
+    return np.maximum(program.x_lower, -bound), np.minimum(program.x_upper, bound)
 
 
 def _violations(program: Problem, request: Request, x: FloatArray) -> tuple[float, FloatArray]:

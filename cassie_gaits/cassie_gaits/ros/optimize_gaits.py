@@ -55,8 +55,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--step-time", type=float, default=0.4, help="duration of a step, s")
     add("--clearance", type=float, default=0.15, help="of the swing foot at mid-step, m")
     add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
-    add("--landing-speed", type=float, default=1.0, help="largest, of the swing foot, m/s")
-    add("--feet-apart", type=float, default=0.2, help="least distance of the feet, m")
+    add("--landing-speed", type=float, default=0.5, help="largest, of the swing foot, m/s")
+    add("--feet-apart", type=float, default=0.25, help="least distance of the feet, m")
+    add("--torso-tilt", type=float, default=0.05, help="bound of torso pitch and roll, rad")
+    add("--hip-yaw", type=float, default=0.03, help="bound beyond what turning takes, rad")
     add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
     add("--jobs", type=int, default=2, help="local processes")
     add("--scheduler", help="address of a Dask scheduler, in place of local processes")
@@ -100,6 +102,8 @@ def _requests(options: argparse.Namespace) -> list[Request]:
             slope=options.slope,
             landing_speed=options.landing_speed,
             feet_apart=options.feet_apart,
+            torso_tilt=options.torso_tilt,
+            hip_yaw=options.hip_yaw,
             symmetric=straight and not options.general,
         )
         for speed in sorted(set(options.speeds))
@@ -173,7 +177,7 @@ def _library(gaits: list[Gait], options: argparse.Namespace) -> GaitLibrary:
         name: getattr(options, name)
         for name in (
             *("lateral", "yaw_rate", "step_time", "clearance", "slope"),
-            *("landing_speed", "feet_apart", "general"),
+            *("landing_speed", "feet_apart", "torso_tilt", "hip_yaw", "general"),
         )
     }
     provenance = Provenance(
