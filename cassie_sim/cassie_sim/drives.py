@@ -11,7 +11,8 @@ from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
-from cassie_sim.kernels import drive_torques, within
+from cassie_sim.kernels import damp, drive_step, within
+from cassie_sim.plant_records import DRIVES_TYPE
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,6 +48,11 @@ class Drives:
         torque_constant: Ratio of real to nominal torque of each drive. Shape (10,).
         watchdog: Time without a command after which the drives damp. In s.
 
+    Attributes:
+        records: All its numbers, of `DRIVES_TYPE`. Shape (1,).
+        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
+        applied: Torques that act now. Shape (10,), in Nm.
+
     Source:
         Torque-speed bound and 3 ms delay of the public Cassie simulators.
     """
@@ -55,33 +61,44 @@ class Drives:
         self, period: float, delay: float, torque_constant: FloatArray, watchdog: float
     ) -> None:
         drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
-        self._torque_limit = np.array([drive.torque_limit for drive in drives])
-        self._speed_limit = np.array([drive.speed_limit for drive in drives])
-        self._torque_constant = np.array(torque_constant, dtype=float)
-        self._pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
-        self._head = 0
-        self._patience = round(watchdog / period)
-        self._age = 0
-        self._set_points = np.zeros((5, 10))
+        self.records = np.zeros(1, DRIVES_TYPE)
+        self._record = record = self.records[0]
+        record["torque_limit"] = [drive.torque_limit for drive in drives]
+        record["speed_limit"] = [drive.speed_limit for drive in drives]
+        record["torque_constant"] = torque_constant
+        record["damping"] = DAMPING
+        record["patience"] = round(watchdog / period)
+        self.pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
+        self.applied: FloatArray = record["applied"]
+        self._set_points: FloatArray = record["set_points"]
         self._asked = np.zeros((5, 10))
-        self.applied = np.zeros(10)
-        self.powered = False
-        self.damped = False
         self.reset()
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drives have power."""
+        return bool(self._record["powered"])
+
+    @powered.setter
+    def powered(self, on: bool) -> None:
+        self._record["powered"] = on
+
+    @property
+    def damped(self) -> bool:
+        """Whether the drives damp for want of a valid command."""
+        return bool(self._record["damped"])
 
     def reset(self) -> None:
         """Back to no power, no set-points and nothing under way."""
-        self._pipeline[:] = 0.0
+        self.pipeline[:] = 0.0
         self.applied[:] = 0.0
         self.powered = False
-        self._age = 0
+        self._record["age"] = 0
         self.damp()
 
     def damp(self) -> None:
         """Replace the set-points by pure damping until the next valid command."""
-        self._set_points[:] = 0.0
-        self._set_points[4] = DAMPING
-        self.damped = True
+        damp(self.records)
 
     def set_points(self, command: MotorCommand) -> None:
         """Take over the set-points of a command.
@@ -95,8 +112,8 @@ class Drives:
         if not within(self._asked, _LOW, _HIGH):
             raise CommandError(f"motor command refused: {_refusal(command)}")
         self._set_points[:] = self._asked
-        self._age = 0
-        self.damped = False
+        self._record["age"] = 0
+        self._record["damped"] = False
 
     def step(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
         """Torques that act in this physics step.
@@ -108,23 +125,7 @@ class Drives:
         Returns:
             Joint torques. Shape (10,), in Nm. The array is reused.
         """
-        if self._age >= self._patience and not self.damped:
-            self.damp()
-        self._age += 1
-        self._head = drive_torques(
-            self._set_points,
-            position,
-            velocity,
-            self._torque_limit,
-            self._speed_limit,
-            self._pipeline,
-            self._head,
-            self._torque_constant,
-            self.applied,
-        )
-        if not self.powered:
-            self._pipeline[:] = 0.0
-            self.applied[:] = 0.0
+        drive_step(self.records, self.pipeline, position, velocity)
         return self.applied
 
 

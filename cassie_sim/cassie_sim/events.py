@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import mujoco
@@ -62,6 +63,22 @@ class Events:
             self._next_move += 1
         if self._live or self._pushed:
             self._apply_pushes(step, data, gantry)
+
+    def quiet_steps(self, step: int, most: int) -> int:
+        """Physics steps from `step` on, at most `most`, whose events `apply` has done by now.
+
+        The first of them is `step` itself. A command that arrives is an event, too.
+        """
+        if self._pushed:
+            return 1
+        due = step + most
+        if self._next_move < len(self._moves):
+            due = min(due, math.ceil(self._moves[self._next_move].t * self._rate))
+        for start, _, _, _ in self._live:
+            due = min(due, start)
+        if self._under_way:
+            due = min(due, self._under_way[0][0])
+        return max(1, due - step)
 
     def _apply_pushes(self, step: int, data: mujoco.MjData, gantry: Gantry) -> None:
         pelvis = self._model.body("pelvis").id

@@ -1,19 +1,26 @@
-"""The inner loops of drives and encoders, compiled.
+"""What happens at every physics step and every sample, compiled.
 
-They run at every physics step, where numpy's call overhead would cost more than the physics.
-All arrays are float64 and are changed in place; the classes that own them say what they hold.
+A tick of Python costs more than its physics, so the plant hands over as many physics steps as
+pass without an event. All arrays are float64 and are changed in place; records are those of
+`plant_records`, in arrays of shape (1,).
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from cassie_gaits.compiled import compiled
+from cassie_sim.plant_records import RecordArray
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 
 @compiled
@@ -33,121 +40,235 @@ def within(values: FloatArray, low: FloatArray, high: FloatArray) -> bool:
 
 
 @compiled
-def drive_torques(
-    set_points: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    torque_limit: FloatArray,
-    speed_limit: FloatArray,
-    pipeline: FloatArray,
-    head: int,
-    torque_constant: FloatArray,
-    applied: FloatArray,
-) -> int:
-    """Impedance law, torque-speed bound and delay of the ten drives.
+def damp(drives: RecordArray) -> None:
+    """Replace the set-points by pure damping."""
+    drive = drives[0]
+    drive.set_points[:] = 0.0
+    drive.set_points[4] = drive.damping
+    drive.damped = 1
+
+
+@compiled
+def drive_step(
+    drives: RecordArray, pipeline: FloatArray, position: FloatArray, velocity: FloatArray
+) -> None:
+    """Watchdog, impedance law, torque-speed bound, delay and power of the ten drives.
 
     Args:
-        set_points: Rows torque, position, velocity, kp, kd. Shape (5, 10).
+        drives: `DRIVES_TYPE`; `applied` gets the torques that act now.
+        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
         position: Measured. Shape (10,), in rad.
         velocity: Measured. Shape (10,), in rad/s.
-        torque_limit: Shape (10,), in Nm.
-        speed_limit: Without load. Shape (10,), in rad/s.
-        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
-        head: Row of `pipeline` to fill now.
-        torque_constant: Shape (10,).
-        applied: Torques that act now. Shape (10,), in Nm.
-
-    Returns:
-        The next `head`, which is also the row that acts now.
     """
-    rows = pipeline.shape[0]
+    drive = drives[0]
+    if drive.age >= drive.patience and not drive.damped:
+        damp(drives)
+    drive.age += 1
+    head, rows = drive.head, pipeline.shape[0]
     following = head + 1 if head + 1 < rows else 0
+    asked = drive.set_points
     for i in range(10):
         u = (
-            set_points[0, i]
-            + set_points[3, i] * (set_points[1, i] - position[i])
-            + set_points[4, i] * (set_points[2, i] - velocity[i])
+            asked[0, i]
+            + asked[3, i] * (asked[1, i] - position[i])
+            + asked[4, i] * (asked[2, i] - velocity[i])
         )
-        bound = 2.0 * torque_limit[i] * (1.0 - abs(velocity[i]) / speed_limit[i])
-        bound = max(0.0, min(torque_limit[i], bound))
+        limit = drive.torque_limit[i]
+        bound = 2.0 * limit * (1.0 - abs(velocity[i]) / drive.speed_limit[i])
+        bound = max(0.0, min(limit, bound))
         pipeline[head, i] = max(-bound, min(bound, u))
-        applied[i] = pipeline[following, i] * torque_constant[i]
-    return following
+        drive.applied[i] = pipeline[following, i] * drive.torque_constant[i]
+    drive.head = following
+    if not drive.powered:
+        pipeline[:] = 0.0
+        drive.applied[:] = 0.0
 
 
 @compiled
-def gather(qpos: FloatArray, indices: npt.NDArray[np.int64], out: FloatArray) -> None:
-    """out[i] = qpos[indices[i]]."""
-    for i in range(out.shape[0]):
-        out[i] = qpos[indices[i]]
-
-
-@compiled
-def count_drives(
-    position: FloatArray,
-    counts_per_rad: FloatArray,
-    taps: FloatArray,
-    counts: FloatArray,
-    newest: int,
-    measured_position: FloatArray,
-    measured_velocity: FloatArray,
-) -> int:
-    """Encoders of the drives: count, truncate toward zero, filter the velocity.
-
-    Args:
-        position: True. Shape (10,), in rad.
-        counts_per_rad: Shape (10,).
-        taps: Of the velocity filter, newest first, in 1/s. Shape (n,).
-        counts: Ring of the last counts. Shape (n, 10).
-        newest: Row of the newest counts before this step.
-        measured_position: Result. Shape (10,), in rad.
-        measured_velocity: Result. Shape (10,), in rad/s.
-
-    Returns:
-        The new `newest`.
-    """
-    n = taps.shape[0]
-    newest = newest + 1 if newest + 1 < n else 0
+def _count_drives(sensor: Any, position: FloatArray) -> None:
+    """Encoders of the drives: count, truncate toward zero, filter the velocity."""
+    newest = sensor.newest + 1 if sensor.newest + 1 < sensor.taps.shape[0] else 0
     for i in range(10):
-        count = math.trunc(position[i] * counts_per_rad[i])
-        counts[newest, i] = count
-        measured_position[i] = count / counts_per_rad[i]
-        total = 0.0
-        row = newest
-        for k in range(n):
-            total += taps[k] * counts[row, i]
-            row = row - 1 if row > 0 else n - 1
-        measured_velocity[i] = total / counts_per_rad[i]
-    return newest
+        per_rad = sensor.counts_per_rad[i]
+        count = math.trunc(position[i] * per_rad)
+        sensor.counts[newest, i] = count
+        sensor.position[i] = count / per_rad
+        total, row = 0.0, newest
+        for k in range(sensor.taps.shape[0]):
+            total += sensor.taps[k] * sensor.counts[row, i]
+            row = row - 1 if row > 0 else sensor.taps.shape[0] - 1
+        sensor.velocity[i] = total / per_rad
+    sensor.newest = newest
 
 
 @compiled
-def count_joints(
-    joints: FloatArray,
-    noise: FloatArray,
-    counts_per_rad: FloatArray,
-    b: FloatArray,
-    a: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-) -> None:
-    """Encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter.
-
-    Args:
-        joints: True. Shape (6,), in rad.
-        noise: To add. Shape (6,), in rad.
-        counts_per_rad: Shape (6,).
-        b: Feed-forward coefficients of the filter. Shape (4,), in 1/s.
-        a: Feedback coefficients after the leading 1. Shape (2,).
-        x: Last four readings, newest first. Shape (4, 6), in rad.
-        y: Last two velocities, newest first. Shape (2, 6), in rad/s.
-    """
+def _count_joints(sensor: Any, joints: FloatArray, noise: FloatArray) -> None:
+    """Encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter."""
+    x, y, a, b = sensor.joint_x, sensor.joint_y, sensor.a, sensor.b
     for i in range(6):
+        per_rad = sensor.joint_counts_per_rad[i]
         x[3, i] = x[2, i]
         x[2, i] = x[1, i]
         x[1, i] = x[0, i]
-        x[0, i] = math.trunc((joints[i] + noise[i]) * counts_per_rad[i]) / counts_per_rad[i]
+        x[0, i] = math.trunc((joints[i] + noise[i]) * per_rad) / per_rad
         new = b[0] * x[0, i] + b[1] * x[1, i] + b[2] * x[2, i] + b[3] * x[3, i]
         new -= a[0] * y[0, i] + a[1] * y[1, i]
         y[1, i] = y[0, i]
         y[0, i] = new
+        sensor.joints[i] = x[0, i]
+        sensor.joint_rates[i] = new
+
+
+@compiled
+def observe(
+    sensors: RecordArray,
+    attitudes: FloatArray,
+    noise: FloatArray,
+    angles: FloatArray,
+    rates: FloatArray,
+    quaternion: FloatArray,
+    imu: FloatArray,
+) -> None:
+    """Take in one physics step.
+
+    Args:
+        sensors: `SENSORS_TYPE`.
+        attitudes: Ring of the last orientations, w x y z. Shape (delay + 1, 4).
+        noise: To add to the joints, one row a physics step. Shape (n, 6), in rad.
+        angles: Of drives, then of shin, tarsus and toe. Shape (16,), in rad.
+        rates: Theirs. Shape (16,), in rad/s.
+        quaternion: Pelvis to world, w x y z. Shape (4,).
+        imu: Angular velocity and specific force, pelvis frame. Shape (6,), rad/s and m/s^2.
+    """
+    sensor = sensors[0]
+    if sensor.faithful:
+        _count_drives(sensor, angles[:10])
+        _count_joints(sensor, angles[10:], noise[sensor.noise_row])
+        sensor.noise_row += 1
+    else:
+        sensor.position[:] = angles[:10]
+        sensor.velocity[:] = rates[:10]
+        sensor.joints[:] = angles[10:]
+        sensor.joint_rates[:] = rates[10:]
+    row = sensor.attitude_row + 1 if sensor.attitude_row + 1 < attitudes.shape[0] else 0
+    sensor.attitude_row = row
+    attitudes[row] = quaternion
+    for i in range(6):
+        sensor.imu[i] += imu[i]
+    sensor.count += 1
+
+
+@intrinsic
+def _call(_context: Any, function: Any, first: Any, second: Any) -> Any:
+    """Call the C function of two pointers at an address; all three are integers.
+
+    With an address as an argument, unlike a ctypes function, the caller's machine code can be kept.
+    """
+    signature = types.void(types.intp, types.intp, types.intp)
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), (pointer, pointer))
+        target = builder.inttoptr(arguments[0], kind.as_pointer())
+        operands = [builder.inttoptr(argument, pointer) for argument in arguments[1:]]
+        builder.call(target, operands)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@compiled
+def physics_steps(
+    step: int,
+    model: int,
+    data: int,
+    steps: int,
+    qpos: FloatArray,
+    qvel: FloatArray,
+    ctrl: FloatArray,
+    quaternion: FloatArray,
+    imu: FloatArray,
+    q_indices: IntArray,
+    v_indices: IntArray,
+    drives: RecordArray,
+    pipeline: FloatArray,
+    sensors: RecordArray,
+    attitudes: FloatArray,
+    noise: FloatArray,
+) -> None:
+    """Drives, physics and sensors for some physics steps.
+
+    Args:
+        step: Address of MuJoCo's `mj_step`.
+        model, data: Addresses of its model and data.
+        steps: How many.
+        qpos, qvel, ctrl: Of `data`.
+        quaternion, imu: In `data`, see `observe`.
+        q_indices, v_indices: Where drives and joints are in `qpos` and `qvel`. Shape (16,).
+        drives, pipeline: See `drive_step`.
+        sensors, attitudes, noise: See `observe`.
+    """
+    drive, sensor = drives[0], sensors[0]
+    angles, rates = np.empty(16), np.empty(16)
+    for _ in range(steps):
+        drive_step(drives, pipeline, sensor.position, sensor.velocity)
+        ctrl[:] = drive.applied
+        _call(step, model, data)
+        for i in range(16):
+            angles[i] = qpos[q_indices[i]]
+            rates[i] = qvel[v_indices[i]]
+        observe(sensors, attitudes, noise, angles, rates, quaternion, imu)
+
+
+@compiled
+def write_sample(
+    sensors: RecordArray, attitudes: FloatArray, noise: FloatArray, samples: RecordArray
+) -> None:
+    """The measured fields of a sample; begins the next interval of the IMU's means.
+
+    Args:
+        sensors, attitudes: See `observe`.
+        noise: Standard normal: angular velocity, acceleration, roll, pitch. Shape (8,).
+        samples: Result, the fields of `Sensors`. Shape (1,).
+    """
+    sensor, sample = sensors[0], samples[0]
+    sample.drive_position[:] = sensor.position
+    sample.drive_velocity[:] = sensor.velocity
+    sample.joint_position[:] = sensor.joints
+    sample.joint_velocity[:] = sensor.joint_rates
+    oldest = sensor.attitude_row + 1 if sensor.attitude_row + 1 < attitudes.shape[0] else 0
+    _write_attitude(sensor, attitudes[oldest], noise[6:], sample.orientation)
+    share = 1.0 / max(sensor.count, 1)
+    for i in range(3):
+        for k, out in ((i, sample.angular_velocity), (3 + i, sample.linear_acceleration)):
+            error = noise[k] * sensor.imu_sigma[k] + sensor.imu_bias[k]
+            out[i] = sensor.imu[k] * share + error
+    sensor.imu[:] = 0.0
+    sensor.count = 0
+
+
+@compiled
+def _write_attitude(
+    sensor: Any, quaternion: FloatArray, noise: FloatArray, orientation: FloatArray
+) -> None:
+    """Orientation x y z w with the errors of the attitude filter; without any, the truth."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    if sensor.faithful:
+        sensor.time += sensor.period
+        for i in range(2):
+            sensor.wander[i] *= sensor.wander_decay
+            sensor.wander[i] += sensor.wander_sigma * noise[i]
+        roll = 0.5 * (sensor.attitude_bias[0] + sensor.wander[0])
+        pitch = 0.5 * (sensor.attitude_bias[1] + sensor.wander[1])
+        yaw = 0.5 * sensor.yaw_drift * sensor.time
+        # Tilt errors act in the pelvis frame (right), the yaw error in the world (left).
+        w, x, y, z = (
+            w - x * roll - y * pitch,
+            x + w * roll - z * pitch,
+            y + w * pitch + z * roll,
+            z + x * pitch - y * roll,
+        )
+        w, x, y, z = w - yaw * z, x - yaw * y, y + yaw * x, z + yaw * w
+        scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w * scale, x * scale, y * scale, z * scale
+    orientation[0], orientation[1], orientation[2], orientation[3] = x, y, z, w

@@ -19,6 +19,8 @@ from cassie_sim.drives import Drives
 from cassie_sim.errors import CommandError, SimulationError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
+from cassie_sim.kernels import physics_steps
+from cassie_sim.native import addresses, mj_step_address
 from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import lowest_sole, set_drives
 from cassie_sim.scenario import Scenario
@@ -80,6 +82,7 @@ class Plant:
         self.model = compile_model(self.scenario, meshes=meshes, period=self.period)
         self.data = mujoco.MjData(self.model)
         self._robot = Readings(self.model, self.data)
+        self._native = (mj_step_address(), *addresses(self.model, self.data))
         self.gantry = Gantry()
         self.sensors = self._make_sensors()
         draw, scale = self.scenario.draw, self.scenario.model
@@ -103,7 +106,6 @@ class Plant:
         self.drives.reset()
         self.events.reset()
         self.gantry.release()
-        self._pulled = False
         self._place()
         mujoco.mj_forward(self.model, self.data)
         self.sensors = self._make_sensors()
@@ -140,12 +142,13 @@ class Plant:
         if command is not None:
             self.events.send(command, self._physics_steps)
         refusal: CommandError | None = None
-        for _ in range(self.substeps):
+        end = self._physics_steps + self.substeps
+        while self._physics_steps < end:
             try:
                 self._receive()
             except CommandError as error:
                 refusal = error
-            self._physics_step()
+            self._advance(end - self._physics_steps)
         self.seq += 1
         if refusal is not None:
             raise refusal
@@ -180,16 +183,37 @@ class Plant:
             self.drives.damp()
             raise
 
-    def _physics_step(self) -> None:
-        robot = self._robot
-        robot.torques[:] = self.drives.step(self.sensors.position, self.sensors.velocity)
-        if self.gantry.attached:
-            self.gantry.step(self.period, robot.position, robot.rotation, robot.twist)
-        robot.wrench[:] = self.gantry.wrench
-        self.events.apply(self._physics_steps, self.data, self.gantry, robot.position)
-        mujoco.mj_step(self.model, self.data)
-        self._physics_steps += 1
-        self.sensors.observe(*robot.measured())
+    def _advance(self, most: int) -> None:
+        """Physics steps up to the next on which something acts from outside, at most `most`."""
+        robot, gantry, events, now = self._robot, self.gantry, self.events, self._physics_steps
+        held = gantry.attached
+        if held:
+            gantry.step(self.period, robot.position, robot.rotation, robot.twist)
+        robot.wrench[:] = gantry.wrench
+        events.apply(now, self.data, gantry, robot.position)
+        alone = held or gantry.attached
+        steps = self.sensors.prepare(1 if alone else events.quiet_steps(now, most))
+        self._run(steps)
+        self._physics_steps += steps
+
+    def _run(self, steps: int) -> None:
+        robot, drives, sensors = self._robot, self.drives, self.sensors
+        physics_steps(
+            *self._native,
+            steps,
+            robot.qpos,
+            robot.qvel,
+            robot.torques,
+            robot.quaternion,
+            robot.imu,
+            robot.q_indices,
+            robot.v_indices,
+            drives.records,
+            drives.pipeline,
+            sensors.records,
+            sensors.attitudes,
+            sensors.noise,
+        )
 
     def _make_sensors(self) -> IdealSensors:
         if self.config.sensors == "ideal":

@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from cassie_gaits.names import DRIVES, SENSED_JOINTS
 from cassie_sim.errors import SimulationError
-from cassie_sim.kernels import gather
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_spec
 
@@ -57,43 +56,34 @@ class Readings:
     """Views of the true state, and what the sensors are told of it.
 
     Attributes:
+        qpos, qvel: MuJoCo's coordinates and their rates.
+        q_indices, v_indices: Where in them drives, then shin, tarsus, toe of both legs are.
+            Shape (16,).
         position: Of the pelvis. Shape (3,), in m.
         quaternion: Pelvis to world, w x y z. Shape (4,).
         rotation: The same as a matrix, row by row, as of the last kinematics. Shape (9,).
         twist: Linear velocity in the world, angular velocity in the pelvis. Shape (6,).
         wrench: External force and torque on the pelvis, to be set. Shape (6,), world axes.
         torques: Of the drives, to be set. Shape (10,), in Nm.
+        imu: Angular velocity and specific force, pelvis frame. Shape (6,), in rad/s and m/s^2.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        drives = [model.joint(name) for name in DRIVES]
-        joints = [model.joint(name) for name in SENSED_JOINTS]
-        self._addresses = tuple(
-            np.array([address[0] for address in addresses])
-            for addresses in (
-                [joint.qposadr for joint in drives],
-                [joint.dofadr for joint in drives],
-                [joint.qposadr for joint in joints],
-                [joint.dofadr for joint in joints],
-            )
-        )
-        self._values = (np.zeros(10), np.zeros(10), np.zeros(6), np.zeros(6))
-        self._qpos, self._qvel = data.qpos, data.qvel
+        joints = [model.joint(name) for name in DRIVES + SENSED_JOINTS]
+        self.q_indices = np.array([joint.qposadr[0] for joint in joints], np.int64)
+        self.v_indices = np.array([joint.dofadr[0] for joint in joints], np.int64)
         pelvis = model.body("pelvis").id
+        self.qpos: FloatArray = data.qpos
+        self.qvel: FloatArray = data.qvel
         self.position: FloatArray = data.qpos[:3]
         self.quaternion: FloatArray = data.qpos[3:7]
         self.rotation: FloatArray = data.xmat[pelvis]
         self.twist: FloatArray = data.qvel[:6]
         self.wrench: FloatArray = data.xfrc_applied[pelvis]
         self.torques: FloatArray = data.ctrl
-        self._imu: FloatArray = data.sensordata[:6]
+        self.imu: FloatArray = data.sensordata[:6]
 
-    def measured(self) -> tuple[FloatArray, ...]:
-        """The arguments of `IdealSensors.observe`; the arrays are reused."""
-        drive_q, drive_v, joint_q, joint_v = self._addresses
-        position, velocity, joints, joint_rates = self._values
-        gather(self._qpos, drive_q, position)
-        gather(self._qvel, drive_v, velocity)
-        gather(self._qpos, joint_q, joints)
-        gather(self._qvel, joint_v, joint_rates)
-        return position, velocity, joints, joint_rates, self.quaternion, self._imu
+    def measured(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The arguments of `IdealSensors.observe`."""
+        angles, rates = self.qpos[self.q_indices], self.qvel[self.v_indices]
+        return angles, rates, self.quaternion, self.imu

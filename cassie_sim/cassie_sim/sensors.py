@@ -16,7 +16,8 @@ import numpy.typing as npt
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
 from cassie_msgs.layout import Sensors
-from cassie_sim.kernels import count_drives, count_joints
+from cassie_sim.kernels import observe, write_sample
+from cassie_sim.plant_records import SAMPLE_TYPE, SENSORS_TYPE
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -60,66 +61,55 @@ class ImuErrors:
 
 
 class IdealSensors:
-    """The truth, with the IMU's rates as means since the last sample."""
+    """The truth, with the IMU's rates as means since the last sample.
+
+    Attributes:
+        records: All its numbers, of `SENSORS_TYPE`. Shape (1,).
+        attitudes: Ring of the last orientations. Shape (delay + 1, 4).
+        noise: Of the joints in the next physics steps. Shape (n, 6), in rad.
+        position: Of the drives as measured. Shape (10,), in rad.
+        velocity: Theirs as measured. Shape (10,), in rad/s.
+    """
 
     def __init__(self) -> None:
-        self.position = np.zeros(10)
-        self.velocity = np.zeros(10)
-        self._joints = np.zeros(6)
-        self._joint_rates = np.zeros(6)
-        self._quaternion = np.array([1.0, 0.0, 0.0, 0.0])
-        self._imu = np.zeros(6)
-        self._count = 0
+        self.records = np.zeros(1, SENSORS_TYPE)
+        self._record = record = self.records[0]
+        self.attitudes = np.zeros((1, 4))
+        self.noise = np.zeros((1, 6))
+        self._sample_noise = np.zeros(8)
+        self.position: FloatArray = record["position"]
+        self.velocity: FloatArray = record["velocity"]
 
-    def reset(self, *measured: FloatArray) -> None:
+    def reset(
+        self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
+    ) -> None:
         """Begin at rest with the arguments of `observe`."""
-        self._count = 0
-        self._imu[:] = 0.0
-        self.observe(*measured)
+        self._record["count"] = 0
+        self._record["imu"] = 0.0
+        self.observe(angles, rates, quaternion, imu)
 
     def observe(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        joints: FloatArray,
-        joint_rates: FloatArray,
-        quaternion: FloatArray,
-        imu: FloatArray,
+        self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
     ) -> None:
         """Take in one physics step.
 
         Args:
-            position: Of the drives. Shape (10,), in rad.
-            velocity: Of the drives. Shape (10,), in rad/s.
-            joints: Shin, tarsus, toe of both legs. Shape (6,), in rad.
-            joint_rates: Shape (6,), in rad/s.
+            angles: Of the drives, then of shin, tarsus, toe of both legs. Shape (16,), in rad.
+            rates: Theirs. Shape (16,), in rad/s.
             quaternion: Pelvis to world, w x y z. Shape (4,).
             imu: Angular velocity and specific force, pelvis frame. Shape (6,), rad/s and m/s^2.
         """
-        self.position[:] = position
-        self.velocity[:] = velocity
-        self._joints[:] = joints
-        self._joint_rates[:] = joint_rates
-        self._quaternion[:] = quaternion
-        self._imu += imu
-        self._count += 1
+        self.prepare(1)
+        observe(self.records, self.attitudes, self.noise, angles, rates, quaternion, imu)
+
+    def prepare(self, steps: int) -> int:
+        """How many of the next physics steps can be observed at once, at most `steps`."""
+        return steps
 
     def write(self, sample: Sensors) -> None:
         """Fill in the measured fields of a sample and begin the next interval."""
-        sample.drive_position[:] = self.position
-        sample.drive_velocity[:] = self.velocity
-        sample.joint_position[:] = self._joints
-        sample.joint_velocity[:] = self._joint_rates
-        w, x, y, z = self._quaternion.tolist()
-        sample.orientation[:] = (x, y, z, w)
-        self._write_imu(sample)
-
-    def _write_imu(self, sample: Sensors) -> None:
-        self._imu *= 1.0 / max(self._count, 1)
-        sample.angular_velocity[:] = self._imu[:3]
-        sample.linear_acceleration[:] = self._imu[3:]
-        self._imu[:] = 0.0
-        self._count = 0
+        fields = sample.floats.view(SAMPLE_TYPE)
+        write_sample(self.records, self.attitudes, self._sample_noise, fields)
 
 
 class FaithfulSensors(IdealSensors):
@@ -142,114 +132,57 @@ class FaithfulSensors(IdealSensors):
         rng: np.random.Generator,
     ) -> None:
         super().__init__()
-        self._period = control_period
         self._errors = errors
         self._rng = rng
-        drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
-        self._counts_per_rad = np.array(
-            [2.0**d.encoder_bits * d.gear / (2.0 * math.pi) for d in drives]
-        )
-        bits = [robot.JOINT_ENCODER_BITS[name] for name in LEG_SENSED_JOINTS] * 2
-        self._joint_counts_per_rad = 2.0 ** np.array(bits) / (2.0 * math.pi)
         self._joint_sigma = np.tile([JOINT_NOISE, JOINT_NOISE, 0.0], 2)
-        self._joint_noise = np.zeros((_NOISE_BLOCK, 6))
-        self._noise_row = _NOISE_BLOCK
-        self._counts = np.zeros((len(_FIR), 10))
-        self._row = 0
-        self._joint_x = np.zeros((4, 6))
-        self._joint_y = np.zeros((2, 6))
-        self._delay_steps = round(errors.delay / physics_period)
-        self._attitudes = np.zeros((self._delay_steps + 1, 4))
-        self._attitude_row = 0
-        self._wander = np.zeros(2)
-        self._time = 0.0
-        self._noise = np.zeros(8)
-        rate = math.sqrt(0.5 / control_period)
-        self._imu_sigma = rate * np.repeat([errors.gyro_noise, errors.accelerometer_noise], 3)
-        self._imu_bias = np.array([*errors.gyro_bias, *errors.accelerometer_bias])
-        self._wander_decay = math.exp(-control_period / errors.wander_time)
-        self._wander_sigma = errors.wander * math.sqrt(1.0 - self._wander_decay**2)
+        self.noise = np.zeros((_NOISE_BLOCK, 6))
+        self.attitudes = np.zeros((round(errors.delay / physics_period) + 1, 4))
+        record = self._record
+        record["faithful"] = True
+        record["noise_row"] = _NOISE_BLOCK
+        record["taps"], record["b"], record["a"] = _FIR, _IIR_B, _IIR_A
+        drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
+        record["counts_per_rad"] = [2.0**d.encoder_bits * d.gear / (2.0 * math.pi) for d in drives]
+        bits = [robot.JOINT_ENCODER_BITS[name] for name in LEG_SENSED_JOINTS] * 2
+        record["joint_counts_per_rad"] = 2.0 ** np.array(bits) / (2.0 * math.pi)
+        self._set_imu(control_period)
 
-    def reset(self, *measured: FloatArray) -> None:
-        """Begin at rest: the filters are as after a long stillness."""
-        position, _, joints, _, quaternion, _ = measured
-        self._counts[:] = np.trunc(position * self._counts_per_rad)
-        self._joint_x[:] = joints
-        self._joint_y[:] = 0.0
-        self._attitudes[:] = quaternion
-        self._wander = self._rng.standard_normal(2) * self._errors.wander
-        self._time = 0.0
-        super().reset(*measured)
+    def _set_imu(self, period: float) -> None:
+        record, errors = self._record, self._errors
+        record["period"] = period
+        rate = math.sqrt(0.5 / period)
+        record["imu_sigma"] = rate * np.repeat([errors.gyro_noise, errors.accelerometer_noise], 3)
+        record["imu_bias"] = (*errors.gyro_bias, *errors.accelerometer_bias)
+        record["attitude_bias"] = errors.attitude_bias
+        record["yaw_drift"] = errors.yaw_drift
+        decay = math.exp(-period / errors.wander_time)
+        record["wander_decay"] = decay
+        record["wander_sigma"] = errors.wander * math.sqrt(1.0 - decay**2)
 
-    def observe(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        joints: FloatArray,
-        joint_rates: FloatArray,
-        quaternion: FloatArray,
-        imu: FloatArray,
+    def reset(
+        self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
     ) -> None:
-        """Count, truncate and filter one physics step; see `IdealSensors.observe`."""
-        self._row = count_drives(
-            position,
-            self._counts_per_rad,
-            _FIR,
-            self._counts,
-            self._row,
-            self.position,
-            self.velocity,
-        )
-        if self._noise_row == len(self._joint_noise):
-            self._rng.standard_normal(out=self._joint_noise)
-            self._joint_noise *= self._joint_sigma
-            self._noise_row = 0
-        count_joints(
-            joints,
-            self._joint_noise[self._noise_row],
-            self._joint_counts_per_rad,
-            _IIR_B,
-            _IIR_A,
-            self._joint_x,
-            self._joint_y,
-        )
-        self._noise_row += 1
-        self._attitude_row = (self._attitude_row + 1) % (self._delay_steps + 1)
-        self._attitudes[self._attitude_row] = quaternion
-        self._imu += imu
-        self._count += 1
+        """Begin at rest: the filters are as after a long stillness."""
+        record = self._record
+        record["counts"] = np.trunc(angles[:10] * record["counts_per_rad"])
+        record["joint_x"] = angles[10:]
+        record["joint_y"] = 0.0
+        self.attitudes[:] = quaternion
+        record["wander"] = self._rng.standard_normal(2) * self._errors.wander
+        record["time"] = 0.0
+        super().reset(angles, rates, quaternion, imu)
+
+    def prepare(self, steps: int) -> int:
+        """Draw the noise of the next physics steps; how many of them it lasts for."""
+        left = _NOISE_BLOCK - int(self._record["noise_row"])
+        if not left:
+            self._rng.standard_normal(out=self.noise)
+            self.noise *= self._joint_sigma
+            self._record["noise_row"] = 0
+            left = _NOISE_BLOCK
+        return min(left, steps)
 
     def write(self, sample: Sensors) -> None:
         """Fill in the measured fields of a sample and begin the next interval."""
-        sample.drive_position[:] = self.position
-        sample.drive_velocity[:] = self.velocity
-        sample.joint_position[:] = self._joint_x[0]
-        sample.joint_velocity[:] = self._joint_y[0]
-        self._time += self._period
-        noise = self._noise
-        self._rng.standard_normal(out=noise)
-        oldest = self._attitudes[(self._attitude_row + 1) % (self._delay_steps + 1)]
-        self._write_attitude(sample, oldest, noise[6:])
-        self._write_imu(sample)
-        noise[:6] *= self._imu_sigma
-        noise[:6] += self._imu_bias
-        sample.angular_velocity[:] += noise[:3]
-        sample.linear_acceleration[:] += noise[3:6]
-
-    def _write_attitude(self, sample: Sensors, quaternion: FloatArray, noise: FloatArray) -> None:
-        self._wander *= self._wander_decay
-        self._wander += self._wander_sigma * noise
-        roll = 0.5 * (self._errors.attitude_bias[0] + float(self._wander[0]))
-        pitch = 0.5 * (self._errors.attitude_bias[1] + float(self._wander[1]))
-        yaw = 0.5 * self._errors.yaw_drift * self._time
-        w, x, y, z = quaternion.tolist()
-        # Tilt errors act in the pelvis frame (right), the yaw error in the world (left).
-        w, x, y, z = (
-            w - x * roll - y * pitch,
-            x + w * roll - z * pitch,
-            y + w * pitch + z * roll,
-            z + x * pitch - y * roll,
-        )
-        w, x, y, z = w - yaw * z, x - yaw * y, y + yaw * x, z + yaw * w
-        norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-        sample.orientation[:] = (x * norm, y * norm, z * norm, w * norm)
+        self._rng.standard_normal(out=self._sample_noise)
+        super().write(sample)

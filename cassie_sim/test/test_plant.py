@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import mujoco
@@ -87,17 +88,40 @@ def test_control_rates(rate):
     assert plant.data.time == pytest.approx(0.1)
 
 
+EVENTFUL = Scenario(
+    delays=Delays(torque=0.001, set_point=0.0035),
+    gantry=(GantryMove(t=0.0205, height=1.1, speed=0.5), GantryMove(t=0.0315, action="release")),
+    pushes=(
+        Push(t=0.0115, duration=0.0225, force=(80.0, 40.0, 0.0)),
+        Push(t=0.0605, duration=0.003, force=(0.0, 40.0, 0.0), body="left_shin"),
+    ),
+)
+
+
 @pytest.mark.parametrize("sensors", ["ideal", "faithful"])
-def test_physics_does_not_depend_on_the_control_rate(sensors):
+@pytest.mark.parametrize("events", [Scenario(), EVENTFUL], ids=["quiet", "eventful"])
+def test_physics_does_not_depend_on_the_control_rate(sensors, events):
     ends = []
-    for rate in (500, 1000):
-        plant = Plant(PlantConfig(control_rate=rate, sensors=sensors))
+    for rate in (500, 1000, 2000):
+        plant = Plant(PlantConfig(control_rate=rate, sensors=sensors), events)
         plant.power(True)
         command = holding()
         for _ in range(rate // 10):
             plant.step(command)
         ends.append(plant.data.qpos.copy())
-    np.testing.assert_array_equal(*ends)
+    np.testing.assert_array_equal(ends[1:], ends[:1] * 2)
+
+
+def test_physics_is_that_of_mujoco():
+    plant = Plant(IDEAL)
+    plant.gantry.release()
+    plant.data.qvel[6:] = np.linspace(-0.5, 0.5, plant.model.nv - 6)
+    other = copy.copy(plant.data)
+    for _ in range(25):
+        plant.step(None)
+    mujoco.mj_step(plant.model, other, nstep=100)
+    np.testing.assert_array_equal(plant.data.qpos, other.qpos)
+    np.testing.assert_array_equal(plant.data.sensordata, other.sensordata)
 
 
 @pytest.mark.parametrize(
@@ -158,88 +182,6 @@ def test_faithful_sample_is_near_the_true_state():
     assert sample.drive_position[3] == pytest.approx(data.joint("left_knee").qpos[0], abs=1e-4)
     assert sample.joint_position[0] == pytest.approx(data.joint("left_shin").qpos[0], abs=2e-3)
     np.testing.assert_allclose(sample.linear_acceleration[2], 9.81, atol=0.5)
-
-
-def test_torque_acts_three_milliseconds_after_the_command():
-    plant = Plant(PlantConfig(control_rate=2000, sensors="ideal"))
-    plant.power(True)
-    command = MotorCommand()
-    command.torque[0] = 20.0
-    acting = []
-    for _ in range(8):
-        plant.step(command)
-        acting.append(float(plant.drives.applied[0]))
-    assert acting == [0.0] * 6 + [20.0] * 2
-
-
-def test_delays_of_a_scenario_come_on_top():
-    delays = Delays(torque=0.002, set_point=0.004)
-    plant = Plant(PlantConfig(control_rate=2000, sensors="ideal"), Scenario(delays=delays))
-    plant.power(True)
-    command = MotorCommand()
-    command.torque[0] = 20.0
-    acting = []
-    for _ in range(20):
-        plant.step(command)
-        acting.append(float(plant.drives.applied[0]))
-    assert acting.index(20.0) == 6 + 4 + 8
-    assert plant.drives.damped is False
-
-
-def test_set_points_under_way_arrive_though_no_more_are_sent():
-    plant = Plant(IDEAL, Scenario(delays=Delays(set_point=0.01)))
-    plant.power(True)
-    plant.step(holding())
-    damped = []
-    for _ in range(20):
-        plant.step(None)
-        damped.append(plant.drives.damped)
-    # Sent at 0, there at 10 ms, and 20 ms later the watchdog damps.
-    assert damped == [True] * 4 + [False] * 10 + [True] * 6
-
-
-def test_refused_command_is_reported_and_the_tick_runs_damped_until_a_valid_one():
-    plant = Plant(IDEAL)
-    plant.power(True)
-    plant.step(holding())
-    assert plant.sense().damping == 0.0
-    bad = holding()
-    bad.kp[4] = math.nan
-    with pytest.raises(CommandError, match="kp of left_toe is nan"):
-        plant.step(bad)
-    assert plant.seq == 2
-    assert plant.sense().damping == 1.0
-    plant.step(holding())
-    assert plant.sense().damping == 0.0
-
-
-def test_watchdog_damps_after_20_ms_without_commands():
-    plant = Plant(IDEAL)
-    plant.power(True)
-    plant.step(holding())
-    for _ in range(9):
-        plant.step(None)
-        assert plant.sense().damping == 0.0
-    plant.step(None)
-    assert plant.sense().damping == 1.0
-
-
-def test_power_is_off_at_the_start_and_off_again_within_a_step():
-    plant = Plant(PlantConfig(control_rate=2000))
-    plant.step(holding())
-    sample = plant.sense()
-    assert sample.power == 0.0
-    np.testing.assert_array_equal(sample.drive_torque, 0.0)
-    plant.power(True)
-    for _ in range(20):
-        plant.step(holding())
-    sample = plant.sense()
-    assert sample.power == 1.0
-    assert np.abs(sample.drive_torque).max() > 0.1
-    plant.power(False)
-    plant.step(holding())
-    np.testing.assert_array_equal(plant.sense().drive_torque, 0.0)
-    np.testing.assert_array_equal(plant.data.ctrl, 0.0)
 
 
 @pytest.mark.parametrize("by", ["scenario", "hand"])

@@ -30,14 +30,8 @@ def faithful(errors: ImuErrors = EXACT, period: float = CONTROL, seed: int = 0) 
 
 
 def measured(position=0.0, joints=0.0, quaternion=UPRIGHT, imu=0.0) -> tuple[np.ndarray, ...]:
-    return (
-        np.full(10, position),
-        np.zeros(10),
-        np.full(6, joints),
-        np.zeros(6),
-        np.array(quaternion),
-        np.full(6, imu),
-    )
+    angles = np.concatenate([np.broadcast_to(position, 10), np.broadcast_to(joints, 6)])
+    return angles.astype(float), np.zeros(16), np.array(quaternion, float), np.full(6, float(imu))
 
 
 def written(sensors: IdealSensors) -> Sensors:
@@ -51,7 +45,7 @@ def written(sensors: IdealSensors) -> Sensors:
 )
 def test_drive_encoders_truncate_toward_zero(turns, counts):
     sensors = faithful()
-    sensors.observe(turns * COUNT, *measured()[1:])
+    sensors.observe(*measured(position=turns * COUNT))
     np.testing.assert_allclose(sensors.position, counts * COUNT, atol=1e-15)
 
 
@@ -217,18 +211,18 @@ def test_imu_reports_the_mean_since_the_last_sample(make):
 
 def test_ideal_sensors_report_the_truth():
     rng = np.random.default_rng(1)
-    truth = [rng.normal(size=size) for size in (10, 10, 6, 6, 4, 6)]
+    truth = [rng.normal(size=size) for size in (16, 16, 4, 6)]
     sensors = IdealSensors()
     sensors.observe(*truth)
     sample = written(sensors)
     for field, expected in (
-        ("drive_position", truth[0]),
-        ("drive_velocity", truth[1]),
-        ("joint_position", truth[2]),
-        ("joint_velocity", truth[3]),
-        ("orientation", truth[4][[1, 2, 3, 0]]),
-        ("angular_velocity", truth[5][:3]),
-        ("linear_acceleration", truth[5][3:]),
+        ("drive_position", truth[0][:10]),
+        ("drive_velocity", truth[1][:10]),
+        ("joint_position", truth[0][10:]),
+        ("joint_velocity", truth[1][10:]),
+        ("orientation", truth[2][[1, 2, 3, 0]]),
+        ("angular_velocity", truth[3][:3]),
+        ("linear_acceleration", truth[3][3:]),
     ):
         np.testing.assert_array_equal(getattr(sample, field), expected)
 
