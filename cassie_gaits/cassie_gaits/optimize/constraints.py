@@ -26,6 +26,7 @@ GRID = 25
 
 APART = "distance between feet"
 LANDING = "swing foot velocity on impact (z)"
+PELVIS = "distance between pelvis and stance foot"
 """Rows whose bounds a request may tighten."""
 
 STRAIGHT = "swing foot straight ahead on a slope"
@@ -140,7 +141,7 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
     margin = limits.margin
     rows = [
         Row(
-            "distance between pelvis and stance foot",
+            PELVIS,
             ca.norm_2(pelvis),
             limits.pelvis_low + margin,
             limits.pelvis_high - margin,

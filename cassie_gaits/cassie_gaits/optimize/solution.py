@@ -14,7 +14,7 @@ from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
-from cassie_gaits.optimize.constraints import APART, LANDING, STRAIGHT
+from cassie_gaits.optimize.constraints import APART, LANDING, PELVIS, STRAIGHT
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
 from cassie_gaits.optimize.request import Limits, Request, as_document, parameters
@@ -165,6 +165,7 @@ def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]
     limits = Limits()
     lower[names == APART] += request.feet_apart - limits.feet_apart
     lower[names == LANDING] += limits.landing_speed - request.landing_speed
+    upper[names == PELVIS] += request.pelvis_distance - limits.pelvis_high
     if request.slope != 0.0:
         lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
     return lower, upper

@@ -59,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--feet-apart", type=float, default=0.25, help="least distance of the feet, m")
     add("--torso-tilt", type=float, default=0.05, help="bound of torso pitch and roll, rad")
     add("--hip-yaw", type=float, default=0.03, help="bound beyond what turning takes, rad")
+    add("--pelvis-distance", type=float, default=0.97, help="largest, to the stance foot, m")
     add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
     add("--jobs", type=int, default=2, help="local processes")
     add("--scheduler", help="address of a Dask scheduler, in place of local processes")
@@ -104,6 +105,7 @@ def _requests(options: argparse.Namespace) -> list[Request]:
             feet_apart=options.feet_apart,
             torso_tilt=options.torso_tilt,
             hip_yaw=options.hip_yaw,
+            pelvis_distance=options.pelvis_distance,
             symmetric=straight and not options.general,
         )
         for speed in sorted(set(options.speeds))
@@ -177,7 +179,8 @@ def _library(gaits: list[Gait], options: argparse.Namespace) -> GaitLibrary:
         name: getattr(options, name)
         for name in (
             *("lateral", "yaw_rate", "step_time", "clearance", "slope"),
-            *("landing_speed", "feet_apart", "torso_tilt", "hip_yaw", "general"),
+            *("landing_speed", "feet_apart", "torso_tilt", "hip_yaw"),
+            *("pelvis_distance", "general"),
         )
     }
     provenance = Provenance(
