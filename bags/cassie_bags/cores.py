@@ -113,7 +113,11 @@ def make_loop(experiment: Experiment, observer: Observer) -> Loop:
             "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
             "fixed_lag"
         )
-    cores = make_cores(experiment)
+    return connect(make_cores(experiment), observer)
+
+
+def connect(cores: Cores, observer: Observer) -> Loop:
+    """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
     return Loop(
         cores.plant,
         cores.estimator,

@@ -32,6 +32,7 @@ class Track:
         time: Robot time. Shape (n,), in s.
         position: True pelvis origin in the world. Shape (n, 3), in m.
         orientation: True pelvis to world, x y z w. Shape (n, 4).
+        velocity: True velocity of the pelvis origin in the world. Shape (n, 3), in m/s.
         angles: True yaw (unwrapped), pitch, roll. Shape (n, 3), in rad.
         achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame,
             yaw rate, pelvis height above the loaded soles. Each of shape (n,).
@@ -47,6 +48,7 @@ class Track:
     time: FloatArray
     position: FloatArray
     orientation: FloatArray
+    velocity: FloatArray
     angles: FloatArray
     achieved: dict[str, FloatArray]
     commanded: dict[str, FloatArray]
@@ -78,12 +80,14 @@ def make_track(recording: Recording) -> Track:
     load = state["foot_load"]
     own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK])
     own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), FLIGHT)
-    achieved = _velocities(truth, angles)
+    velocity = np.einsum("nij,nj->ni", rotation_matrices(orientation), truth["linear"])
+    achieved = _velocities(truth, velocity, angles)
     achieved["height"] = truth["position"][:, 2] - _ground(legs, load)
     return Track(
         time=stamps(sensors),
         position=truth["position"],
         orientation=orientation,
+        velocity=velocity,
         angles=angles,
         achieved=achieved,
         commanded=_commanded(recording, sensors, seq),
@@ -136,8 +140,7 @@ def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:
     return near
 
 
-def _velocities(truth: Rows, angles: FloatArray) -> dict[str, FloatArray]:
-    world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
+def _velocities(truth: Rows, world: FloatArray, angles: FloatArray) -> dict[str, FloatArray]:
     yaw, pitch, roll = angles.T
     rate = truth["angular"]
     return {

@@ -1,0 +1,140 @@
+"""Command `sweep`: measure what the robot can do, row by row, beside the paper's own law."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.sweeps.course import Budget, walk
+from cassie_bags.sweeps.row import Row, RowResult, measure_row
+from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
+from cassie_bags.trial import experiment_of
+from cassie_bags.workers import Workers, workers
+
+MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
+"""Exit codes."""
+
+PAPER = "controller.walk.law=paper"
+
+
+def main() -> int:
+    """Entry point of `ros2 run cassie_bags sweep`."""
+    arguments = _arguments()
+    if arguments.list:
+        for row in all_rows():
+            print(f"{row.name:24} {row.title}")
+        return MET
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        rows = chosen_rows(arguments.rows)
+        results = _measure(rows, arguments)
+    except KeyboardInterrupt:
+        print("sweep: stopped", file=sys.stderr)
+        return STOPPED
+    except RunError as error:
+        print(f"sweep: error: {error}", file=sys.stderr)
+        return NO_RUN
+    except (ValueError, OSError) as error:
+        print(f"sweep: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return WRONG_INPUT
+    own = next(iter(results.values()))
+    return MET if all(result.met for result in own.values()) else NOT_MET
+
+
+def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
+    """Measure rows, each with every variant; what there is is kept after each row."""
+    variants: dict[str, tuple[str, ...]] = {"measured": tuple(arguments.set)}
+    if not arguments.no_compare:
+        variants[arguments.compare] = (*arguments.set, arguments.compare)
+    results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
+    for changes in variants.values():
+        experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
+    budget = Budget(arguments.seeds, arguments.phases, arguments.seconds, tuple(arguments.set))
+    bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
+    try:
+        with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew, bar:
+            for row in rows:
+                for name, changes in variants.items():
+                    with_changes = Budget(budget.seeds, budget.phases, budget.seconds, changes)
+                    results[name][row.name] = _row(row, with_changes, crew, bar)
+                    save(arguments.out / "sweeps.json", rows, results, budget)
+    finally:
+        print(table([row for row in rows if row.name in results["measured"]], results))
+    return results
+
+
+def _row(row: Row, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
+    def progress(word: str) -> None:
+        bar.update()
+        bar.set_postfix_str(word)
+
+    try:
+        result = measure_row(row, budget, crew, progress)
+    except ExperimentError as error:
+        result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
+    changed = [change for change in budget.changes if change == PAPER]
+    bar.write(table([row], {" ".join(changed) or "measured": {row.name: result}}), file=sys.stderr)
+    return result
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="sweep",
+        description="Measure what the robot can do: a table of target, figure, and the same with "
+        "the paper's own law. Runs in process, without ROS, as fast as it goes.",
+        epilog="Exit codes: 0 all targets reached, 1 not all, 2 wrong arguments, 3 no scheduler, "
+        "130 stopped; what was measured until then stands in sweeps.json.",
+    )
+    parser.add_argument("rows", nargs="*", help="rows or groups of rows, all if left out")
+    parser.add_argument("--list", action="store_true", help="name all rows and exit")
+    parser.add_argument("--seeds", type=_positive, default=10, help="robots tried for each setting")
+    parser.add_argument(
+        "--phases", type=_positive, default=10, help="moments over two steps for pushes and stops"
+    )
+    parser.add_argument(
+        "--seconds", type=_seconds, default=40.0, help="length of the part that is measured"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="for every run: controller.walk.pendulum_gain_x=0.8",
+    )
+    parser.add_argument(
+        "--compare", default=PAPER, metavar="KEY=VALUE", help=f"measure also with this ({PAPER})"
+    )
+    parser.add_argument("--no-compare", action="store_true", help="measure only as it is")
+    parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
+    parser.add_argument(
+        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
+    )
+    parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
+    return parser.parse_args()
+
+
+def _positive(word: str) -> int:
+    value = int(word) if word.isdecimal() else 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
+    return value
+
+
+def _seconds(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = 0.0
+    if not 2.0 <= value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""All rows, and their results as a table, as JSON and as a picture."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.provenance import versions
+from cassie_bags.sweeps.course import Budget
+from cassie_bags.sweeps.row import Row, RowResult
+from cassie_bags.sweeps.walking_rows import walking_rows
+from cassie_msgs.tunables import unknown_name
+
+Results = Mapping[str, Mapping[str, RowResult]]
+"""Result of each row by the name of the variant (such as "own" and "paper's law") and row."""
+
+
+def all_rows() -> list[Row]:
+    """Every row, in the order of the table."""
+    return [*walking_rows()]
+
+
+def chosen_rows(names: Sequence[str]) -> list[Row]:
+    """Rows by name or group; all if none is named.
+
+    Raises:
+        ExperimentError: if there is no such row; the message names the nearest.
+    """
+    rows = all_rows()
+    known = {row.name for row in rows} | {row.group for row in rows}
+    for name in names:
+        if name not in known:
+            raise ExperimentError(unknown_name(name, known, "row"))
+    return [row for row in rows if not names or row.name in names or row.group in names]
+
+
+def table(rows: Sequence[Row], results: Results) -> str:
+    """The results as text: target, then what each variant reached, with falls."""
+    lines = [["capability", "target", *results]]
+    for row in rows:
+        bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
+        lines.append(
+            [row.title, bound, *(_cell(row, found.get(row.name)) for found in results.values())]
+        )
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
+    text.insert(1, "-" * max(map(len, text)))
+    return "\n".join(text)
+
+
+def _cell(row: Row, result: RowResult | None) -> str:
+    if result is None:
+        return "-"
+    if result.problem:
+        return result.problem
+    tried = {level.level: level for level in result.levels}
+    fell = sum(level.fell for level in tried.values())
+    runs = sum(level.run for level in tried.values())
+    value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
+    verdict = "yes" if result.met else "no"
+    return f"{value} {verdict} ({fell} of {runs} fell)"
+
+
+def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
+    """Write the results as JSON, with what they were made with.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    content = {
+        "versions": versions(),
+        "budget": asdict(budget),
+        "rows": [
+            {
+                "name": row.name,
+                "title": row.title,
+                "unit": row.unit,
+                "target": row.target,
+                "at_least": row.at_least,
+                "results": {
+                    variant: asdict(found[row.name])
+                    for variant, found in results.items()
+                    if row.name in found
+                },
+            }
+            for row in rows
+        ],
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(_finite(content), indent=1, allow_nan=False), encoding="utf-8")
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return content

@@ -1,0 +1,156 @@
+"""Who computes the trials of sweeps and of tuning: local processes, or a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from typing import Any, Protocol, TypeVar
+
+from cassie_bags.errors import RunError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+CONNECT_TIMEOUT = 10
+"""Wall time in which a scheduler must answer. In s."""
+
+_NICENESS = 5
+
+
+class Workers(Protocol):
+    """Something that applies a function to items, several at a time."""
+
+    count: int
+
+    def results(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """Index and result of each item as they come; what is not wanted is not begun."""
+        ...
+
+    def close(self) -> None:
+        """End them."""
+        ...
+
+
+class ThisProcess:
+    """Computes in this process, one item at a time."""
+
+    count = 1
+
+    def results(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """See `Workers.results`."""
+        for index, item in enumerate(items):
+            yield index, function(item)
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+class LocalProcesses:
+    """Computes in processes of this machine.
+
+    Args:
+        count: Of processes.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._pool = ProcessPoolExecutor(count, get_context("spawn"), _begin)
+
+    def results(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """See `Workers.results`."""
+        futures: dict[Future[Result], int] = {
+            self._pool.submit(function, item): index for index, item in enumerate(items)
+        }
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            _cancel(futures)
+
+    def close(self) -> None:
+        """End the processes; what they are at is lost."""
+        processes = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+
+
+class DaskCluster:
+    """Computes on the workers of a Dask scheduler, which need the same packages.
+
+    Args:
+        address: Of the scheduler, for example tcp://10.0.0.1:8786.
+
+    Raises:
+        RunError: if it does not answer.
+    """
+
+    def __init__(self, address: str) -> None:
+        from distributed import Client
+
+        try:
+            self._client = Client(address, timeout=CONNECT_TIMEOUT)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise RunError(f"no Dask scheduler at {address}: {error}") from None
+        self.count = max(1, sum(self._client.nthreads().values()))
+
+    def results(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """See `Workers.results`."""
+        from distributed import as_completed as completed
+
+        futures = {
+            self._client.submit(function, item, pure=False): index
+            for index, item in enumerate(items)
+        }
+        try:
+            for future in completed(futures):
+                yield futures[future], future.result()
+        finally:
+            _cancel(futures)
+
+    def close(self) -> None:
+        """Leave the cluster; it runs on."""
+        self._client.close()
+
+
+def workers(jobs: int | None, scheduler: str | None) -> Workers:
+    """Workers as a command line asks for them.
+
+    Args:
+        jobs: Local processes; None is one for each core.
+        scheduler: Address of a Dask scheduler in place of local processes.
+
+    Raises:
+        RunError: if the scheduler does not answer.
+    """
+    if scheduler is not None:
+        return DaskCluster(scheduler)
+    jobs = jobs or available_cores()
+    return ThisProcess() if jobs == 1 else LocalProcesses(jobs)
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _begin() -> None:
+    """A worker leaves Ctrl-C to its parent and the machine to others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICENESS)
+
+
+def _cancel(futures: Iterable[Any]) -> None:
+    for future in futures:
+        future.cancel()

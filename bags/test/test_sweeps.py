@@ -1,0 +1,214 @@
+"""Sweeps: rows by name, the search over levels, falls that count, and real runs in seconds."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_experiment_command import environment
+
+from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.sweeps.course import Budget, push, step_time
+from cassie_bags.sweeps.row import Row, RowResult, measure_row
+from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
+from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
+from cassie_bags.workers import LocalProcesses, ThisProcess, workers
+
+BUDGET = Budget(seeds=4, phases=10)
+
+
+def row(levels=(1.0, 2.0, 3.0, 4.0, 5.0), **changes) -> Row:
+    """A push that is stronger by level; what falls is decided by `strong`."""
+
+    def trials(budget: Budget, level: float) -> list[Trial]:
+        return [Trial({"level": level}, seed, (0.0, 1.0)) for seed in range(1, 11)]
+
+    return dataclasses.replace(
+        Row("group.word", "a push", "Ns", 3.0, levels, trials, start=2), **changes
+    )
+
+
+def strong(limit: float, weak_seeds: int = 0):
+    """A robot that falls beyond a limit, and always for the first few seeds."""
+
+    def run(trial: Trial) -> Figures:
+        fell = trial.content["level"] > limit or trial.seed <= weak_seeds
+        return {"fell": float(fell), "vx": trial.content["level"] - 0.01 * trial.seed}
+
+    return run
+
+
+def measure(row: Row, run) -> RowResult:
+    return measure_row(row, BUDGET, ThisProcess(), lambda word: None, run)
+
+
+@pytest.mark.parametrize(("limit", "met"), [(1.0, False), (2.5, False), (3.0, True), (9.0, True)])
+def test_the_hardest_level_that_holds_is_found_from_either_side(limit: float, met: bool):
+    result = measure(row(), strong(limit))
+    assert result.measured == min(5.0, math.floor(limit))
+    assert result.met is met
+
+
+def test_what_holds_nowhere_is_no_figure():
+    result = measure(row(), strong(0.0))
+    assert math.isnan(result.measured)
+    assert not result.met
+
+
+@pytest.mark.parametrize(("weak", "held"), [(1, True), (2, False)])
+def test_nine_of_ten_must_hold(weak: int, held: bool):
+    assert measure(row(share=0.9), strong(9.0, weak)).met is held
+
+
+def test_a_level_that_can_no_longer_hold_ends_early():
+    result = measure(row(share=0.9), strong(9.0, 10))
+    assert [level.run for level in result.levels] == [2, 2, 2]
+
+
+def test_the_worst_figure_of_those_that_walk_counts_and_a_fall_is_a_miss():
+    single = row(
+        (1.0,), start=0, target=0.95, figure=lambda figures, _: figures["vx"], at_least=True
+    )
+    good = measure(single, strong(9.0))
+    assert good.measured == pytest.approx(0.9)
+    assert not good.met
+    assert measure(dataclasses.replace(single, target=0.9), strong(9.0)).met
+    fallen = measure(dataclasses.replace(single, target=0.5), strong(9.0, 1))
+    assert (fallen.levels[0].fell, fallen.levels[0].run, fallen.met) == (1, 10, False)
+
+
+def test_rows_are_chosen_by_name_and_by_group():
+    names = [row.name for row in all_rows()]
+    assert len(names) == len(set(names))
+    assert [row.name for row in chosen_rows(["speed.+0.5"])] == ["speed.+0.5"]
+    assert len(chosen_rows(["push_in_place"])) == 8
+    assert [row.name for row in chosen_rows([])] == names
+    with pytest.raises(ExperimentError, match="unknown row spede: did you mean speed"):
+        chosen_rows(["spede"])
+
+
+@pytest.mark.parametrize("name", [row.name for row in all_rows()])
+def test_every_row_can_be_run_at_its_first_level(name: str):
+    (row,) = chosen_rows([name])
+    trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.start])
+    assert {trial.seed for trial in trials} == {1, 2}
+    for trial in (trials[0], trials[-1]):
+        assert 0.0 < trial.window[0] < trial.window[1] <= experiment_of(trial).duration
+
+
+def test_phases_spread_over_two_steps():
+    delays = [delay for delay, _ in Budget(phases=10).each_phase(0.0)]
+    assert delays[0] == 0.0
+    assert delays[-1] == pytest.approx(0.9 * 2.0 * step_time(0.0))
+
+
+def test_a_push_has_its_impulse_and_direction():
+    event = push(1.0, 12.0, 90.0)
+    assert event["duration"] * event["force"][1] == pytest.approx(12.0)
+    assert event["force"][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_trial_keeps_the_written_times_and_draws_the_robot():
+    trial = Trial({"duration": 3.0, "pushes": [push(1.5, 10.0, 0.0)]}, 7, (0.0, 1.0))
+    experiment = experiment_of(trial)
+    assert experiment.scenario.pushes[0].t == 1.5
+    assert experiment.scenario.draw.mass != 1.0
+    assert (experiment.seed, experiment_of(trial)) == (7, experiment)
+    fixed = experiment_of(Trial({"duration": 3.0, "draw": {"mass": 1.1}}, 7, (0.0, 1.0)))
+    assert fixed.scenario.draw.mass == 1.1
+
+
+STAND = {
+    "start": "standing",
+    "duration": 1.6,
+    "operator": [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}],
+}
+
+
+def test_a_robot_that_stands_is_measured():
+    figures = run_trial(Trial(STAND, 0, (1.0, 1.6)))
+    assert (figures["fell"], figures["standing"]) == (0.0, 1.0)
+    assert abs(figures["vx"]) < 0.1
+    assert figures["rmse_vx"] < 0.1
+    assert figures["end"] == pytest.approx(1.6, abs=0.01)
+
+
+def test_a_robot_that_falls_ends_its_run():
+    content = {**STAND, "duration": 30.0, "pushes": [push(0.8, 150.0, 0.0)]}
+    figures = run_trial(Trial(content, 0, (20.0, 30.0)))
+    assert figures["fell"] == 1.0
+    assert figures["end"] < 5.0
+    assert math.isnan(figures["vx"])
+
+
+def test_local_processes_give_what_this_process_gives():
+    trials = [Trial(STAND, seed, (1.0, 1.6)) for seed in (1, 2)]
+    here = dict(ThisProcess().results(run_trial, trials))
+    crew = LocalProcesses(2)
+    try:
+        there = dict(crew.results(run_trial, trials))
+        for index, figures in here.items():
+            assert there[index] == pytest.approx(figures, rel=0.0, abs=0.0, nan_ok=True)
+    finally:
+        crew.close()
+
+
+def test_a_missing_scheduler_is_one_clear_error():
+    with pytest.raises(RunError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
+        workers(None, "tcp://127.0.0.1:9")
+
+
+def test_results_are_kept_as_json_and_as_a_table(tmp_path: Path):
+    shown = row()
+    results = {
+        "measured": {shown.name: measure(shown, strong(4.0))},
+        "paper": {shown.name: RowResult(shown.name, math.nan, False, [], "unknown parameter")},
+    }
+    save(tmp_path / "out/sweeps.json", [shown], results, BUDGET)
+    content = json.loads((tmp_path / "out/sweeps.json").read_text())
+    assert content["rows"][0]["results"]["measured"]["measured"] == 4.0
+    assert content["rows"][0]["results"]["paper"]["measured"] is None
+    assert content["budget"]["seeds"] == 4
+    text = table([shown], results)
+    assert ">= 3 Ns" in text
+    assert "4 yes (1 of 21 fell)" in text
+    assert "unknown parameter" in text
+
+
+def sweep(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "cassie_bags.ros.sweep", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=100
+    )
+
+
+def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
+    budget = ["--seeds", "1", "--seconds", "2", "--jobs", "1"]
+    process = sweep("speed.+0", *budget, "--no-compare", "--out", str(tmp_path))
+    assert process.returncode == 0, process.stderr
+    assert "speed error at 0 m/s" in process.stdout
+    (kept,) = json.loads((tmp_path / "sweeps.json").read_text())["rows"]
+    assert kept["results"]["measured"]["measured"] < 0.03
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["stopp"], "unknown row stopp: did you mean stop"),
+        (["--seeds", "0"], "0 is not a whole number of 1 or more"),
+        (["--seconds", "nan"], "nan is not 2 .. 600 s"),
+        (["speed.+0", "--set", "durtion=3"], "unknown key durtion: did you mean duration"),
+    ],
+)
+def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
+    process = sweep(
+        *words, "--seeds" if "--seeds" not in words else "--phases", "1", "--out", str(tmp_path)
+    )
+    assert process.returncode == 2, process.stdout
+    assert reason in process.stderr
+    assert "Traceback" not in process.stderr
