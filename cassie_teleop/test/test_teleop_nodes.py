@@ -19,9 +19,23 @@ from cassie_msgs.ros.fast_lane import EVERY, LanePublisher, LaneSubscription, La
 GOOD = [0.0] * 8 + [1.0, 0.0, -1.0] + [0.0] * 5
 
 
+STARTED = []
+
+
 def start(name, *arguments, **kwargs):
     code = f"from cassie_teleop.ros.{name} import main; main()"
-    return subprocess.Popen([sys.executable, "-c", code, *arguments], **kwargs)
+    STARTED.append(subprocess.Popen([sys.executable, "-c", code, *arguments], **kwargs))
+    return STARTED[-1]
+
+
+@pytest.fixture(autouse=True)
+def no_process_left():
+    """A test that fails leaves nothing running."""
+    yield
+    while STARTED:
+        process = STARTED.pop()
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture
