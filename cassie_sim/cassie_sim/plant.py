@@ -22,8 +22,9 @@ from cassie_sim.gantry import Gantry
 from cassie_sim.kernels import physics_steps
 from cassie_sim.native import addresses, mj_step_address
 from cassie_sim.plant_model import Readings, compile_model
-from cassie_sim.poses import lowest_sole, set_drives
+from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
+from cassie_sim.scenes import scene_motion
 from cassie_sim.sensors import FaithfulSensors, IdealSensors, ImuErrors
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,6 +84,7 @@ class Plant:
         self.data = mujoco.MjData(self.model)
         self._robot = Readings(self.model, self.data)
         self._native = (mj_step_address(), *addresses(self.model, self.data))
+        self._motion = scene_motion(self.scenario.scene, self.scenario.scene_parameters)
         self.gantry = Gantry()
         self.sensors = self._make_sensors()
         draw, scale = self.scenario.draw, self.scenario.model
@@ -106,6 +108,7 @@ class Plant:
         self.drives.reset()
         self.events.reset()
         self.gantry.release()
+        self._move_ground()
         self._place()
         mujoco.mj_forward(self.model, self.data)
         self.sensors = self._make_sensors()
@@ -141,6 +144,7 @@ class Plant:
         """
         if command is not None:
             self.events.send(command, self._physics_steps)
+        self._move_ground()
         refusal: CommandError | None = None
         end = self._physics_steps + self.substeps
         while self._physics_steps < end:
@@ -196,6 +200,10 @@ class Plant:
         self._run(steps)
         self._physics_steps += steps
 
+    def _move_ground(self) -> None:
+        if self._motion is not None:
+            self._motion.apply(self.model, self.data, self.time)
+
     def _run(self, steps: int) -> None:
         robot, drives, sensors = self._robot, self.drives, self.sensors
         physics_steps(
@@ -245,8 +253,9 @@ class Plant:
             self.gantry.height = HANGING_HEIGHT
             return
         # Standing begins in the harness, soles on the ground, let down within half a second.
+        data.qpos[2] += HANGING_HEIGHT  # clear of whatever the scene has put there
         mujoco.mj_kinematics(self.model, data)
-        data.qpos[2] -= lowest_sole(self.model, data)
+        data.qpos[2] -= height_over_ground(self.model, data)
         height = float(data.qpos[2])
         self.gantry.hold(data.qpos[:3], height + 0.02)
         self.gantry.height = height + 0.02

@@ -12,6 +12,7 @@ from cassie_gaits.linkage import achilles_turn
 from cassie_gaits.names import DRIVES, LEGS
 from cassie_gaits.robot import NEUTRAL_TARSUS
 from cassie_sim.errors import SimulationError
+from cassie_sim.ground import GROUND_GROUP
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -114,3 +115,22 @@ def lowest_sole(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Height of the lowest point of the soles above the world's origin. In m."""
     names = [f"{leg}_{end}" for leg in LEGS for end in ("heel", "toe")]
     return min(float(data.geom(name).xpos[2] - model.geom(name).size[0]) for name in names)
+
+
+def height_over_ground(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """How far the robot can sink until a sole touches the ground straight below it. In m.
+
+    Needs kinematics, with all soles above the ground. Infinite if there is none below.
+    """
+    group = np.zeros(mujoco.mjNGROUP, np.uint8)
+    group[GROUND_GROUP] = 1
+    hit = np.zeros(1, np.int32)
+    down = np.array([0.0, 0.0, -1.0])
+    least = np.inf
+    for leg in LEGS:
+        for end in ("heel", "toe"):
+            point = data.geom(f"{leg}_{end}").xpos
+            distance = mujoco.mj_ray(model, data, point, down, group, 1, -1, hit)
+            if distance >= 0.0:
+                least = min(least, float(distance - model.geom(f"{leg}_{end}").size[0]))
+    return float(least)

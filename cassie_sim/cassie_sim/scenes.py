@@ -4,35 +4,65 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import mujoco
-import numpy as np
 
-from cassie_msgs.tunables import from_mapping, tunable, unknown_name
+from cassie_gaits import robot
+from cassie_gaits.names import LEGS
+from cassie_msgs.tunables import from_mapping, replace_checked, unknown_name
 from cassie_sim.errors import SimulationError
+from cassie_sim.ground import Surface, add_plane, add_texture, make_ground, tilt
+from cassie_sim.height_field import add_rough
+from cassie_sim.motion import GroundMotion
 from cassie_sim.robot_mjcf import robot_spec
+from cassie_sim.scene_parameters import (
+    Block,
+    Course,
+    Debris,
+    Flat,
+    Grass,
+    Pillar,
+    Rough,
+    Sand,
+    Slope,
+    Snow,
+    Step,
+    Tilting,
+    WaxedFloor,
+    read_course,
+)
+from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches
+
+SoftT = TypeVar("SoftT", Sand, Stretch)
+
+FAR = 100.0
+"""Length of ground that goes on and on. In m."""
+
+SHOE_WIDTH = 0.12
+"""Of the soles of shoes. In m."""
+
+_MOVING = "moving_ground"
+_BLOCK_SIZE = (0.25, 0.11, 0.15)  # half lengths, in m
+_BLOCK_Y = 0.15
+_PILLAR_HEIGHT = 2.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class Flat:
-    """Level, hard ground."""
+def read_scene(name: str, parameters: Mapping[str, object]) -> Any:
+    """The parameters of a scene, complete.
 
-    friction: float = tunable(1.0, "", 0.05, 3.0, "Coulomb friction of the ground")
+    Args:
+        name: One of `SCENES`.
+        parameters: Values by name; what is left out keeps its default.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Slope(Flat):
-    """Hard ground, level around the start and tilted beyond it."""
-
-    angle: float = tunable(5.0, "deg", -30.0, 30.0, "Rise ahead; negative goes down")
-    side_angle: float = tunable(0.0, "deg", -30.0, 30.0, "Rise to the left")
-    start: float = tunable(1.0, "m", 0.3, 50.0, "Distance ahead at which the slope begins")
-
-
-SCENES: dict[str, type[Any]] = {"flat": Flat, "slope": Slope}
-"""Parameters of each scene by its name."""
+    Raises:
+        SimulationError: if there is no such scene; the message names the nearest one.
+        ParameterError: if a parameter is unknown or out of range.
+    """
+    if name not in SCENES:
+        raise SimulationError(unknown_name(name, SCENES, "scene"))
+    cls, _ = SCENES[name]
+    return read_course(parameters) if cls is Course else from_mapping(cls, parameters)
 
 
 def scene_spec(
@@ -49,101 +79,161 @@ def scene_spec(
         SimulationError: if there is no such scene; the message names the nearest one.
         ParameterError: if a parameter is unknown or out of range.
     """
-    if name not in SCENES:
-        raise SimulationError(unknown_name(name, SCENES, "scene"))
-    settings: Any = from_mapping(SCENES[name], parameters)
+    settings = read_scene(name, parameters)
     spec = robot_spec(meshes=meshes)
     _add_lights_and_camera(spec)
-    _BUILDERS[name](spec, settings)
+    SCENES[name][1](spec, settings)
     return spec
 
 
+def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | None:
+    """How a scene's ground moves by itself, or None if it does not.
+
+    Raises:
+        SimulationError, ParameterError: as `scene_spec`.
+    """
+    settings = read_scene(name, parameters)
+    if isinstance(settings, Block):
+        duration = settings.height / settings.rate if settings.rate else 0.0
+        return GroundMotion(_MOVING, settings.start, 0.0, 0.0, settings.height, duration)
+    if isinstance(settings, Tilting):
+        ahead, left = math.radians(settings.rise_deg), math.radians(settings.side_deg)
+        most = max(abs(settings.rise_deg), abs(settings.side_deg))
+        return GroundMotion(_MOVING, settings.start, ahead, left, 0.0, most / settings.rate_deg)
+    return None
+
+
 def _flat(spec: mujoco.MjSpec, settings: Flat) -> None:
-    _add_ground(spec, settings.friction, name="ground")
+    add_plane(spec, Surface(settings.friction), "ground")
+
+
+def _waxed_floor(spec: mujoco.MjSpec, settings: WaxedFloor) -> None:
+    add_plane(spec, Surface(settings.friction, 0.0, COLOURS["waxed"]), "ground")
 
 
 def _slope(spec: mujoco.MjSpec, settings: Slope) -> None:
-    tilt, side = math.radians(settings.angle), math.radians(settings.side_angle)
-    if side != 0.0:
+    if settings.side_deg != 0.0:
         # Ground that rises to the side does so from the start: there is no level part to leave.
-        _add_ground(spec, settings.friction, name="slope", quat=_tilt(tilt, side))
+        quat = tilt(math.radians(settings.rise_deg), math.radians(settings.side_deg))
+        add_plane(spec, Surface(settings.friction), "slope", quat)
         return
-    _add_ground(spec, settings.friction, name="ground", end=settings.start)
-    _add_ramp(spec, settings.friction, settings.start, 60.0, tilt, _tilt(tilt, 0.0))
+    level = Stretch(length=settings.start, friction=settings.friction)
+    rising = Stretch(length=FAR, rise_deg=settings.rise_deg, friction=settings.friction)
+    add_stretches(spec, (level, rising), 0)
 
 
-def _tilt(rise_ahead: float, rise_left: float) -> list[float]:
-    pitch = np.array([math.cos(rise_ahead / 2), 0.0, -math.sin(rise_ahead / 2), 0.0])
-    roll = np.array([math.cos(rise_left / 2), math.sin(rise_left / 2), 0.0, 0.0])
-    quaternion = np.zeros(4)
-    mujoco.mju_mulQuat(quaternion, pitch, roll)
-    return list(quaternion.tolist())
+def _grass(spec: mujoco.MjSpec, settings: Grass) -> None:
+    _add_ahead(spec, settings, "grass", ("friction", "sinking", "uneven"))
 
 
-def _add_ground(
+def _snow(spec: mujoco.MjSpec, settings: Snow) -> None:
+    _add_ahead(spec, settings, "snow", ("friction", "sinking", "uneven"))
+
+
+def _sand(spec: mujoco.MjSpec, settings: Sand) -> None:
+    if settings.shoes:
+        settings = _carried_by_shoes(settings)
+        _put_on_shoes(spec)
+    _add_ahead(spec, settings, "sand", ("friction", "sinking", "heel_dig", "uneven"))
+
+
+def _debris(spec: mujoco.MjSpec, settings: Debris) -> None:
+    _add_ahead(spec, settings, "burn", ("friction", "branches", "branch_low", "branch_high"))
+
+
+def _add_ahead(
     spec: mujoco.MjSpec,
-    friction: float,
-    *,
-    name: str,
-    quat: list[float] | None = None,
-    end: float | None = None,
+    settings: Grass | Snow | Sand | Debris,
+    surface: str,
+    names: tuple[str, ...],
 ) -> None:
-    """Add level ground, on and on or up to `end` ahead (m); or a plane tilted by `quat`."""
-    finite = end is not None
+    """Concrete up to `start`, then the surface for 30 m, then the same without anything on it."""
+    figures = {name: getattr(settings, name) for name in names}
+    ground = replace_checked(SURFACES[surface], rise_deg=settings.rise_deg, length=30.0, **figures)
+    add_stretches(spec, (Stretch(length=settings.start), ground), settings.seed)
+
+
+def _step(spec: mujoco.MjSpec, settings: Step) -> None:
+    level = Stretch(length=settings.start, friction=settings.friction)
+    beyond = Stretch(length=FAR, step=settings.height, friction=settings.friction)
+    add_stretches(spec, (level, beyond), 0)
+
+
+def _rough(spec: mujoco.MjSpec, settings: Rough) -> None:
+    add_rough(spec, settings)
+
+
+def _pillar(spec: mujoco.MjSpec, settings: Pillar) -> None:
+    add_plane(spec, Surface(settings.friction), "ground")
+    _add_pillar(spec, settings, "pillar")
+
+
+def _add_pillar(spec: mujoco.MjSpec, settings: Pillar, name: str) -> None:
     geom = spec.worldbody.add_geom(
         name=name,
-        type=mujoco.mjtGeom.mjGEOM_BOX if finite else mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[30.0, 30.0, 0.5] if finite else [0.0, 0.0, 0.1],
-        pos=[0.0, 0.0, 0.0] if end is None else [end - 30.0, 0.0, -0.5],
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[settings.radius, 0.5 * _PILLAR_HEIGHT, 0.0],
+        pos=[settings.x, settings.y, 0.5 * _PILLAR_HEIGHT],
     )
-    if quat is not None:
-        geom.quat = quat
-    _make_ground(geom, friction)
+    make_ground(spec, geom, Surface(settings.friction, 0.0, (0.8, 0.78, 0.75, 1.0)))
 
 
-def _add_ramp(
+def _course(spec: mujoco.MjSpec, settings: Course) -> None:
+    stretches = settings.stretches
+    if settings.shoes:
+        stretches = tuple(_carried_by_shoes(stretch) for stretch in stretches)
+        _put_on_shoes(spec)
+    add_stretches(spec, stretches, settings.seed)
+    for index, pillar in enumerate(settings.pillars):
+        _add_pillar(spec, pillar, f"pillar_{index}")
+
+
+def _block(spec: mujoco.MjSpec, settings: Block) -> None:
+    add_plane(spec, Surface(settings.friction), "ground")
+    side = 1.0 if settings.side == "left" else -1.0
+    body = spec.worldbody.add_body(name=_MOVING, mocap=True, pos=[0.0, side * _BLOCK_Y, 0.0])
+    _add_box(body, spec, _BLOCK_SIZE, Surface(settings.friction, 0.0, (0.75, 0.55, 0.4, 1.0)))
+
+
+def _tilting(spec: mujoco.MjSpec, settings: Tilting) -> None:
+    body = spec.worldbody.add_body(name=_MOVING, mocap=True)
+    _add_box(body, spec, (10.0, 10.0, 0.5), Surface(settings.friction))
+
+
+def _add_box(
+    body: mujoco.MjsBody,
     spec: mujoco.MjSpec,
-    friction: float,
-    start: float,
-    length: float,
-    tilt: float,
-    quat: list[float],
+    size: tuple[float, float, float],
+    surface: Surface,
 ) -> None:
-    # The box's upper edge near the robot lies on the end of the level part.
-    half, thick = length / 2, 0.5
-    centre_x = start + half * math.cos(tilt) + thick * math.sin(tilt)
-    centre_z = half * math.sin(tilt) - thick * math.cos(tilt)
-    geom = spec.worldbody.add_geom(
-        name="slope",
+    """A box whose upper face holds the origin of its body."""
+    geom = body.add_geom(
+        name=f"{body.name}_box",
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[half, 30.0, thick],
-        pos=[centre_x, 0.0, centre_z],
-        quat=quat,
+        size=size,
+        pos=[0.0, 0.0, -size[2]],
     )
-    _make_ground(geom, friction)
+    make_ground(spec, geom, surface)
 
 
-def _make_ground(geom: mujoco.MjsGeom, friction: float) -> None:
-    # Priority makes the ground's friction count; else the larger one of two geoms does.
-    geom.priority = 1
-    geom.friction = [friction, 0.005, 0.0001]
-    geom.solref = [0.005, 1.0]
-    geom.condim = 3
-    geom.contype = 1
-    geom.conaffinity = 15
-    geom.material = "ground"
+def _put_on_shoes(spec: mujoco.MjSpec) -> None:
+    """Give both ends of each foot the width of a shoe: cylinders with round ends across it."""
+    for leg in LEGS:
+        for end in ("heel", "toe"):
+            geom = spec.geom(f"{leg}_{end}")
+            geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+            geom.size = [geom.size[0], 0.5 * SHOE_WIDTH - geom.size[0], 0.0]
+
+
+def _carried_by_shoes(ground: SoftT) -> SoftT:
+    """The same ground under shoes: sinking goes with pressure, so with the width of the sole."""
+    share = 2.0 * robot.SOLE_RADIUS / SHOE_WIDTH
+    figures = {"sinking": share * ground.sinking, "heel_dig": share * ground.heel_dig}
+    return replace_checked(ground, **figures)
 
 
 def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
-    spec.add_texture(
-        name="ground",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.86, 0.87, 0.88],
-        rgb2=[0.78, 0.80, 0.82],
-        width=256,
-        height=256,
-    )
+    add_texture(spec)
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -153,8 +243,6 @@ def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
         width=128,
         height=128,
     )
-    material = spec.add_material(name="ground", texrepeat=[1.0, 1.0], texuniform=True)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground"
     # Light and camera go along with the pelvis, or shadows would stay behind.
     pelvis = spec.body("pelvis")
     pelvis.add_light(
@@ -173,4 +261,19 @@ def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
     )
 
 
-_BUILDERS: dict[str, Callable[..., None]] = {"flat": _flat, "slope": _slope}
+SCENES: dict[str, tuple[type[Any], Callable[..., None]]] = {
+    "flat": (Flat, _flat),
+    "slope": (Slope, _slope),
+    "grass": (Grass, _grass),
+    "snow": (Snow, _snow),
+    "waxed_floor": (WaxedFloor, _waxed_floor),
+    "sand": (Sand, _sand),
+    "debris": (Debris, _debris),
+    "step": (Step, _step),
+    "rough": (Rough, _rough),
+    "pillar": (Pillar, _pillar),
+    "course": (Course, _course),
+    "block": (Block, _block),
+    "tilting": (Tilting, _tilting),
+}
+"""Parameters and builder of each scene by its name."""

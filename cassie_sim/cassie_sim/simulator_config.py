@@ -36,9 +36,11 @@ _OTHER_KEYS = (
 class SimulatorConfig(PlantConfig):
     """Parameters of the simulator node."""
 
-    scene: str = tunable("flat", description="Ground under the robot: flat, slope", live=False)
+    scene: str = tunable(
+        "flat", description="Ground under the robot: flat, slope, grass, sand, ...", live=False
+    )
     scene_parameters: str = tunable(
-        "", description="Parameters of the scene, as YAML: {angle: 5.0}", live=False
+        "", description="Parameters of the scene, as YAML: {rise_deg: 5.0}", live=False
     )
     start: str = tunable(
         "gantry", choices=STARTS, description="Pose at the start of an episode", live=False

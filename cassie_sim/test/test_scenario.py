@@ -52,7 +52,7 @@ def test_sections_and_events_arrive():
     scenario = Scenario.from_mapping(
         {
             "scene": "slope",
-            "scene_parameters": {"angle": 5},
+            "scene_parameters": {"rise_deg": 5},
             "start": "standing",
             "draw": {"mass": 1.01},
             "delays": {"set_point": 0.01},
@@ -65,7 +65,7 @@ def test_sections_and_events_arrive():
             "faults": [{"t": 1, "channel": "drive_position.3", "kind": "stuck"}],
         }
     )
-    assert scenario.scene_parameters == {"angle": 5}
+    assert scenario.scene_parameters == {"rise_deg": 5}
     assert (scenario.draw.mass, scenario.delays.set_point, scenario.model.mass) == (1.01, 0.01, 1.1)
     assert [push.t for push in scenario.pushes] == [2.0, 5.0]
     assert scenario.pushes[1].force == (1.0, 2.0, 3.0)

@@ -15,11 +15,15 @@ from cassie_sim.simulator_config import SimulatorConfig, load_scenario, scenario
 
 def test_parameters_make_a_scenario() -> None:
     config = replace(
-        SimulatorConfig(), scene="slope", scene_parameters="{angle: 3.0}", start="standing", seed=4
+        SimulatorConfig(),
+        scene="slope",
+        scene_parameters="{rise_deg: 3.0}",
+        start="standing",
+        seed=4,
     )
     scenario = scenario_of(config)
     assert scenario.scene == "slope"
-    assert scenario.scene_parameters == {"angle": 3.0}
+    assert scenario.scene_parameters == {"rise_deg": 3.0}
     assert scenario.start == "standing"
     assert scenario.draw == Draw.from_seed(4)
 
@@ -65,8 +69,8 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     ("changes", "words"),
     [
         ({"scene": "moon"}, "moon"),
-        ({"scene": "slope", "scene_parameters": "{angel: 3.0}"}, "angle"),
-        ({"scene": "slope", "scene_parameters": "{angle: 80.0}"}, "80 deg is outside -30 .. 30"),
+        ({"scene": "slope", "scene_parameters": "{rise: 3.0}"}, "rise_deg"),
+        ({"scene": "slope", "scene_parameters": "{rise_deg: 80.0}"}, "80 deg is outside -30 .. 30"),
     ],
 )
 def test_a_wrong_scene_is_refused(changes: dict[str, str], words: str) -> None:

@@ -1,0 +1,156 @@
+"""What the ground is made of: friction, and how far a foot sinks in.
+
+Hard ground is MuJoCo's stiff contact. Soft ground is a force law at each end of each foot, made
+of the same contact with another impedance. With MuJoCo's impedance d(r) at a depth r, which
+rises from d0 to d1 over `width`, and the inverse weight w of the foot, the force is
+
+    F = s r d^2 / (d1^2 (1 - d) w) + c v d / (d1 (1 - d) w),
+
+and soil of the mass d / ((1 - d) w), some 0.6 kg, moves along. So stiffness rises about
+twelvefold over the depth, and damping dissipates what the foot brings: the ground yields within
+some hundredths of a second, and a foot that rises leaves it at once, since it follows no faster
+than s/c. s is chosen so that a foot which carries the robot's weight, half on each end, sinks
+by `sinking`. Friction is Coulomb's, with an elliptic cone.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from cassie_gaits import robot
+from cassie_gaits.names import LEGS
+from cassie_sim.robot_mjcf import robot_model
+
+GROUND_GROUP = 2
+"""Group of all ground geoms, for rays that shall see nothing else."""
+
+GRAVITY = 9.81
+
+_HARD_SOLREF = (0.005, 1.0)
+_SOFT_IMPEDANCE = (0.3, 0.7)
+_SOFT_DAMPING = 700.0  # c, in 1/s; explicit at 2 kHz, so it must stay well below 2000
+_WIDTH = 2.0  # depth at which the impedance is highest, by `sinking`
+_HARDER_FRICTION = 10.0  # friction regularized less than the soft normal, or feet would creep
+
+_PELVIS = 8  # its bit, see robot_mjcf
+_TEXTURE = "ground"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What one piece of ground is made of.
+
+    Attributes:
+        friction: Coulomb friction.
+        sinking: Depth to which a foot sinks that carries the robot's weight; 0 is hard. In m.
+        colour: Red, green, blue, opacity.
+    """
+
+    friction: float
+    sinking: float = 0.0
+    colour: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+
+
+def add_plane(
+    spec: mujoco.MjSpec, surface: Surface, name: str, quat: Sequence[float] | None = None
+) -> mujoco.MjsGeom:
+    """An endless plane through the origin; level, or turned by `quat` (w x y z)."""
+    geom = spec.worldbody.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1]
+    )
+    if quat is not None:
+        geom.quat = list(quat)
+    make_ground(spec, geom, surface)
+    return geom
+
+
+def make_ground(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, surface: Surface) -> None:
+    """Give a geom the contact and the looks of a surface."""
+    # Priority makes the ground's figures count; else the larger friction of two geoms does.
+    geom.priority = 1
+    geom.friction = [surface.friction, 0.005, 0.0001]
+    geom.condim = 3
+    geom.contype = 1
+    geom.conaffinity = 15
+    geom.group = GROUND_GROUP
+    geom.material = _TEXTURE
+    geom.rgba = surface.colour
+    if surface.sinking > 0.0:
+        geom.solref, geom.solimp = soft_contact(surface.sinking)
+        spec.option.impratio = _HARDER_FRICTION
+    else:
+        geom.solref = _HARD_SOLREF
+
+
+def carry_only(
+    spec: mujoco.MjSpec, geom: mujoco.MjsGeom, ends: Sequence[str] = ("heel", "toe")
+) -> None:
+    """Let soft ground carry only these ends of the feet, and the pelvis; legs cut through it.
+
+    Without it the lower end of the tarsus, 2 cm above the sole, would hold up a sinking foot.
+    """
+    kinds = {}
+    for bit, (leg, end) in enumerate((leg, end) for leg in LEGS for end in ("heel", "toe")):
+        kinds[leg, end] = 16 << bit
+        spec.geom(f"{leg}_{end}").contype = kinds[leg, end]
+    _keep_legs_apart(spec, kinds)
+    geom.contype = 0
+    geom.conaffinity = _PELVIS | sum(kinds[leg, end] for leg in LEGS for end in ends)
+
+
+def _keep_legs_apart(spec: mujoco.MjSpec, kinds: Mapping[tuple[str, str], int]) -> None:
+    """Each leg still meets the other's foot, which now has bits of its own."""
+    for geom in spec.geoms:
+        for leg, other in zip(LEGS, reversed(LEGS), strict=True):
+            if geom.parent.name.startswith(leg) and not geom.name and geom.contype:
+                geom.conaffinity |= kinds[other, "heel"] | kinds[other, "toe"]
+
+
+def soft_contact(sinking: float) -> tuple[list[float], list[float]]:
+    """MuJoCo's solref and solimp of ground into which a foot sinks.
+
+    Args:
+        sinking: Under half of the robot's weight on each end of one foot. In m.
+    """
+    low, high = _SOFT_IMPEDANCE
+    width = _WIDTH * sinking
+    d = low + (high - low) * sinking / width
+    per_end = 0.5 * robot.total_mass() * GRAVITY
+    stiffness = per_end / sinking * high**2 * (1.0 - d) * _inverse_weight() / d**2
+    return [-stiffness, -_SOFT_DAMPING * high], [low, high, width, 0.5, 1.0]
+
+
+@functools.cache
+def _inverse_weight() -> float:
+    """MuJoCo's inverse weight of a foot. In 1/kg."""
+    model = robot_model()
+    return float(model.body_invweight0[model.body("left_toe").id, 0])
+
+
+def add_texture(spec: mujoco.MjSpec) -> None:
+    """The ground's checker pattern, one square a metre; surfaces tint it."""
+    spec.add_texture(
+        name=_TEXTURE,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.86, 0.87, 0.88],
+        rgb2=[0.78, 0.80, 0.82],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name=_TEXTURE, texrepeat=[1.0, 1.0], texuniform=True)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _TEXTURE
+
+
+def tilt(rise_ahead: float, rise_left: float) -> list[float]:
+    """Rotation of ground that rises ahead and to the left (rad), as w x y z."""
+    pitch = np.array([np.cos(rise_ahead / 2), 0.0, -np.sin(rise_ahead / 2), 0.0])
+    roll = np.array([np.cos(rise_left / 2), np.sin(rise_left / 2), 0.0, 0.0])
+    quaternion = np.zeros(4)
+    mujoco.mju_mulQuat(quaternion, pitch, roll)
+    return list(quaternion.tolist())

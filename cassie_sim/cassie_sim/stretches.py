@@ -1,0 +1,255 @@
+"""Ground in stretches along x: each with its own surface, rise, step, bumps and branches."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from cassie_msgs.tunables import (
+    ParameterError,
+    from_mapping,
+    replace_checked,
+    tunable,
+    unknown_name,
+)
+from cassie_sim.ground import Surface, carry_only, make_ground, tilt
+
+FloatArray = npt.NDArray[np.float64]
+
+BEHIND = 30.0
+"""How far the first stretch reaches behind the start. In m."""
+
+_HALF_WIDTH = 20.0
+_THICKNESS = 1.0
+_OVERLAP = 0.3  # a foot deep in soft ground must not find the side of its box
+_BOTTOM = 2.5  # depth of hard ground below soft ground, by its sinking
+_COVERED = 2.0  # bumps and branches lie this far to both sides, in m
+_BUMP_RADIUS = (0.15, 0.35)
+_BUMPS_PER_AREA = 6.0
+_BRANCH_LENGTH = (0.4, 1.4)
+_WOOD = (0.36, 0.25, 0.16, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A stretch of ground. Its surface gives what is not said."""
+
+    surface: str = tunable("concrete", description="What it is made of")
+    length: float = tunable(5.0, "m", 0.3, 200.0, "Along the ground")
+    rise_deg: float = tunable(0.0, "deg", -30.0, 30.0, "Rise ahead; negative goes down")
+    step: float = tunable(0.0, "m", -0.3, 0.3, "Step at its beginning; negative goes down")
+    friction: float = tunable(1.0, "", 0.05, 3.0, "Coulomb friction")
+    sinking: float = tunable(0.0, "m", 0.0, 0.15, "Depth to which a foot with the weight sinks")
+    heel_dig: float = tunable(0.0, "m", 0.0, 0.3, "How much deeper its heel does")
+    uneven: float = tunable(0.0, "m", 0.0, 0.05, "Bumps up and hollows down by this much")
+    branches: float = tunable(0.0, "1/m", 0.0, 20.0, "Branches across the way on each metre")
+    branch_low: float = tunable(0.02, "m", 0.005, 0.1, "Thinnest branch")
+    branch_high: float = tunable(0.04, "m", 0.005, 0.1, "Thickest branch")
+
+
+SURFACES: Mapping[str, Stretch] = {
+    "concrete": Stretch(surface="concrete", friction=1.0),
+    "waxed": Stretch(surface="waxed", friction=0.25),
+    "grass": Stretch(surface="grass", friction=0.8, sinking=0.02, uneven=0.02),
+    "snow": Stretch(surface="snow", friction=0.3, sinking=0.02, uneven=0.005),
+    "sand": Stretch(surface="sand", friction=0.6, sinking=0.06, uneven=0.01),
+    "burn": Stretch(surface="burn", friction=0.7, sinking=0.01, uneven=0.01, branches=3.0),
+}
+"""What each surface is unless a stretch says otherwise."""
+
+COLOURS = {
+    "concrete": (1.0, 1.0, 1.0, 1.0),
+    "waxed": (0.95, 0.88, 0.72, 1.0),
+    "grass": (0.48, 0.72, 0.35, 1.0),
+    "snow": (1.1, 1.12, 1.17, 1.0),
+    "sand": (0.98, 0.85, 0.58, 1.0),
+    "burn": (0.45, 0.42, 0.38, 1.0),
+}
+
+
+def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
+    """A stretch from a mapping as YAML gives it.
+
+    Raises:
+        ParameterError: naming the key, its value and what is permitted.
+    """
+    name = mapping.get("surface", "concrete")
+    if name not in SURFACES:
+        raise ParameterError(f"{where}: {unknown_name(str(name), SURFACES, 'surface')}")
+    try:
+        given = dataclasses.asdict(from_mapping(Stretch, mapping))
+        stretch = replace_checked(SURFACES[name], **{key: given[key] for key in mapping})
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from None
+    if stretch.branch_low > stretch.branch_high:
+        raise ParameterError(
+            f"{where}: branch_low = {stretch.branch_low:g} m is above "
+            f"branch_high = {stretch.branch_high:g} m"
+        )
+    return stretch
+
+
+def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) -> None:
+    """Lay stretches one behind the other; the first begins behind the robot, level with it.
+
+    Args:
+        spec: Gets the ground.
+        stretches: From the start on. The first one's length counts from the robot.
+        seed: Of bumps and branches.
+    """
+    rng = np.random.default_rng(seed)
+    x = z = 0.0
+    for index, stretch in enumerate(stretches):
+        z += stretch.step
+        rise = math.radians(stretch.rise_deg)
+        before = BEHIND if index == 0 else _overlap_before(stretches[index - 1], stretch)
+        following = stretches[index + 1] if index + 1 < len(stretches) else None
+        frame = _Frame(x, z, rise)
+        surface = Surface(stretch.friction, stretch.sinking, COLOURS[stretch.surface])
+        _add_box(
+            spec,
+            f"stretch_{index}",
+            frame,
+            stretch,
+            surface,
+            before,
+            _overlap_after(stretch, following),
+        )
+        keep_clear = 0.5 if index == 0 else 0.0
+        _add_bumps(spec, f"bump_{index}", frame, stretch, surface, rng, keep_clear)
+        _add_branches(spec, f"branch_{index}", frame, stretch, rng, keep_clear)
+        x += stretch.length * math.cos(rise)
+        z += stretch.length * math.sin(rise)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Beginning of a stretch and its rise (rad)."""
+
+    x: float
+    z: float
+    rise: float
+
+    def at(self, along: float, y: float, up: float) -> list[float]:
+        """A point of the stretch in the world."""
+        cos, sin = math.cos(self.rise), math.sin(self.rise)
+        return [self.x + along * cos - up * sin, y, self.z + along * sin + up * cos]
+
+    @property
+    def quat(self) -> list[float]:
+        """Its rotation, w x y z."""
+        return tilt(self.rise, 0.0)
+
+
+def _overlap_before(previous: Stretch, stretch: Stretch) -> float:
+    """How far a box may reach under the one before it without coming out of it. In m."""
+    if stretch.sinking == 0.0 or stretch.step > 0.0:
+        return 0.0
+    return _OVERLAP if stretch.rise_deg >= previous.rise_deg else 0.1 * _OVERLAP
+
+
+def _overlap_after(stretch: Stretch, following: Stretch | None) -> float:
+    """How far it may reach under the one behind it. In m."""
+    if following is None or stretch.sinking == 0.0 or following.step < 0.0:
+        return 0.0
+    return _OVERLAP if following.rise_deg >= stretch.rise_deg else 0.1 * _OVERLAP
+
+
+def _add_box(
+    spec: mujoco.MjSpec,
+    name: str,
+    frame: _Frame,
+    stretch: Stretch,
+    surface: Surface,
+    before: float,
+    after: float,
+) -> None:
+    half = 0.5 * (before + stretch.length + after)
+
+    low = -_THICKNESS - stretch.uneven
+
+    def add(name: str, up: float, surface: Surface) -> mujoco.MjsGeom:
+        geom = spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[half, _HALF_WIDTH, _THICKNESS],
+            pos=frame.at(half - before, 0.0, up),
+            quat=frame.quat,
+        )
+        make_ground(spec, geom, surface)
+        return geom
+
+    box = add(name, low, surface)
+    if stretch.sinking == 0.0:
+        return
+    deeper = dataclasses.replace(surface, sinking=stretch.sinking + stretch.heel_dig)
+    add(f"{name}_bottom", low - _BOTTOM * deeper.sinking, dataclasses.replace(surface, sinking=0.0))
+    carry_only(spec, box, ("toe",) if stretch.heel_dig else ("heel", "toe"))
+    if stretch.heel_dig:
+        carry_only(spec, add(f"{name}_heel", low, deeper), ("heel",))
+
+
+def _add_bumps(
+    spec: mujoco.MjSpec,
+    name: str,
+    frame: _Frame,
+    stretch: Stretch,
+    surface: Surface,
+    rng: np.random.Generator,
+    keep_clear: float,
+) -> None:
+    """Caps of large balls; ground between them lies `uneven` low, their tops as much high."""
+    if stretch.uneven == 0.0:
+        return
+    count = round(_BUMPS_PER_AREA * (stretch.length - keep_clear) * 2.0 * _COVERED)
+    for index in range(count):
+        along = float(rng.uniform(keep_clear, stretch.length))
+        y = float(rng.uniform(-_COVERED, _COVERED))
+        height = 2.0 * stretch.uneven * float(rng.uniform(0.2, 1.0))
+        foot = float(rng.uniform(*_BUMP_RADIUS))
+        radius = (foot**2 + height**2) / (2.0 * height)
+        geom = spec.worldbody.add_geom(
+            name=f"{name}_{index}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[radius, 0.0, 0.0],
+            pos=frame.at(along, y, height - stretch.uneven - radius),
+        )
+        make_ground(spec, geom, surface)
+        if surface.sinking > 0.0:
+            carry_only(spec, geom)
+
+
+def _add_branches(
+    spec: mujoco.MjSpec,
+    name: str,
+    frame: _Frame,
+    stretch: Stretch,
+    rng: np.random.Generator,
+    keep_clear: float,
+) -> None:
+    """Round branches that lie on the ground and do not roll."""
+    for index in range(round(stretch.branches * (stretch.length - keep_clear))):
+        along = float(rng.uniform(keep_clear, stretch.length))
+        y = float(rng.uniform(-_COVERED, _COVERED))
+        radius = 0.5 * float(rng.uniform(stretch.branch_low, stretch.branch_high))
+        half = 0.5 * float(rng.uniform(*_BRANCH_LENGTH))
+        turn = float(rng.uniform(-math.pi / 3.0, math.pi / 3.0))
+        ahead, left = half * math.sin(turn), half * math.cos(turn)
+        up = radius - stretch.uneven
+        geom = spec.worldbody.add_geom(
+            name=f"{name}_{index}",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            size=[radius, 0.0, 0.0],
+            fromto=[
+                *frame.at(along - ahead, y - left, up),
+                *frame.at(along + ahead, y + left, up),
+            ],
+        )
+        make_ground(spec, geom, Surface(stretch.friction, 0.0, _WOOD))
