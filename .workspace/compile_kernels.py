@@ -2,7 +2,8 @@
 
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
-from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.layout import Mode, RobotMode
 from cassie_sim.plant import Plant, PlantConfig
@@ -13,11 +14,13 @@ TICKS = 500
 
 library = load_library(default_library_path())
 plant = Plant(PlantConfig(), Scenario(start="standing"))
-estimator = KinematicEstimator(EstimatorConfig(), PERIOD)
+estimators = [make_estimator(EstimatorConfig(estimator=name), PERIOD) for name in ESTIMATORS]
 controller = GaitController(ControllerConfig(), library, PERIOD)
 mode = Mode()
 mode.height[...] = 0.95
 plant.power(True)
 for tick in range(TICKS):
     mode.mode[...] = RobotMode.STAND if tick < TICKS // 5 else RobotMode.WALK
-    plant.step(controller.step(estimator.step(plant.sense()), mode))
+    sample = plant.sense()
+    states = [estimator.step(sample) for estimator in estimators]
+    plant.step(controller.step(states[0], mode))

@@ -10,7 +10,8 @@ import numpy as np
 
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
-from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
 from cassie_gaits.names import LEGS
@@ -24,7 +25,7 @@ PERIOD = 0.002
 
 @dataclass
 class Moment:
-    """One tick: time in s, true pose and forces, estimate, what the controller did.
+    """One tick: time in s, true pose and forces, estimate, what the controller did, its sample.
 
     `position` in m, `angles` yaw, pitch, roll in rad, `velocity` in m/s and `forces` in N are true.
     """
@@ -38,6 +39,7 @@ class Moment:
     v: np.ndarray
     foot_force: np.ndarray
     activity: str
+    sample: bytes
 
 
 class Robot:
@@ -52,7 +54,7 @@ class Robot:
         record: bool = False,
     ) -> None:
         self.plant = Plant(PlantConfig(sensors=sensors), scenario)
-        self.estimator = KinematicEstimator(EstimatorConfig(), PERIOD)
+        self.estimator = make_estimator(EstimatorConfig(), PERIOD)
         self.controller = GaitController(
             config or ControllerConfig(), provisional_library(), PERIOD
         )
@@ -91,7 +93,10 @@ class Robot:
 
     def _tick(self) -> None:
         plant = self.plant
-        state = self.state = self.estimator.step(plant.sense())
+        sensors = plant.sense()
+        if self._record:
+            self._sample = sensors.to_bytes()
+        state = self.state = self.estimator.step(sensors)
         if plant.seq % PERIOD_TICKS == 0:
             self._mode.copy_from(self._next_mode)
             plant.power(bool(self.operator.power))
@@ -120,6 +125,7 @@ class Robot:
             v=state.v.copy(),
             foot_force=state.foot_force.copy(),
             activity=self.controller.activity.value,
+            sample=self._sample,
         )
 
     def _ground_forces(self) -> np.ndarray:

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
-from cassie_gaits.leg_kernels import leg_kinematics, spring_force
+from cassie_gaits.leg_kernels import both_legs, leg_kinematics, spring_force
 from cassie_gaits.leg_records import LEG_TYPE, STATE_TYPE, RecordArray
 from cassie_gaits.linkage import heel_loop, link_rotation, pin_in_target
-from cassie_gaits.names import LEG_JOINTS
+from cassie_gaits.names import LEG_JOINTS, LEGS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -115,6 +115,34 @@ class LegChain:
             deflection q4 + q5 + q6 - 13 degrees (eq:SpringJacobian) is not used: see `linkage`.
         """
         return spring_force(self._leg, self.state.records, toe_torque, up)
+
+
+class LegPair:
+    """Both legs at once, in one call of compiled code.
+
+    Attributes:
+        states: Kinematics of left and right, see `LegState`, as numpy's records. Shape (2,).
+        forces: Of the ground on each foot against gravity. Shape (2,), in N.
+    """
+
+    def __init__(self) -> None:
+        self._legs = np.concatenate([_leg_record(leg) for leg in LEGS])
+        self._loop = heel_loop()
+        self.states: RecordArray = np.zeros(2, STATE_TYPE)
+        self.forces = np.zeros(2)
+
+    def update(
+        self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
+    ) -> None:
+        """Kinematics and forces (see `LegChain.force`) at a measured pose.
+
+        Args:
+            joints: Shape (2, 7), in rad.
+            rates: Shape (2, 7), in rad/s.
+            toe_torques: Of the toe drives at the joint. Shape (2,), in Nm.
+            up: Unit vector against gravity in the pelvis frame. Shape (3,).
+        """
+        both_legs(joints, rates, toe_torques, up, self._legs, self._loop, self.states, self.forces)
 
 
 def _leg_record(name: str) -> RecordArray:

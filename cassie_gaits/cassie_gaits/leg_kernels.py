@@ -248,3 +248,32 @@ def spring_force(
     x = (bb * shin - ab * tarsus) / determinant
     y = (aa * tarsus - ab * shin) / determinant
     return _plus(_times(x, by_shin), _times(y, by_tarsus))
+
+
+@compiled
+def both_legs(
+    joints: FloatArray,
+    rates: FloatArray,
+    toe_torques: FloatArray,
+    up: FloatArray,
+    legs: RecordArray,
+    loop: RecordArray,
+    states: RecordArray,
+    forces: FloatArray,
+) -> None:
+    """Kinematics and spring force of both legs.
+
+    Args:
+        joints: Shape (2, 7), in rad.
+        rates: Shape (2, 7), in rad/s.
+        toe_torques: Shape (2,), in Nm.
+        up: Unit vector against gravity in the pelvis frame. Shape (3,).
+        legs: Left and right. Shape (2,).
+        loop: Achilles rod, the same for both. Shape (1,).
+        states: Result: their kinematics. Shape (2,).
+        forces: Result: of the ground on each foot along `up`. Shape (2,), in N.
+    """
+    for i in range(2):
+        leg, state = legs[i : i + 1], states[i : i + 1]
+        leg_kinematics(joints[i], rates[i], leg, loop, state)
+        forces[i] = _dot(up, spring_force(leg, state, toe_torques[i], up))

@@ -9,7 +9,7 @@ import pytest
 
 from cassie_gaits import robot
 from cassie_gaits.dynamics import Dynamics
-from cassie_gaits.leg_chain import LegChain
+from cassie_gaits.leg_chain import LegChain, LegPair
 from cassie_gaits.linkage import heel_angle_and_slopes
 from cassie_gaits.names import COORDINATES, LEGS
 
@@ -120,3 +120,19 @@ def test_force_stays_finite_wherever_the_joints_go():
         assert np.isfinite(chain.force(0.0, UP)).all()
         assert np.isfinite(state.springs).all()
         assert np.abs(state.heel_gradient).max() < 1000.0
+
+
+def test_both_legs_at_once_are_the_two_of_them():
+    pair, rates = LegPair(), np.random.default_rng(1).normal(0.0, 1.0, (2, 7))
+    joints = np.array(
+        [bent(0.1, -0.1, 0.0, 0.0, -0.03, 0.02, 0.1), bent(0.0, 0.1, 0.2, 0.0, -0.02, 0.0, 0.0)]
+    )
+    torques, up = np.array([3.0, -2.0]), np.array([0.1, -0.05, math.sqrt(1.0 - 0.0125)])
+    pair.update(joints, rates, torques, up)
+    for i, name in enumerate(LEGS):
+        leg = LegChain(name)
+        alone = leg.update(joints[i], rates[i])
+        assert (pair.states["foot"][i] == alone.foot).all()
+        assert (pair.states["com_rate"][i] == alone.com_rate).all()
+        force = np.dot(up, leg.force(torques[i], up))
+        assert pair.forces[i] == pytest.approx(force, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Arithmetic of the estimator, compiled. All arrays are float64 and written in place."""
+"""The pelvis from either estimator, and the CoM, compiled. Results are written in place."""
 
 from __future__ import annotations
 
@@ -11,51 +11,13 @@ import numpy.typing as npt
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
+RecordArray = npt.NDArray[np.void]
 
 GRAVITY = 9.81
 SOLE_RADIUS = 0.02
+_VELOCITY, _POSITION, _GYRO_BIAS = 3, 6, 15  # rows of the covariance, see `filter_kernels`
 _HANGING_LEAK = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
 _ACCELERATION_VARIANCE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
-
-
-@compiled
-def euler_angles(
-    orientation: FloatArray,
-    angular_velocity: FloatArray,
-    rotation: FloatArray,
-    angles: FloatArray,
-    rates: FloatArray,
-) -> None:
-    """Rotation matrix, z-y-x Euler angles and their rates.
-
-    Args:
-        orientation: Pelvis to world, x y z w. Shape (4,).
-        angular_velocity: Pelvis frame. Shape (3,), in rad/s.
-        rotation: Result, pelvis to world. Shape (3, 3).
-        angles: Result, yaw, pitch, roll. Shape (3,), in rad.
-        rates: Result, their time derivatives. Shape (3,), in rad/s.
-    """
-    x, y, z, w = orientation[0], orientation[1], orientation[2], orientation[3]
-    scale = 2.0 / (x * x + y * y + z * z + w * w)
-    rotation[0, 0] = 1.0 - scale * (y * y + z * z)
-    rotation[0, 1] = scale * (x * y - w * z)
-    rotation[0, 2] = scale * (x * z + w * y)
-    rotation[1, 0] = scale * (x * y + w * z)
-    rotation[1, 1] = 1.0 - scale * (x * x + z * z)
-    rotation[1, 2] = scale * (y * z - w * x)
-    rotation[2, 0] = scale * (x * z - w * y)
-    rotation[2, 1] = scale * (y * z + w * x)
-    rotation[2, 2] = 1.0 - scale * (x * x + y * y)
-    sine = max(-1.0, min(1.0, -rotation[2, 0]))
-    angles[0] = math.atan2(rotation[1, 0], rotation[0, 0])
-    angles[1] = math.asin(sine)
-    angles[2] = math.atan2(rotation[2, 1], rotation[2, 2])
-    c_roll, s_roll = math.cos(angles[2]), math.sin(angles[2])
-    c_pitch = max(0.05, math.cos(angles[1]))  # a robot on its nose has fallen long before
-    turning = s_roll * angular_velocity[1] + c_roll * angular_velocity[2]
-    rates[0] = turning / c_pitch
-    rates[1] = c_roll * angular_velocity[1] - s_roll * angular_velocity[2]
-    rates[2] = angular_velocity[0] + turning * math.sin(angles[1]) / c_pitch
 
 
 @compiled
@@ -172,9 +134,8 @@ def com_in_heading(
     yaw: float,
     omega: FloatArray,
     velocity: FloatArray,
-    feet: FloatArray,
-    moment: FloatArray,
-    moment_rate: FloatArray,
+    legs: RecordArray,
+    pelvis_moment: FloatArray,
     mass: float,
     com_position: FloatArray,
     com_velocity: FloatArray,
@@ -186,24 +147,19 @@ def com_in_heading(
         yaw: In rad.
         omega: Angular velocity, pelvis frame. Shape (3,), in rad/s.
         velocity: Of the pelvis in the world. Shape (3,), in m/s.
-        feet: Middle of each sole in the pelvis. Shape (2, 3), in m.
-        moment: Sum of mass times position, pelvis frame. Shape (3,), in kg m.
-        moment_rate: Its rate against the pelvis. Shape (3,), in kg m/s.
+        legs: Kinematics of both, see `leg_chain.LegPair`. Shape (2,).
+        pelvis_moment: Mass times centre of mass of the pelvis. Shape (3,), in kg m.
         mass: Of the robot. In kg.
         com_position: Result. Shape (3,), in m.
         com_velocity: Result. Shape (3,), in m/s.
     """
-    com = (moment[0] / mass, moment[1] / mass, moment[2] / mass)
-    offset = (
-        com[0] - 0.5 * (feet[0, 0] + feet[1, 0]),
-        com[1] - 0.5 * (feet[0, 1] + feet[1, 1]),
-        com[2] - 0.5 * (feet[0, 2] + feet[1, 2]),
-    )
-    drift = (
-        moment_rate[0] / mass + _swept(omega, com, 0),
-        moment_rate[1] / mass + _swept(omega, com, 1),
-        moment_rate[2] / mass + _swept(omega, com, 2),
-    )
+    left, right = legs[0], legs[1]
+    com, offset, drift = np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        com[k] = (pelvis_moment[k] + left.com_moment[k] + right.com_moment[k]) / mass
+        offset[k] = com[k] - 0.5 * (left.foot[k] + right.foot[k])
+    for k in range(3):
+        drift[k] = (left.com_rate[k] + right.com_rate[k]) / mass + _swept(omega, com, k)
     c, s = math.cos(yaw), math.sin(yaw)
     px, py = _rotated(rotation, offset, 0), _rotated(rotation, offset, 1)
     vx = velocity[0] + _rotated(rotation, drift, 0)
@@ -214,3 +170,65 @@ def com_in_heading(
     com_velocity[0] = c * vx + s * vy
     com_velocity[1] = c * vy - s * vx
     com_velocity[2] = velocity[2] + _rotated(rotation, drift, 2)
+
+
+@compiled
+def read_pelvis(
+    filters: RecordArray,
+    noises: RecordArray,
+    imu: FloatArray,
+    load: FloatArray,
+    height_bandwidth: float,
+    angular_velocity: FloatArray,
+    ground: FloatArray,
+    rate: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """The pelvis's origin from the filter's IMU.
+
+    Args:
+        filters: State. Shape (1,).
+        noises: Figures. Shape (1,).
+        imu: Position of the IMU in the pelvis. Shape (3,), in m.
+        load: Of each foot, 0..1. Shape (2,).
+        height_bandwidth: In 1/s.
+        angular_velocity: Measured. Shape (3,), in rad/s.
+        ground: State: height of the ground under the loaded feet. Shape (1,), in m.
+        rate: Result: angular velocity less its bias. Shape (3,), in rad/s.
+        position: Result: in the world, the height above `ground`. Shape (3,), in m.
+        velocity: Result: in the world. Shape (3,), in m/s.
+        covariance: Result: diagonal as in RobotState.msg. Shape (12,).
+    """
+    state, noise = filters[0], noises[0]
+    P, R = state.covariance, state.rotation
+    for k in range(3):
+        rate[k] = angular_velocity[k] - state.gyro_bias[k]
+    swept = (_swept(rate, imu, 0), _swept(rate, imu, 1), _swept(rate, imu, 2))
+    total = load[0] + load[1]
+    if total > 0.0:
+        sole = (load[0] * state.points[2, 2] + load[1] * state.points[3, 2]) / total
+        follow = 1.0 - math.exp(-height_bandwidth * min(1.0, total) * noise.period)
+        ground[0] += follow * (sole - noise.sole_radius - ground[0])
+    for k in range(3):
+        velocity[k] = state.points[0, k] - _rotated(R, swept, k)
+        position[k] = state.points[1, k] - _rotated(R, imu, k) - (ground[0] if k == 2 else 0.0)
+        covariance[k] = _point_variance(P, state.points[1], _POSITION, k)
+        covariance[6 + k] = _point_variance(P, state.points[0], _VELOCITY, k)
+        covariance[9 + k] = P[_GYRO_BIAS + k, _GYRO_BIAS + k] + noise.gyro / noise.period
+    heading = math.hypot(R[0, 0], R[1, 0])
+    c, s = (R[0, 0] / heading, R[1, 0] / heading) if heading > 0.0 else (1.0, 0.0)
+    covariance[3] = P[2, 2]
+    covariance[4] = s * s * P[0, 0] + c * c * P[1, 1] - 2.0 * s * c * P[0, 1]
+    covariance[5] = c * c * P[0, 0] + s * s * P[1, 1] + 2.0 * s * c * P[0, 1]
+
+
+@compiled
+def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
+    """Of one coordinate of x: its error is that of the filter plus rotation error x x."""
+    i, j = (k + 1) % 3, (k + 2) % 3
+    a, b = point[j], -point[i]
+    value: float = P[at + k, at + k] + 2.0 * (a * P[at + k, i] + b * P[at + k, j])
+    value += a * a * P[i, i] + b * b * P[j, j] + 2.0 * a * b * P[i, j]
+    return value

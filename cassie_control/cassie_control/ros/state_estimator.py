@@ -6,7 +6,8 @@ import time
 
 from rclpy.node import Node
 
-from cassie_control.estimator.kinematic import EstimatorConfig, KinematicEstimator
+from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.guarded import GuardedEstimator
 from cassie_control.ros.common import (
     LOOK_PERIOD,
@@ -31,7 +32,7 @@ class StateEstimator(Node):
         super().__init__("state_estimator")
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
-        self._core = KinematicEstimator(self._config, self._lane.period)
+        self._core = make_estimator(self._config, self._lane.period)
         self._estimator = GuardedEstimator(self._core)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop

@@ -90,6 +90,7 @@ class RobotState(Sample):
         ("angular_velocity", F8, 3),
         ("covariance", F8, 12),
         ("power", F8, 1),
+        ("sensor_faults", U8, 1),
     )
     q: FloatArray
     v: FloatArray
@@ -101,6 +102,7 @@ class RobotState(Sample):
     angular_velocity: FloatArray
     covariance: FloatArray
     power: FloatArray
+    sensor_faults: UInt64Array
 
 
 class Mode(Sample):

@@ -1,0 +1,137 @@
+"""What both estimators do alike: joints, leg kinematics, foot loads, Euler angles, CoM."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.errors import SensorError
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.fusion import com_in_heading
+from cassie_control.estimator.sample_kernels import (
+    arrange_joints,
+    euler_angles,
+    rotation_of,
+    weigh_feet,
+)
+from cassie_control.finite import check
+from cassie_gaits import robot
+from cassie_gaits.leg_chain import LegPair
+from cassie_msgs.layout import RobotState, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class LegEstimator:
+    """An estimator whose pelvis is left to its children.
+
+    Foot force is what the deflected springs hold (`LegChain.force`); load and contact probability
+    follow from it.
+
+    Args:
+        config: Figures.
+        period: Time between samples. In s.
+    """
+
+    def __init__(self, config: EstimatorConfig, period: float) -> None:
+        self._period = period
+        self._config = config
+        self._state = RobotState()
+        self._legs = LegPair()
+        self._feet: FloatArray = self._legs.states["foot"]
+        self._mass = robot.total_mass()
+        self._pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
+        self._imu = np.array(robot.IMU_POSITION)
+        state = self._state
+        self._q, self._v = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7)
+        self._angles, self._angle_rates = state.q[3:6], state.v[3:6]
+        self._position, self._velocity = state.q[:3], state.v[:3]
+        self._rate = state.angular_velocity
+        self._toe_torques = np.zeros(2)
+        self._attitude = np.eye(3)
+        self._rotation = np.eye(3)
+
+    @property
+    def config(self) -> EstimatorConfig:
+        """Figures in force; may be set while it runs."""
+        return self._config
+
+    @config.setter
+    def config(self, config: EstimatorConfig) -> None:
+        self._config = config
+
+    def reset(self) -> None:
+        """Forget everything: at rest, at the origin, height from the next sample's legs."""
+        self._state.floats[:] = 0.0
+
+    def step(self, sensors: Sensors) -> RobotState:
+        """Estimate from one sample.
+
+        Returns:
+            The state; reused by the next step.
+
+        Raises:
+            SensorError: if a value is not finite or the orientation is no unit quaternion; the
+                estimate then stays as it was.
+        """
+        _check(sensors)
+        config, state = self._config, self._state
+        state.seq[...] = sensors.seq
+        state.episode[...] = sensors.episode
+        state.stamp_ns = sensors.stamp_ns
+        state.power[...] = sensors.power
+        arrange_joints(
+            sensors.drive_position,
+            sensors.drive_velocity,
+            sensors.joint_position,
+            sensors.joint_velocity,
+            sensors.drive_torque,
+            self._q,
+            self._v,
+            self._toe_torques,
+        )
+        rotation_of(sensors.orientation, self._attitude)
+        self._legs.update(self._q, self._v, self._toe_torques, self._attitude[2])
+        state.foot_force[:] = self._legs.forces
+        weigh_feet(
+            self._legs.forces,
+            config.load_from,
+            config.load_span,
+            config.contact_force,
+            config.contact_width,
+            state.foot_load,
+            state.contact_probability,
+        )
+        self._move(sensors)
+        euler_angles(self._rotation, self._rate, self._angles, self._angle_rates)
+        com_in_heading(
+            self._rotation,
+            state.q[3],
+            self._rate,
+            self._velocity,
+            self._legs.states,
+            self._pelvis_moment,
+            self._mass,
+            state.com_position,
+            state.com_velocity,
+        )
+        return state
+
+    def _move(self, sensors: Sensors) -> None:
+        """Estimate the pelvis: rotation, angular velocity, position, velocity, covariance."""
+        raise NotImplementedError
+
+    def _first_height(self) -> float:
+        """Pelvis height when the lower foot touches level ground. In m."""
+        return robot.SOLE_RADIUS - float((self._feet @ self._attitude[2]).min())
+
+
+def _check(sensors: Sensors) -> None:
+    check(sensors, "sensor", SensorError)
+    orientation = sensors.orientation
+    square = float(orientation.dot(orientation))
+    if not 0.8 < square < 1.2:
+        norm = math.sqrt(square)
+        raise SensorError(f"sensor orientation is a quaternion of length {norm:.3g}, must be 1")

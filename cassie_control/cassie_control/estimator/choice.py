@@ -1,0 +1,19 @@
+"""The estimator that a configuration asks for."""
+
+from __future__ import annotations
+
+from cassie_control.estimator.base import LegEstimator
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.invariant import InvariantEstimator
+from cassie_control.estimator.kinematic import KinematicEstimator
+
+
+def make_estimator(config: EstimatorConfig, period: float) -> LegEstimator:
+    """The estimator named by `config.estimator`.
+
+    Args:
+        config: Figures.
+        period: Time between samples. In s.
+    """
+    kind = InvariantEstimator if config.estimator == "invariant" else KinematicEstimator
+    return kind(config, period)

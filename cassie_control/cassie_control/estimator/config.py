@@ -1,0 +1,74 @@
+"""Figures of the state estimators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cassie_msgs.tunables import tunable
+
+ESTIMATORS = ("invariant", "kinematic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterConfig:
+    """What the invariant filter takes for granted."""
+
+    gyro_noise: float = tunable(1e-3, "rad/s/sqrt(Hz)", 1e-6, 1.0, "Noise density of the gyro")
+    accelerometer_noise: float = tunable(
+        0.02, "m/s^2/sqrt(Hz)", 1e-5, 10.0, "Noise density of the accelerometer"
+    )
+    gyro_drift: float = tunable(1e-5, "rad/s/sqrt(s)", 0.0, 0.1, "How fast the gyro's bias wanders")
+    accelerometer_drift: float = tunable(
+        1e-4, "m/s^2/sqrt(s)", 0.0, 1.0, "How fast the accelerometer's bias wanders"
+    )
+    stance_noise: float = tunable(
+        0.002, "m/sqrt(s)", 1e-5, 1.0, "How fast the point wanders on which a loaded foot stands"
+    )
+    swing_noise: float = tunable(
+        3.0, "m/sqrt(s)", 0.1, 100.0, "The same of a foot in the air, or of one that slips"
+    )
+    kinematics_noise: float = tunable(
+        0.0003, "m", 1e-5, 0.1, "Error of a foot's position from the encoders"
+    )
+    tilt_error: float = tunable(
+        0.006, "rad", 1e-4, 0.5, "Error of the IMU's own roll and pitch, of which little is new"
+    )
+    heading_error: float = tunable(0.02, "rad", 1e-4, 3.0, "Error of its yaw")
+    error_time: float = tunable(10.0, "s", 0.01, 1000.0, "Time over which these errors persist")
+    attitude_delay: float = tunable(0.002, "s", 0.0, 0.05, "Delay of the IMU's orientation")
+    slip_gate: float = tunable(
+        3.0,
+        "",
+        1.0,
+        100.0,
+        "Innovation, in standard deviations, at which a foot counts as slipping",
+    )
+    slip_time: float = tunable(
+        0.1, "s", 0.001, 1.0, "Time in which a foot that slipped is trusted again"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorConfig:
+    """Which estimator runs, and its figures."""
+
+    estimator: str = tunable(
+        "invariant",
+        choices=ESTIMATORS,
+        description="Contact-aided invariant filter, or the paper's velocity of the loaded leg",
+        live=False,
+    )
+    velocity_bandwidth: float = tunable(
+        60.0, "1/s", 1.0, 500.0, "Kinematic: how fast the velocity follows the loaded leg"
+    )
+    velocity_noise: float = tunable(
+        0.03, "m/s", 0.001, 1.0, "Kinematic: standard deviation of the leg's velocity"
+    )
+    height_bandwidth: float = tunable(
+        30.0, "1/s", 1.0, 500.0, "How fast the ground under the loaded feet is followed"
+    )
+    load_from: float = tunable(100.0, "N", 0.0, 300.0, "Foot force at which its load is 0")
+    load_span: float = tunable(100.0, "N", 1.0, 400.0, "Further force until its load is 1")
+    contact_force: float = tunable(60.0, "N", 5.0, 300.0, "Foot force of even odds for contact")
+    contact_width: float = tunable(12.0, "N", 1.0, 100.0, "Force over which the odds change e-fold")
+    filter: FilterConfig = FilterConfig()

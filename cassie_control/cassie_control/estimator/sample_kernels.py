@@ -1,0 +1,114 @@
+"""From a sample to joints, loads and angles, compiled. Results are written in place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.compiled import compiled
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@compiled
+def arrange_joints(
+    drive_positions: FloatArray,
+    drive_velocities: FloatArray,
+    joint_positions: FloatArray,
+    joint_velocities: FloatArray,
+    drive_torques: FloatArray,
+    joints: FloatArray,
+    rates: FloatArray,
+    toe_torques: FloatArray,
+) -> None:
+    """Measurements of drives and joints in the order along each leg.
+
+    Args:
+        drive_positions, drive_velocities, drive_torques: Shape (10,), in rad, rad/s, Nm.
+        joint_positions, joint_velocities: Shin, tarsus, toe of each leg. Shape (6,).
+        joints, rates: Result, hip_roll to toe. Shape (2, 7), in rad and rad/s.
+        toe_torques: Result. Shape (2,), in Nm.
+    """
+    for i in range(2):
+        for k in range(4):
+            joints[i, k] = drive_positions[5 * i + k]
+            rates[i, k] = drive_velocities[5 * i + k]
+        for k in range(2):
+            joints[i, 4 + k] = joint_positions[3 * i + k]
+            rates[i, 4 + k] = joint_velocities[3 * i + k]
+        joints[i, 6] = drive_positions[5 * i + 4]
+        rates[i, 6] = drive_velocities[5 * i + 4]
+        toe_torques[i] = drive_torques[5 * i + 4]
+
+
+@compiled
+def weigh_feet(
+    forces: FloatArray,
+    load_from: float,
+    load_span: float,
+    contact_force: float,
+    contact_width: float,
+    load: FloatArray,
+    contact: FloatArray,
+) -> None:
+    """Load and probability of contact of each foot, from its force.
+
+    Args:
+        forces: Shape (2,), in N.
+        load_from, load_span, contact_force, contact_width: See `config`. In N.
+        load: Result, 0..1. Shape (2,).
+        contact: Result, 0..1. Shape (2,).
+    """
+    for i in range(2):
+        load[i] = max(0.0, min(1.0, (forces[i] - load_from) / load_span))
+        odds = (contact_force - forces[i]) / contact_width
+        contact[i] = 1.0 / (1.0 + math.exp(max(-50.0, min(50.0, odds))))
+
+
+@compiled
+def rotation_of(orientation: FloatArray, rotation: FloatArray) -> None:
+    """Rotation matrix of a quaternion.
+
+    Args:
+        orientation: x y z w, of any length but 0. Shape (4,).
+        rotation: Result. Shape (3, 3).
+    """
+    x, y, z, w = orientation[0], orientation[1], orientation[2], orientation[3]
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    rotation[0, 0] = 1.0 - scale * (y * y + z * z)
+    rotation[0, 1] = scale * (x * y - w * z)
+    rotation[0, 2] = scale * (x * z + w * y)
+    rotation[1, 0] = scale * (x * y + w * z)
+    rotation[1, 1] = 1.0 - scale * (x * x + z * z)
+    rotation[1, 2] = scale * (y * z - w * x)
+    rotation[2, 0] = scale * (x * z - w * y)
+    rotation[2, 1] = scale * (y * z + w * x)
+    rotation[2, 2] = 1.0 - scale * (x * x + y * y)
+
+
+@compiled
+def euler_angles(
+    rotation: FloatArray, angular_velocity: FloatArray, angles: FloatArray, rates: FloatArray
+) -> None:
+    """Z-y-x Euler angles and their rates.
+
+    Args:
+        rotation: Pelvis to world. Shape (3, 3).
+        angular_velocity: Pelvis frame. Shape (3,), in rad/s.
+        angles: Yaw, pitch, roll; as they were before, and the result: yaw counts on beyond a half
+            turn, so that it can be followed and integrated. Shape (3,), in rad.
+        rates: Result, their time derivatives. Shape (3,), in rad/s.
+    """
+    sine = max(-1.0, min(1.0, -rotation[2, 0]))
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    angles[0] = yaw + 2.0 * math.pi * round((angles[0] - yaw) / (2.0 * math.pi))
+    angles[1] = math.asin(sine)
+    angles[2] = math.atan2(rotation[2, 1], rotation[2, 2])
+    c_roll, s_roll = math.cos(angles[2]), math.sin(angles[2])
+    c_pitch = max(0.05, math.cos(angles[1]))  # a robot on its nose has fallen long before
+    turning = s_roll * angular_velocity[1] + c_roll * angular_velocity[2]
+    rates[0] = turning / c_pitch
+    rates[1] = c_roll * angular_velocity[1] - s_roll * angular_velocity[2]
+    rates[2] = angular_velocity[0] + turning * math.sin(angles[1]) / c_pitch

@@ -1,0 +1,111 @@
+"""The invariant filter: what it claims to know, slipping feet, flight, gravity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from closed_loop import PERIOD, Robot
+from robot_states import leg_joints
+
+from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.config import EstimatorConfig, FilterConfig
+from cassie_msgs.layout import RobotMode, RobotState, Sensors
+from cassie_sim.scenario import Draw, Scenario
+
+
+def replay(moments, **figures):
+    """States that a filter with these figures gives for recorded samples."""
+    core = make_estimator(EstimatorConfig(filter=FilterConfig(**figures)), PERIOD)
+    sample = Sensors()
+    for moment in moments:
+        sample.load(moment.sample)
+        state = RobotState()
+        state.copy_from(core.step(sample))
+        yield moment, state
+
+
+@pytest.fixture(scope="module")
+def on_ice():
+    """Steps in place on ice, pushed so that the feet slide."""
+    scenario = Scenario.from_mapping(
+        {
+            "start": "standing",
+            "scene_parameters": {"friction": 0.25},
+            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 30.0, 0.0]} for t in (3.2, 4.4)],
+        }
+    )
+    robot = Robot(scenario, "faithful", record=True)
+    robot.wish(height=0.98)
+    robot.run(1.8)
+    robot.wish(mode=int(RobotMode.WALK))
+    robot.run(3.6)
+    return robot
+
+
+def test_errors_are_as_large_as_the_covariance_says(walked_faithful):
+    rows = []
+    for moment, state in replay(walked_faithful.moments):
+        if moment.time > 1.0:
+            errors = [*(state.q[4:6] - moment.angles[1:]), *(state.v[:3] - moment.velocity)]
+            rows.append(np.array(errors) / np.sqrt(state.covariance[4:9]))
+    ratio = np.sqrt((np.array(rows) ** 2).mean(axis=0))
+    assert (ratio < 2.0).all()
+    assert (ratio > 0.05).all()
+
+
+def test_a_foot_that_slips_is_not_believed(on_ice):
+    def speed_errors(gate):
+        return np.array(
+            [
+                np.linalg.norm(state.v[:2] - moment.velocity[:2])
+                for moment, state in replay(on_ice.moments, slip_gate=gate)
+                if moment.time > 3.0
+            ]
+        )
+
+    assert not on_ice.fallen
+    believed, gated = speed_errors(100.0), speed_errors(3.0)
+    assert believed.max() > 1.0  # a filter that holds on to sliding feet is lost
+    assert gated.max() < 0.06
+    assert math.sqrt((gated**2).mean()) < 0.025
+
+
+def test_flight_is_carried_by_the_imu(walked_faithful):
+    core = make_estimator(EstimatorConfig(), PERIOD)
+    sample = Sensors()
+    standing = [m for m in walked_faithful.moments if m.activity == "standing"][300:]
+    for moment in standing:
+        sample.load(moment.sample)
+        before = core.step(sample).v[:3].copy()
+    joints = leg_joints()
+    sample.joint_position[:] = [*joints[4:6], joints[6]] * 2
+    sample.drive_position[:] = [*joints[:4], joints[6]] * 2
+    sample.angular_velocity[:] = 0.0
+    sample.linear_acceleration[:] = 0.0
+    for _ in range(150):
+        state = core.step(sample)
+    assert state.contact_probability.max() < 0.1
+    assert state.v[:3] - before == pytest.approx([0.0, 0.0, -9.81 * 150 * PERIOD], abs=0.02)
+
+
+def test_gravity_under_the_feet_corrects_the_imus_tilt():
+    bias = (0.012, -0.01)
+    scenario = Scenario(start="standing", draw=Draw(attitude_bias=bias, sensor_seed=4))
+    robot = Robot(scenario, "faithful", record=True)
+    robot.run(8.0)
+    last = robot.moments[-1]
+    error = last.q[4:6] - last.angles[1:]
+    assert np.abs(error).max() < 0.0025  # roll and pitch of the IMU are off by four times that
+    assert np.hypot(*(last.q[:2] - last.position[:2])) < 0.05
+
+
+def test_figures_may_change_while_it_runs(walked_faithful):
+    core = make_estimator(EstimatorConfig(), PERIOD)
+    sample = Sensors()
+    sample.load(walked_faithful.moments[1000].sample)
+    core.step(sample)
+    certain = core.step(sample).covariance[9]
+    core.config = EstimatorConfig(filter=FilterConfig(gyro_noise=0.1))
+    assert core.step(sample).covariance[9] > 100.0 * certain
