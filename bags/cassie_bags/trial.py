@@ -35,7 +35,7 @@ Figures = dict[str, float]
 
 _MEANS = ("vx", "vy", "yaw_rate")
 _RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
-WINDOW_FIGURES = (*_MEANS, "vy_slip", "drift", *_RMSE, "odometry", "tracking")
+WINDOW_FIGURES = (*_MEANS, "vy_slip", "drift", "depth", *_RMSE, "odometry", "tracking")
 """What `measure_window` gives."""
 
 _LOOKS = 25  # ticks between looks at whether the run is decided
@@ -137,8 +137,8 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     Returns:
         vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame; vy_slip: largest
         sideways mean over a second (m/s); drift: greatest distance from where the window
-        began (m); rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame
-        (m/s); odometry: error of the estimated displacement by its length; tracking: RMS of the
+        began (m); depth: of the lower sole below the height of the start, median (m); rmse_vx,
+        rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s); odometry: error of the estimated displacement by its length; tracking: RMS of the
         errors of the nine outputs (rad and m).
     """
     t0, t1 = window
@@ -150,6 +150,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     figures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
     figures["vy_slip"] = _slip(track.achieved["vy"][inside], round(1.0 / tick))
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
+    figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
     figures |= _estimate(track, state, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
     errors = rows["y"][rows["mode"] == RobotMode.WALK]

@@ -14,6 +14,7 @@ from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.sweeps.course import Budget, push, step_time
+from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
 from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
@@ -158,7 +159,8 @@ def test_local_processes_give_what_this_process_gives():
         crew.close()
 
 
-def test_a_missing_scheduler_is_one_clear_error():
+def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
     with pytest.raises(RunError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         workers(None, "tcp://127.0.0.1:9")
 
@@ -194,6 +196,18 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert "speed error at 0 m/s" in process.stdout
     (kept,) = json.loads((tmp_path / "sweeps.json").read_text())["rows"]
     assert kept["results"]["measured"]["measured"] < 0.03
+    assert (tmp_path / "sweeps.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("at_least", "measured", "share"),
+    [(True, 1.5, 0.5), (True, 6.0, 2.0), (False, 6.0, 0.5), (False, 0.0, 2.0)],
+)
+def test_the_picture_shows_the_share_of_the_target(at_least, measured, share):
+    result = RowResult("group.word", measured, True)
+    assert reached(row(at_least=at_least), result) == pytest.approx(share)
+    nothing = RowResult("group.word", math.nan, False)
+    assert reached(row(at_least=at_least), nothing) == 0.0
 
 
 @pytest.mark.parametrize(

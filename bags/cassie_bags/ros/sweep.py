@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.sweeps.course import Budget, walk
+from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
 from cassie_bags.trial import experiment_of
@@ -65,7 +66,10 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
                     results[name][row.name] = _row(row, with_changes, crew, bar)
                     save(arguments.out / "sweeps.json", rows, results, budget)
     finally:
-        print(table([row for row in rows if row.name in results["measured"]], results))
+        done = [row for row in rows if row.name in results["measured"]]
+        print(table(done, results))
+        if done:
+            draw(arguments.out / "sweeps.png", done, results)
     return results
 
 

@@ -12,6 +12,8 @@ from typing import Any
 from cassie_bags.errors import ExperimentError
 from cassie_bags.provenance import versions
 from cassie_bags.sweeps.course import Budget
+from cassie_bags.sweeps.ground_rows import ground_rows
+from cassie_bags.sweeps.loop_rows import loop_rows
 from cassie_bags.sweeps.row import Row, RowResult
 from cassie_bags.sweeps.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
@@ -22,7 +24,7 @@ Results = Mapping[str, Mapping[str, RowResult]]
 
 def all_rows() -> list[Row]:
     """Every row, in the order of the table."""
-    return [*walking_rows()]
+    return [*walking_rows(), *ground_rows(), *loop_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
