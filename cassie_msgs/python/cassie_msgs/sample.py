@@ -115,7 +115,7 @@ class Sample:
             )
         object.__setattr__(self, name, value)
 
-    def load(self, raw: bytes) -> None:
+    def load(self, raw: bytes | memoryview) -> None:
         """Copy a received message in.
 
         Raises:

@@ -86,8 +86,7 @@ class SimulatorLane:
 
     def wait(self, timeout: float) -> None:
         """Return when something arrives or `wake` is called, `timeout` s later at the latest."""
-        if timeout > 0.0:  # an empty wait still costs 60 us
-            self._waiter.wait(timeout)
+        self._waiter.wait(timeout)
         self._take_command()
         while (raw := self._operator.take_raw()) is not None:
             self._take_operator_command(raw)

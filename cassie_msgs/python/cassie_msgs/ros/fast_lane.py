@@ -1,8 +1,8 @@
 """Control-lane topics as serialized bytes, past rclpy's executor.
 
 A message object costs 40 to 50 us to take in Python and the executor adds 100 to 250 us
-to each; raw bytes taken from a plain wait set cost 10 to 15 us. A node that uses this has
-its loop on the main thread (wait, take, compute, publish) and everything slow, such as
+to each; waiting for raw bytes and taking them as `inbox` does costs 10. A node that uses this
+has its loop on the main thread (wait, take, compute, publish) and everything slow, such as
 parameters, services and timers, on an executor in another thread.
 
 Other nodes and tools see ordinary messages: it is the same topic and type.
@@ -10,18 +10,21 @@ Other nodes and tools see ordinary messages: it is the same topic and type.
 
 from __future__ import annotations
 
+import os
+import select
 import time
+import weakref
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any, Generic, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.layout import Sample
+from cassie_msgs.ros.inbox import Inbox
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
@@ -101,7 +104,7 @@ class RawSubscription:
         """Create the subscription, which no executor serves."""
         self.topic = topic
         self._type = message_class
-        self._subscription = node.create_subscription(
+        self.subscription = node.create_subscription(
             self._type,
             self.topic,
             _ignore,
@@ -109,18 +112,17 @@ class RawSubscription:
             callback_group=_NotForExecutors(),
             raw=True,
         )
-        self.handle = self._subscription.handle
-        self._take = self.handle.take_message
+        self.inbox = Inbox(self.subscription.handle)
 
     def take_raw(self) -> bytes | None:
         """The oldest message not yet taken, as bytes; None if there is none."""
-        taken = self._take(self._type, True)
-        return None if taken is None else taken[0]
+        taken = self.inbox.take()
+        return None if taken is None else bytes(taken)
 
     @property
     def matched(self) -> int:
         """Number of publishers that send to here."""
-        return int(self._subscription.get_publisher_count())
+        return int(self.subscription.get_publisher_count())
 
 
 class LaneSubscription(RawSubscription, Generic[SampleT]):
@@ -143,10 +145,10 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if it is not of this type's size.
         """
-        taken = self._take(self._type, True)
+        taken = self.inbox.take()
         if taken is None:
             return False
-        sample.load(taken[0])
+        sample.load(taken)
         return True
 
     def take(self, sample: SampleT) -> bool:
@@ -155,44 +157,49 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if it is not of this type's size.
         """
-        taken = self._take(self._type, True)
+        taken = self.inbox.take()
         if taken is None:
             return False
+        sample.load(taken)
         if self._drain:
-            while (later := self._take(self._type, True)) is not None:
-                taken = later
-        sample.load(taken[0])
+            while (taken := self.inbox.take()) is not None:
+                sample.load(taken)
         return True
 
 
 class LaneWaiter:
-    """Waits until one of some subscriptions has a message, or `wake` is called."""
+    """Waits until a message has come for one of some subscriptions, or `wake` is called.
+
+    What has come is told once: whoever waits takes all messages before the next wait.
+    """
 
     def __init__(self, node: Node, subscriptions: Iterable[RawSubscription]) -> None:
-        """Prepare the wait set; it belongs to the thread that waits."""
-        self._handles = [subscription.handle for subscription in subscriptions]
-        self._guard = node.create_guard_condition(_nothing, callback_group=_NotForExecutors())
-        self._guard_handle = self._guard.handle
-        context = node.context.handle
-        self._set = _rclpy.WaitSet(len(self._handles), 1, 0, 0, 0, 0, context)
+        """Prepare to wait for these; the end of the node's context ends the wait, too."""
+        self._inboxes = {inbox.descriptor: inbox for inbox in (s.inbox for s in subscriptions)}
+        self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        weakref.finalize(self, os.close, self._bell)
+        self._descriptors = [*self._inboxes, self._bell]
+        node.context.on_shutdown(self.wake)
 
     def wait(self, timeout_s: float) -> bool:
         """Sleep until a message has come or somebody woke this, at most `timeout_s`.
 
         Returns:
-            True if a subscription has a message.
+            True if a message has come.
         """
-        wait_set = self._set
-        wait_set.clear_entities()  # a wait leaves only the ready ones in the set
-        for handle in self._handles:
-            wait_set.add_subscription(handle)
-        wait_set.add_guard_condition(self._guard_handle)
-        wait_set.wait(int(timeout_s * 1e9))
-        return bool(wait_set.get_ready_entities("subscription"))
+        ready, _, _ = select.select(self._descriptors, (), (), timeout_s)
+        come = False
+        for descriptor in ready:
+            if descriptor == self._bell:
+                os.eventfd_read(descriptor)
+            else:
+                self._inboxes[descriptor].clear()
+                come = True
+        return come
 
     def wake(self) -> None:
         """End a wait at once, from any thread."""
-        self._guard.trigger()
+        os.eventfd_write(self._bell, 1)
 
 
 class Doze:
@@ -250,7 +257,3 @@ def wait_for_peers(
 
 def _ignore(_: object) -> None:
     """Callback of a subscription no executor serves."""
-
-
-def _nothing() -> None:
-    """Callback of a guard condition no executor serves."""
