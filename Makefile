@@ -1,7 +1,7 @@
 # Cassie for ROS 2. `make demo` and `make test` work from a fresh clone.
 SHELL := /bin/bash
 .DEFAULT_GOAL := build
-.PHONY: build test demo bench sweeps lint format clean distclean help
+.PHONY: build test demo bench experiments sweeps lint format clean distclean help
 
 build: ## environment and workspace; does nothing where nothing changed
 	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
@@ -14,6 +14,9 @@ demo: build ## stand up, walk, turn, squat: each node a process; results in buil
 
 bench: build ## speed of the loop, side by side; also in build/bench.json
 	@. ./env.sh && python3 -m cassie_bags.ros.bench --out build/bench.json
+
+experiments: build ## every experiment file, with bags, pictures and one page: build/experiments/report.html
+	@. ./env.sh && python3 -m cassie_bags.ros.experiments --out build/experiments
 
 sweeps: build ## what Cassie can do: every figure beside its target and the paper's law; ROWS="push_in_place" for some
 	@. ./env.sh && python3 -m cassie_bags.ros.sweep $(ROWS) --out build/sweeps

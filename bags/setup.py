@@ -27,6 +27,7 @@ setup(
             "replay = cassie_bags.ros.replay:main",
             "recover = cassie_bags.ros.recover:main",
             "experiment = cassie_bags.ros.experiment:main",
+            "experiments = cassie_bags.ros.experiments:main",
             "sweep = cassie_bags.ros.sweep:main",
         ],
     },

@@ -46,13 +46,16 @@ def evaluate(
     return Outcome(experiment, metrics, failures, how, lockstep_broken)
 
 
-def draw(experiment: Experiment, track: Track, folder: Path) -> dict[str, Path]:
+def draw(
+    experiment: Experiment, track: Track, folder: Path, *, film: bool = True
+) -> dict[str, Path]:
     """Draw all pictures of a run; what cannot be drawn is said on stderr.
 
     Args:
         experiment: What was run.
         track: Its signals.
         folder: Where to.
+        film: Whether to make a video too, which takes longer than all pictures.
 
     Returns:
         The files by name.
@@ -65,7 +68,7 @@ def draw(experiment: Experiment, track: Track, folder: Path) -> dict[str, Path]:
     files = draw_all(track, phases, title, folder)
     files["strip"] = folder / "strip.png"
     reason = strip(track, experiment.scenario, phases, title, files["strip"])
-    if reason is None:
+    if reason is None and film:
         try:
             video(track, experiment.scenario, folder / "video.mp4")
             files["video"] = folder / "video.mp4"

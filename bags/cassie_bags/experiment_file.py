@@ -35,7 +35,7 @@ NODES = ("simulator", "estimator", "controller", "supervisor")
 _SCENARIO_KEYS = tuple(entry.name for entry in dataclasses.fields(Scenario))
 
 KEYS = (
-    *("name", "seed", "drawn", "duration"),
+    *("name", "about", "seed", "drawn", "duration"),
     *_SCENARIO_KEYS,
     *("operator", "gait_library"),
     *NODES,
@@ -54,6 +54,7 @@ class Experiment:
 
     Attributes:
         name: What it is called; the file's stem if it says nothing.
+        about: What it is, in a sentence, or nothing.
         seed: What to draw the robot from; 0 is the nominal robot at the written times.
         drawn: Whether `scenario.draw` and all times are final, so that nothing is drawn any more.
         duration: Robot time of the run. In s.
@@ -77,6 +78,7 @@ class Experiment:
     parameters: Mapping[str, Mapping[str, Any]]
     expect: Expectation
     expect_section: Mapping[str, Any] = field(default_factory=dict)
+    about: str = ""
 
 
 def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = None) -> Experiment:
@@ -139,6 +141,7 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         parameters={node: flatten(_section(content, node)) for node in NODES},
         expect=read_expectation(content.get("expect")),
         expect_section=_section(content, "expect"),
+        about=_typed(content, "about", str, ""),
     )
 
 
@@ -160,6 +163,7 @@ def as_content(experiment: Experiment) -> dict[str, Any]:
     scenario = experiment.scenario
     content: dict[str, Any] = {
         "name": experiment.name,
+        "about": experiment.about,
         "seed": experiment.seed,
         "drawn": experiment.drawn,
         "duration": experiment.duration,

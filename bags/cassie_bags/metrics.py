@@ -34,9 +34,11 @@ PHASE_METRICS = (
     "drift",
     "distance",
     "turn_deg",
+    "speed_peak",
 )
 """Mean of each tracked quantity, RMS of its error, mean roll and pitch, greatest horizontal
-distance from the start of the phase, distance and turn from its start to its end."""
+distance from the start of the phase, distance and turn from its start to its end, greatest
+mean speed over a second."""
 
 RUN_METRICS = (
     *(f"{name}_mean" for name in TRACKED),
@@ -174,8 +176,18 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
         "drift": float(away.max()),
         "distance": float(away[-1]),
         "turn_deg": math.degrees(float(yaw[-1] - yaw[0])),
+        "speed_peak": _speed_peak(track.position[inside, :2], tick),
     }
     return PhaseMetrics(phase, reached, values, commanded)
+
+
+def _speed_peak(position: FloatArray, tick: float) -> float:
+    """Greatest distance covered in a second, as a speed (m/s); NaN of a shorter phase."""
+    second = round(1.0 / tick) if tick > 0.0 else 0
+    if not 0 < second < len(position):
+        return math.nan
+    moved = position[second:] - position[:-second]
+    return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
 
 
 def _torque_limits() -> FloatArray:

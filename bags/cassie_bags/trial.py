@@ -137,8 +137,9 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     Returns:
         vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame; vy_slip: largest
         sideways mean over a second (m/s); drift: greatest distance from where the window
-        began (m); depth: of the lower sole below the height of the start, median (m); rmse_vx,
-        rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s); odometry: error of the estimated displacement by its length; tracking: RMS of the
+        began (m); depth: of the lower sole below the height of the start, median (m);
+        rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
+        odometry: error of the estimated displacement by its length; tracking: RMS of the
         errors of the nine outputs (rad and m).
     """
     t0, t1 = window

@@ -16,7 +16,7 @@ by `sinking`. Friction is Coulomb's, with an elliptic cone.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -38,6 +38,11 @@ _WIDTH = 2.0  # depth at which the impedance is highest, by `sinking`
 _HARDER_FRICTION = 10.0  # friction regularized less than the soft normal, or feet would creep
 
 _PELVIS = 8  # its bit, see robot_mjcf
+_END_BITS = {
+    (leg, end): 16 << (2 * i + j)
+    for i, leg in enumerate(LEGS)
+    for j, end in enumerate(("heel", "toe"))
+}
 _TEXTURE = "ground"
 
 
@@ -87,28 +92,24 @@ def make_ground(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, surface: Surface) -> 
         geom.solref = _HARD_SOLREF
 
 
-def carry_only(
-    spec: mujoco.MjSpec, geom: mujoco.MjsGeom, ends: Sequence[str] = ("heel", "toe")
-) -> None:
+def carry_only(geom: mujoco.MjsGeom, ends: Sequence[str] = ("heel", "toe")) -> None:
     """Let soft ground carry only these ends of the feet, and the pelvis; legs cut through it.
 
     Without it the lower end of the tarsus, 2 cm above the sole, would hold up a sinking foot.
+    Needs `tell_ends_apart`.
     """
-    kinds = {}
-    for bit, (leg, end) in enumerate((leg, end) for leg in LEGS for end in ("heel", "toe")):
-        kinds[leg, end] = 16 << bit
-        spec.geom(f"{leg}_{end}").contype = kinds[leg, end]
-    _keep_legs_apart(spec, kinds)
     geom.contype = 0
-    geom.conaffinity = _PELVIS | sum(kinds[leg, end] for leg in LEGS for end in ends)
+    geom.conaffinity = _PELVIS | sum(_END_BITS[leg, end] for leg in LEGS for end in ends)
 
 
-def _keep_legs_apart(spec: mujoco.MjSpec, kinds: Mapping[tuple[str, str], int]) -> None:
-    """Each leg still meets the other's foot, which now has bits of its own."""
+def tell_ends_apart(spec: mujoco.MjSpec) -> None:
+    """Give each end of each foot a bit of its own; each leg still meets the other's foot."""
+    for (leg, end), bit in _END_BITS.items():
+        spec.geom(f"{leg}_{end}").contype = bit
     for geom in spec.geoms:
         for leg, other in zip(LEGS, reversed(LEGS), strict=True):
             if geom.parent.name.startswith(leg) and not geom.name and geom.contype:
-                geom.conaffinity |= kinds[other, "heel"] | kinds[other, "toe"]
+                geom.conaffinity |= _END_BITS[other, "heel"] | _END_BITS[other, "toe"]
 
 
 def soft_contact(sinking: float) -> tuple[list[float], list[float]]:

@@ -17,6 +17,7 @@ PACINGS = ("lockstep", "realtime", "fixed_lag")
 
 _SCENARIO_KEYS = tuple(entry.name for entry in fields(Scenario))
 _OTHER_KEYS = (
+    "about",
     "name",
     "seed",
     "drawn",

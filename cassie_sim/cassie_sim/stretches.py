@@ -19,7 +19,7 @@ from cassie_msgs.tunables import (
     tunable,
     unknown_name,
 )
-from cassie_sim.ground import Surface, carry_only, make_ground, tilt
+from cassie_sim.ground import Surface, carry_only, make_ground, tell_ends_apart, tilt
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _HALF_WIDTH = 20.0
 _THICKNESS = 1.0
 _OVERLAP = 0.3  # a foot deep in soft ground must not find the side of its box
 _BOTTOM = 2.5  # depth of hard ground below soft ground, by its sinking
-_COVERED = 2.0  # bumps and branches lie this far to both sides, in m
+_COVERED = 1.5  # bumps and branches lie this far to both sides, in m
 _BUMP_RADIUS = (0.15, 0.35)
 _BUMPS_PER_AREA = 6.0
 _BRANCH_LENGTH = (0.4, 1.4)
@@ -105,6 +105,8 @@ def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) 
         seed: Of bumps and branches.
     """
     rng = np.random.default_rng(seed)
+    if any(stretch.sinking > 0.0 for stretch in stretches):
+        tell_ends_apart(spec)
     x = z = 0.0
     for index, stretch in enumerate(stretches):
         z += stretch.step
@@ -191,9 +193,9 @@ def _add_box(
         return
     deeper = dataclasses.replace(surface, sinking=stretch.sinking + stretch.heel_dig)
     add(f"{name}_bottom", low - _BOTTOM * deeper.sinking, dataclasses.replace(surface, sinking=0.0))
-    carry_only(spec, box, ("toe",) if stretch.heel_dig else ("heel", "toe"))
+    carry_only(box, ("toe",) if stretch.heel_dig else ("heel", "toe"))
     if stretch.heel_dig:
-        carry_only(spec, add(f"{name}_heel", low, deeper), ("heel",))
+        carry_only(add(f"{name}_heel", low, deeper), ("heel",))
 
 
 def _add_bumps(
@@ -223,7 +225,7 @@ def _add_bumps(
         )
         make_ground(spec, geom, surface)
         if surface.sinking > 0.0:
-            carry_only(spec, geom)
+            carry_only(geom)
 
 
 def _add_branches(

@@ -34,9 +34,9 @@ def main() -> int:
     try:
         experiment = resolve(load_experiment(arguments.file, arguments.set, arguments.seed))
         check_parameters(experiment)
-        outcome = _run(experiment, arguments.out, in_process=arguments.in_process)
+        outcome = run_experiment(experiment, arguments.out, in_process=arguments.in_process)
         if arguments.out is not None:
-            outcome = _keep(outcome, arguments.out, pictures=not arguments.no_pictures)
+            outcome = keep(outcome, arguments.out, pictures=not arguments.no_pictures)
     except KeyboardInterrupt:
         print("experiment: stopped", file=sys.stderr)
         return STOPPED
@@ -51,8 +51,13 @@ def main() -> int:
     return PASSED if outcome.passed else NOT_AS_EXPECTED
 
 
-def _run(experiment: Experiment, out: Path | None, *, in_process: bool) -> Outcome:
-    """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None."""
+def run_experiment(experiment: Experiment, out: Path | None, *, in_process: bool) -> Outcome:
+    """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
+
+    Raises:
+        RunError: if it did not come to its end.
+        CassieError, ParameterError: naming what cannot be used.
+    """
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     if in_process:
@@ -83,13 +88,14 @@ def _over_dds(experiment: Experiment, folder: Path) -> Outcome:
     return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
 
 
-def _keep(outcome: Outcome, folder: Path, *, pictures: bool) -> Outcome:
+def keep(outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True) -> Outcome:
     """Leave table, JSON and pictures beside the bag; returns the outcome with their names."""
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
     write_resolved(outcome.experiment, files["experiment"])
     if pictures:
-        files |= draw(outcome.experiment, make_track(read_recording(bag)), folder)
+        track = make_track(read_recording(bag))
+        files |= draw(outcome.experiment, track, folder, film=film)
     names = {name: str(path) for name, path in files.items()}
     outcome = dataclasses.replace(outcome, files=names)
     files["table"].write_text(table(outcome) + "\n", encoding="utf-8")

@@ -69,6 +69,7 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
         done = [row for row in rows if row.name in results["measured"]]
         print(table(done, results))
         if done:
+            (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             draw(arguments.out / "sweeps.png", done, results)
     return results
 

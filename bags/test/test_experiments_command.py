@@ -1,0 +1,67 @@
+"""Many experiments in one go: a page with all of them, and exit codes."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_experiment_command import TEXT, environment
+
+from cassie_bags.html_report import Entry, page
+
+
+def experiments(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "cassie_bags.ros.experiments", *map(str, words)]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=110
+    )
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> list[Path]:
+    good, bad = tmp_path / "good.yaml", tmp_path / "bad.yaml"
+    good.write_text(TEXT + "about: It <stands> still.\n")
+    bad.write_text(TEXT.replace("target: 0.0", "target: 3.0"))
+    return [good, bad]
+
+
+def test_one_page_shows_every_run_and_a_failure_is_told(files: list[Path], tmp_path: Path):
+    out = tmp_path / "out"
+    process = experiments(*files, "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    assert process.returncode == 1, process.stderr
+    assert "1 of 2 as expected" in process.stdout
+    text = (out / "report.html").read_text()
+    assert "1 of 2 runs as expected" in text
+    assert "It &lt;stands&gt; still." in text
+    assert "vx = " in text
+    assert text.count("data:image/png;base64,") == 8
+    assert "knee_phase_portrait" in text
+    assert not re.search(r"(src|href)='(?!data:|#)", text)  # nothing but itself
+    for name in ("good", "bad"):
+        assert (out / name / "bag.mcap").stat().st_size > 10_000
+        assert (out / name / "result.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--set", "durtion=3"], "unknown key durtion: did you mean duration"),
+        (["--seeds", "-1"], "-1"),
+    ],
+)
+def test_wrong_words_exit_with_2(files: list[Path], tmp_path: Path, words, reason):
+    process = experiments(files[0], "--out", tmp_path / "out", *words)
+    assert process.returncode == 2
+    assert reason in process.stderr
+    assert "Traceback" not in process.stderr
+
+
+def test_a_page_without_pictures_is_a_page(tmp_path: Path):
+    content = {"name": "try", "seed": 3, "passed": False, "failures": ["the robot fell"]}
+    text = page("Title & more", [Entry(content, "", "a table", tmp_path)], {"mujoco": "4"})
+    assert "Title &amp; more" in text
+    assert "the robot fell" in text
+    assert "<img" not in text
