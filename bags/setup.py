@@ -29,6 +29,7 @@ setup(
             "experiment = cassie_bags.ros.experiment:main",
             "experiments = cassie_bags.ros.experiments:main",
             "sweep = cassie_bags.ros.sweep:main",
+            "tune = cassie_bags.ros.tune:main",
         ],
     },
 )

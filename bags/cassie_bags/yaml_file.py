@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from cassie_bags.errors import ExperimentError
+from cassie_msgs.tunables import flatten
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -67,12 +68,17 @@ def apply_changes(content: dict[str, Any], changes: Iterable[str]) -> None:
 
     Args:
         content: As `read_yaml` gives it.
-        changes: For example `controller.kp_knee=300` or `operator.3.vx=0.6`.
+        changes: For example `controller.kp_knee=300` or `operator.3.vx=0.6`; or `@file.yaml`,
+            whose values are put in the same way.
 
     Raises:
-        ExperimentError: if a change has no `=`, or leads nowhere.
+        ExperimentError: if a change has no `=`, or leads nowhere; if a file cannot be read.
     """
     for change in changes:
+        if change.startswith("@"):
+            for name, entry in flatten(read_yaml(Path(change[1:]))).items():
+                _set(content, name.split("."), entry, change)
+            continue
         key, equals, value = change.partition("=")
         if not equals or not key:
             raise ExperimentError(f"--set {change}: expected key=value")

@@ -191,8 +191,10 @@ def _add_box(
     box = add(name, low, surface)
     if stretch.sinking == 0.0:
         return
-    deeper = dataclasses.replace(surface, sinking=stretch.sinking + stretch.heel_dig)
-    add(f"{name}_bottom", low - _BOTTOM * deeper.sinking, dataclasses.replace(surface, sinking=0.0))
+    # What lies under the surface, or once more in its place, is not drawn.
+    unseen = dataclasses.replace(surface, colour=(0.0, 0.0, 0.0, 0.0))
+    deeper = dataclasses.replace(unseen, sinking=stretch.sinking + stretch.heel_dig)
+    add(f"{name}_bottom", low - _BOTTOM * deeper.sinking, dataclasses.replace(unseen, sinking=0.0))
     carry_only(box, ("toe",) if stretch.heel_dig else ("heel", "toe"))
     if stretch.heel_dig:
         carry_only(add(f"{name}_heel", low, deeper), ("heel",))

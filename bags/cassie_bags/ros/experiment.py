@@ -122,7 +122,8 @@ def _arguments() -> argparse.Namespace:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6",
+        help="replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6; "
+        "or put in those of a file: @tuned.yaml",
     )
     parser.add_argument(
         "--out", type=Path, default=None, help="keep bag, pictures, table and JSON in this folder"

@@ -1,0 +1,257 @@
+"""Command `tune`: search for controller parameters that walk well on many grounds and robots."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.trial import experiment_of, run_trial
+from cassie_bags.tuning.objective import DEFAULT, Objective, load_objective
+from cassie_bags.tuning.result import Score, table, write_result
+from cassie_bags.tuning.search import Search
+from cassie_bags.tuning.space import Parameter, parameters, values
+from cassie_bags.workers import Workers, workers
+from cassie_bags.yaml_file import apply_changes
+from cassie_msgs.tunables import flatten
+
+FloatArray = npt.NDArray[np.float64]
+
+FOUND, WRONG_INPUT, NO_RUN = 0, 2, 3
+"""Exit codes."""
+
+HELD_OUT_FROM = 1001
+"""First seed of the robots that the search does not see."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is searched, and what it is held against."""
+
+    space: Sequence[Parameter]
+    objective: Objective
+    seeds: range
+    changes: tuple[str, ...]
+
+    def purpose(self) -> str:
+        """What makes two searches the same."""
+        names = [(p.name, p.start, p.low, p.high) for p in self.space]
+        seeds = [self.seeds.start, self.seeds.stop]
+        return json.dumps([names, self.objective.content, seeds, self.changes], sort_keys=True)
+
+
+def main() -> int:
+    """Entry point of `ros2 run cassie_bags tune`."""
+    arguments = _arguments()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        task = _task(arguments)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew:
+            _tune(task, crew, arguments)
+    except RunError as error:
+        print(f"tune: error: {error}", file=sys.stderr)
+        return NO_RUN
+    except KeyboardInterrupt:
+        print("tune: stopped before there was anything to keep", file=sys.stderr)
+        return 130
+    except (ValueError, OSError) as error:
+        print(f"tune: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return WRONG_INPUT
+    return FOUND
+
+
+def _task(arguments: argparse.Namespace) -> Task:
+    content: dict[str, Any] = {}
+    apply_changes(content, arguments.set)
+    given: Mapping[str, object] = flatten(content.get("controller") or {})
+    space = parameters(arguments.parameters, given, arguments.factor)
+    if len(space) < 2:
+        raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
+    objective = load_objective(arguments.objective)
+    task = Task(space, objective, range(1, arguments.seeds + 1), tuple(arguments.set))
+    for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
+        experiment_of(trial)
+    return task
+
+
+def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
+    """Search until the last generation or Ctrl-C, then report on robots held out."""
+    state = arguments.out / "search.pickle"
+    bar = tqdm(unit="run", disable=not sys.stderr.isatty(), leave=False)
+    with bar:
+        if arguments.resume:
+            search = Search.load(state, task.purpose())
+        else:
+            middle = score(task, [np.zeros(len(task.space))], task.seeds, crew, bar)[0]
+            _say(bar, f"to begin with: {middle}")
+            search = Search.begin(
+                len(task.space),
+                middle.cost,
+                arguments.seed,
+                arguments.step,
+                arguments.population,
+            )
+            search.save(state, task.purpose())
+        stopped = False
+        try:
+            _advance(task, search, crew, bar, arguments.generations, state)
+        except KeyboardInterrupt:
+            stopped = True
+            _say(bar, "stopped; what was found is kept, --resume goes on")
+        scores: dict[str, Score] = {}
+        if not stopped and arguments.held_out:
+            scores = _held_out(task, search, crew, bar, arguments.held_out)
+    found = values(task.space, search.best)
+    settings = {
+        "objective": task.objective.content,
+        "seeds": list(task.seeds),
+        "seed": arguments.seed,
+        "changes": list(task.changes),
+        "cost": search.best_cost,
+    }
+    files = write_result(arguments.out, task.space, found, search, scores, settings)
+    print(table(task.space, found))
+    print(f"cost {search.best_cost:.3f} after {len(search.history)} generations")
+    for name, result in scores.items():
+        print(f"{name}: {result}")
+    print(f"kept in {files['section']}; use it with --set @{files['section']}")
+
+
+def _advance(
+    task: Task, search: Search, crew: Workers, bar: tqdm, generations: int, state: Path
+) -> None:
+    """Generations up to a number of them, each kept when it is done."""
+    while len(search.history) < generations:
+        generation = search.advance(
+            lambda found: [s.cost for s in score(task, found, task.seeds, crew, bar)]
+        )
+        search.save(state, task.purpose())
+        _say(
+            bar,
+            f"generation {generation.number} of {generations}: best {generation.best:.3f}, "
+            f"middle {generation.middle:.3f}, ever {search.best_cost:.3f}, "
+            f"step {generation.step:.2f}",
+        )
+
+
+def _held_out(task: Task, search: Search, crew: Workers, bar: tqdm, count: int) -> dict[str, Score]:
+    """Where it began and what was found, on robots that the search has not seen."""
+    seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + count)
+    candidates = [np.zeros(len(task.space)), search.best]
+    before, after = score(task, candidates, seeds, crew, bar)
+    return {"held out, to begin with": before, "held out, found": after}
+
+
+def score(
+    task: Task,
+    candidates: Sequence[FloatArray],
+    seeds: range,
+    crew: Workers,
+    bar: tqdm,
+) -> list[Score]:
+    """Candidates on all courses by the robots of some seeds, all runs at once."""
+    trials, owners = [], []
+    for index, candidate in enumerate(candidates):
+        some = task.objective.trials(values(task.space, candidate), seeds, task.changes)
+        trials += some
+        owners += [index] * len(some)
+    costs: list[list[float]] = [[] for _ in candidates]
+    fell = [0] * len(candidates)
+    for number, figures in crew.results(run_trial, trials):
+        costs[owners[number]].append(task.objective.cost_of(trials[number], figures))
+        fell[owners[number]] += int(figures["fell"])
+        bar.update()
+    return [
+        Score(float(np.mean(np.sort(cost))), falls, len(cost))
+        for cost, falls in zip(costs, fell, strict=True)
+    ]
+
+
+def _say(bar: tqdm, text: str) -> None:
+    bar.write(text, file=sys.stderr)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="tune",
+        description="Search for controller parameters by CMA-ES, in process, on local processes "
+        "or a Dask cluster. Ctrl-C keeps what was found.",
+        epilog="Exit codes: 0 done or stopped with a result, 2 wrong file or arguments, "
+        "3 no scheduler.",
+    )
+    parser.add_argument(
+        "parameters",
+        nargs="*",
+        help="patterns of controller parameters, such as 'walk.joints.*'; the joint, torso and "
+        "leg-angle gains if left out",
+    )
+    parser.add_argument(
+        "--objective", type=Path, default=DEFAULT, help="file of courses, model errors and costs"
+    )
+    parser.add_argument("--seeds", type=_positive, default=3, help="robots to search with")
+    parser.add_argument("--held-out", type=_natural, default=5, help="other robots to report on")
+    parser.add_argument("--generations", type=_natural, default=30, help="in all")
+    parser.add_argument("--population", type=_natural, default=0, help="of a generation; 0: auto")
+    parser.add_argument("--factor", type=_factor, default=2.0, help="a value goes up and down by")
+    parser.add_argument("--step", type=_share, default=0.3, help="first step, by the whole reach")
+    parser.add_argument("--seed", type=_positive, default=1, help="of the search")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="for every run; controller parameters given so are where the search begins",
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the search in --out")
+    parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
+    parser.add_argument(
+        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
+    )
+    parser.add_argument("--out", type=Path, default=Path("build/tune"), help="folder to write to")
+    return parser.parse_args()
+
+
+def _natural(word: str) -> int:
+    if not word.isdecimal():
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
+    return int(word)
+
+
+def _positive(word: str) -> int:
+    if not word.isdecimal() or int(word) < 1:
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
+    return int(word)
+
+
+def _factor(word: str) -> float:
+    return _between(word, 1.01, 100.0)
+
+
+def _share(word: str) -> float:
+    return _between(word, 0.001, 1.0)
+
+
+def _between(word: str, low: float, high: float) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{word} is not {low:g} .. {high:g}")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

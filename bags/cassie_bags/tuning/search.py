@@ -1,0 +1,125 @@
+"""The search: CMA-ES over normalized parameters, generation by generation, to be resumed."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.errors import ExperimentError
+
+FloatArray = npt.NDArray[np.float64]
+Evaluate = Callable[[Sequence[FloatArray]], Sequence[float]]
+"""Costs of candidates, each an array of coordinates from -1 to 1."""
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What one generation came to: number, best and middle cost, step size of the search."""
+
+    number: int
+    best: float
+    middle: float
+    step: float
+
+
+class _Normal:
+    """Normal numbers of one search alone, where the package would draw from numpy's global ones."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self, *shape: int) -> FloatArray:
+        return self._rng.standard_normal(shape)
+
+
+@dataclass
+class Search:
+    """A search at the end of a generation.
+
+    The covariance matrix adaptation evolution strategy (Hansen) of the package `cma`, within
+    the box from -1 to 1. The same seed gives the same search.
+
+    Attributes:
+        best: Coordinates of the best candidate so far.
+        best_cost: Its cost.
+        history: Generations, in order.
+    """
+
+    strategy: Any
+    best: FloatArray
+    best_cost: float
+    history: list[Generation] = field(default_factory=list)
+
+    @staticmethod
+    def begin(size: int, start_cost: float, seed: int, step: float, population: int) -> Search:
+        """A search from the middle of the box.
+
+        Args:
+            size: Number of parameters.
+            start_cost: Cost of the middle.
+            seed: From 1.
+            step: First step size, by half the box.
+            population: Candidates of a generation; 0: as many as suit `size`.
+        """
+        import cma
+
+        options: dict[str, Any] = {"bounds": [-1.0, 1.0], "verbose": -9, "verb_log": 0}
+        options |= {"seed": math.nan, "randn": _Normal(seed)}
+        if population:
+            options["popsize"] = population
+        strategy = cma.CMAEvolutionStrategy(np.zeros(size), step, options)
+        return Search(strategy, np.zeros(size), start_cost)
+
+    def advance(self, evaluate: Evaluate) -> Generation:
+        """One generation."""
+        candidates = [np.asarray(candidate) for candidate in self.strategy.ask()]
+        costs = list(evaluate(candidates))
+        self.strategy.tell(candidates, costs)
+        first = int(np.argmin(costs))
+        if costs[first] < self.best_cost:
+            self.best, self.best_cost = candidates[first], float(costs[first])
+        generation = Generation(
+            len(self.history) + 1,
+            float(costs[first]),
+            float(np.median(costs)),
+            float(self.strategy.sigma),
+        )
+        self.history.append(generation)
+        return generation
+
+    @property
+    def population(self) -> int:
+        """Candidates of a generation."""
+        return int(self.strategy.popsize)
+
+    def save(self, path: Path, purpose: str) -> None:
+        """Keep the search for `load`; `purpose` says what it is a search for."""
+        part = path.with_suffix(".part")
+        part.write_bytes(pickle.dumps((purpose, self)))
+        part.replace(path)
+
+    @staticmethod
+    def load(path: Path, purpose: str) -> Search:
+        """Take up a search again.
+
+        Raises:
+            ExperimentError: if there is none, or one for another purpose.
+        """
+        try:
+            kept, search = pickle.loads(path.read_bytes())
+        except OSError as error:
+            raise ExperimentError(f"cannot resume from {path}: {error.strerror}") from None
+        except (pickle.UnpicklingError, ValueError, EOFError, AttributeError, ImportError):
+            raise ExperimentError(f"cannot resume from {path}: it holds no search") from None
+        if not isinstance(search, Search) or kept != purpose:
+            raise ExperimentError(
+                f"cannot resume from {path}: it searches other parameters, or for another objective"
+            )
+        return search

@@ -1,0 +1,251 @@
+"""Tuning: the space, the objective, a search with a known optimum, and the command."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from test_experiment_command import environment
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.trial import experiment_of
+from cassie_bags.tuning.objective import load_objective
+from cassie_bags.tuning.search import Search
+from cassie_bags.tuning.space import Parameter, parameters, values
+from cassie_bags.yaml_file import apply_changes
+from cassie_control.controller.config import ControllerConfig
+
+GOAL = np.array([0.4, -0.7, 0.1, 0.9])
+
+
+def bowl(candidates) -> list[float]:
+    """Cost with its least value, 0, at GOAL; steep in one direction."""
+    return [float((x - GOAL) ** 2 @ [1.0, 10.0, 1.0, 3.0]) for x in candidates]
+
+
+def begin(seed: int = 1) -> Search:
+    return Search.begin(len(GOAL), bowl([np.zeros(4)])[0], seed, 0.3, 8)
+
+
+def test_a_known_optimum_is_found():
+    search = begin()
+    for _ in range(60):
+        search.advance(bowl)
+    np.testing.assert_allclose(search.best, GOAL, atol=0.01)
+    assert search.best_cost < 1e-3
+    assert [generation.number for generation in search.history] == list(range(1, 61))
+
+
+def test_a_search_stays_in_the_box():
+    search = begin()
+    seen = []
+    for _ in range(30):
+        search.advance(lambda found: (seen.extend(found), [-float(x.sum()) for x in found])[1])
+    assert np.abs(seen).max() <= 1.0
+    np.testing.assert_allclose(search.best, 1.0, atol=0.02)
+
+
+def test_the_start_is_kept_where_nothing_is_better():
+    search = Search.begin(4, -1.0, 1, 0.3, 8)
+    search.advance(bowl)
+    assert (search.best == 0.0).all()
+    assert search.best_cost == -1.0
+
+
+def test_a_resumed_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path):
+    whole, first = begin(), begin()
+    for _ in range(6):
+        whole.advance(bowl)
+    for _ in range(3):
+        first.advance(bowl)
+    first.save(tmp_path / "search.pickle", "bowl")
+    again = Search.load(tmp_path / "search.pickle", "bowl")
+    for _ in range(3):
+        again.advance(bowl)
+    assert again.history == whole.history
+    np.testing.assert_array_equal(again.best, whole.best)
+
+
+def test_what_cannot_be_resumed_is_refused(tmp_path: Path):
+    with pytest.raises(ExperimentError, match=r"cannot resume from .*No such file"):
+        Search.load(tmp_path / "none", "bowl")
+    begin().save(tmp_path / "search", "bowl")
+    with pytest.raises(ExperimentError, match="it searches other parameters"):
+        Search.load(tmp_path / "search", "plate")
+    (tmp_path / "junk").write_bytes(b"junk")
+    with pytest.raises(ExperimentError, match="it holds no search"):
+        Search.load(tmp_path / "junk", "bowl")
+
+
+def test_the_joint_and_leg_angle_gains_are_searched_unless_others_are_named():
+    names = {parameter.name for parameter in parameters([], {}, 2.0)}
+    assert {"walk.joints.kp_knee", "walk.joints.kd_toe", "walk.kp_torso_roll"} <= names
+    assert {"walk.pendulum_gain_x", "walk.pendulum_gain_y", "walk.integral_x"} <= names
+    assert not any("paper" in name or "limit" in name for name in names)
+    paper = {parameter.name for parameter in parameters([], {"walk.law": "paper"}, 2.0)}
+    leg_angle = {f"walk.paper_{gain}_{axis}" for gain in ("kp", "kd") for axis in "xy"}
+    assert {name for name in paper if "paper" in name} == leg_angle
+
+
+def test_the_space_is_centred_on_the_start_and_keeps_the_range():
+    (knee,) = parameters(["walk.joints.kp_knee"], {"walk.joints.kp_knee": 1500.0}, 2.0)
+    assert (knee.start, knee.low, knee.high) == (1500.0, 750.0, 2000.0)
+    assert knee.value(0.0) == 1500.0
+    assert knee.value(1.0) == pytest.approx(2000.0)
+    assert knee.value(-0.5) == pytest.approx(1500.0 / np.sqrt(2.0))
+    zero = Parameter("x", "", 0.0, -0.2, 0.4)
+    assert [zero.value(c) for c in (-1.0, 0.0, 0.5)] == pytest.approx([-0.2, 0.0, 0.2])
+
+
+def test_an_unknown_pattern_names_the_nearest_parameter():
+    with pytest.raises(ExperimentError, match=r"walk.joints.kp_kne: did you mean walk.joints.kp"):
+        parameters(["walk.joints.kp_kne"], {}, 2.0)
+    with pytest.raises(ExperimentError, match=r"unknown parameter walk.law"):
+        parameters(["walk.law"], {}, 2.0)
+
+
+def test_the_objective_runs_every_course_on_robots_with_errors_of_the_model():
+    objective = load_objective()
+    found = {"walk.joints.kp_knee": 777.0}
+    trials = objective.trials(found, [1, 2], ["supervisor.acceleration=0.5"])
+    assert len(trials) == 2 * len(objective.courses)
+    models = []
+    for trial in trials:
+        experiment = experiment_of(trial)
+        assert experiment.parameters["controller"] == found
+        assert experiment.parameters["supervisor"]["acceleration"] == 0.5
+        models.append(experiment.scenario.model)
+        for push in experiment.scenario.pushes:
+            assert trial.window[0] < push.t < trial.window[1] - 1.0
+    assert all(0.9 <= m.mass <= 1.1 and 0.8 <= m.spring <= 1.2 for m in models)
+    assert len({m.mass for m in models}) == len(models)
+    assert any(experiment_of(trial).scenario.pushes for trial in trials)
+    assert trials == objective.trials(found, [1, 2], ["supervisor.acceleration=0.5"])
+
+
+def test_a_fall_costs_more_than_anything_else_and_an_early_one_most():
+    objective = load_objective()
+    trial = objective.trials({}, [1], [])[1]
+    perfect = {"fell": 0.0, "end": 20.0, "tracking": 0.0, "vx": 0.5, "vy": 0.0, "yaw_rate": 0.0}
+    slow = {**perfect, "vx": 0.4}
+    late, early = ({"fell": 1.0, "end": end} for end in (15.0, 5.0))
+    costs = [objective.cost_of(trial, figures) for figures in (perfect, slow, late, early)]
+    assert costs[0] == 0.0
+    assert costs[1] == pytest.approx(2.0)
+    assert costs == sorted(costs)
+    assert costs[2] >= 20.0
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("courses: []", "courses must be a list of at least one"),
+        ("cources: [{}]", "unknown key cources: did you mean courses"),
+        ("courses: [{vxx: 1}]", "courses.0: unknown parameter vxx: did you mean vx"),
+        ("courses: [{vx: 9}]", r"courses.0: vx = 9 m/s is outside -1 .. 2 m/s"),
+        ("courses: [{push: {impulze: 3}}]", "courses.0.push: unknown key impulze"),
+        ("courses: [{}]\nmodel: {mass: [2, 1]}", r"model.mass = \[2, 1\] is not \[low, high\]"),
+        ("courses: [{}]\ncost: {fal: 1}", "unknown parameter fal: did you mean fall"),
+    ],
+)
+def test_what_is_wrong_in_an_objective_is_named(tmp_path: Path, text: str, reason: str):
+    path = tmp_path / "objective.yaml"
+    path.write_text(text)
+    with pytest.raises(ExperimentError, match=reason):
+        load_objective(path)
+
+
+STAND = """
+courses: [{name: stand, seconds: 0.5}]
+"""
+QUICK = ["walk.k[pd]_torso_pitch", "--seeds", "1", "--population", "3", "--jobs", "1"]
+
+
+def tune(*words: str | Path, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "cassie_bags.ros.tune", *map(str, words)]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=110
+    )
+
+
+def test_the_command_leaves_parameters_that_experiments_take(tmp_path: Path):
+    objective, out = tmp_path / "stand.yaml", tmp_path / "out"
+    objective.write_text(STAND)
+    words = [*QUICK, "--objective", objective, "--out", out, "--held-out", "1"]
+    process = tune(*words, "--generations", "1")
+    assert process.returncode == 0, process.stderr
+    assert "generation 1 of 1" in process.stderr
+    assert "held out, found: cost" in process.stdout
+    found = yaml.safe_load((out / "tuned.yaml").read_text())["controller"]
+    assert set(found) == {"walk.kp_torso_pitch", "walk.kd_torso_pitch"}
+    content: dict = {}
+    apply_changes(content, [f"@{out / 'tuned.yaml'}"])
+    assert content["controller"]["walk"] == {
+        name.removeprefix("walk."): value for name, value in found.items()
+    }
+    node = yaml.safe_load((out / "tuned_node.yaml").read_text())
+    assert node["gait_controller"]["ros__parameters"] == found
+    kept = json.loads((out / "tuned.json").read_text())
+    assert kept["settings"]["seed"] == 1
+    assert kept["settings"]["objective"]["courses"][0]["name"] == "stand"
+    assert len(kept["history"]) == 1
+    assert kept["versions"]["mujoco"]
+    assert kept["scores"]["held out, found"]["runs"] == 1
+    process = tune(*words, "--generations", "1", "--resume", "--held-out", "0")
+    assert process.returncode == 0, process.stderr
+    assert "after 1 generations" in process.stdout
+
+
+def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
+    objective, out = tmp_path / "stand.yaml", tmp_path / "out"
+    objective.write_text(STAND)
+    words = [*QUICK, "--objective", str(objective), "--out", str(out), "--generations", "1000"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "cassie_bags.ros.tune", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as process:
+        while process.poll() is None and not (out / "search.pickle").is_file():
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=30)
+    assert process.returncode == 0, errors
+    assert "Traceback" not in errors
+    assert "what was found is kept" in errors
+    assert "walk.kp_torso_pitch" in output
+    assert (out / "tuned.yaml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["walk.joint.*"], "unknown parameter walk.joint.*"),
+        (["walk.gravity"], "two or more are needed"),
+        (["--factor", "1"], "1 is not 1.01 .. 100"),
+        (["--resume"], "cannot resume from"),
+        (["--set", "controler.x=1"], "unknown key controler"),
+        (["--objective", "none.yaml"], "cannot read none.yaml"),
+    ],
+)
+def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
+    process = tune(*words, "--out", tmp_path, "--jobs", "1")
+    assert process.returncode == 2, process.stdout
+    assert reason in process.stderr
+    assert "Traceback" not in process.stderr
+
+
+def test_the_defaults_of_the_controller_are_within_their_reach():
+    for parameter in parameters([], {}, 2.0):
+        assert parameter.low <= parameter.start <= parameter.high
+    assert values(parameters([], {}, 2.0), np.zeros(18))["walk.joints.kp_knee"] == (
+        ControllerConfig().walk.joints.kp_knee
+    )
