@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from cassie_bags.track import Track
 from cassie_gaits.names import LEGS
+from cassie_sim.camera import frame_of
 from cassie_sim.errors import SimulationError
 from cassie_sim.poses import set_drives
 from cassie_sim.scenario import Scenario
-from cassie_sim.scenes import scene_spec
+from cassie_sim.scenes import scene_motion, scene_spec
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,18 +31,19 @@ class Puppet:
 
     def __init__(self, scenario: Scenario) -> None:
         spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=True)
+        self._motion = scene_motion(scenario.scene, scenario.scene_parameters)
         self.model = spec.compile()
         self._data = mujoco.MjData(self.model)
 
     def pose(self, track: Track, index: int) -> FloatArray:
-        """Configuration of one sample, springs as measured, rods where the loops close.
+        """Frame of one sample: springs as measured, rods where the loops close, ground moved.
 
         Args:
             track: Signals of the run.
             index: Sample.
 
         Returns:
-            `qpos`, a copy.
+            As `cassie_sim.camera.frame_of` gives it.
         """
         data, row = self._data, track.sensors[index]
         with contextlib.suppress(SimulationError):  # a fallen robot may leave its joint limits
@@ -54,4 +56,6 @@ class Puppet:
         x, y, z, w = track.orientation[index]
         data.qpos[:3] = track.position[index]
         data.qpos[3:7] = (w, x, y, z)
-        return np.array(data.qpos)
+        if self._motion is not None:
+            self._motion.apply(self.model, data, float(track.time[index]))
+        return frame_of(data)

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from test_experiment_command import environment
 
-from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.errors import ExperimentError
 from cassie_bags.sweeps.course import Budget, push, step_time
 from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
 from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
-from cassie_bags.workers import LocalProcesses, ThisProcess, workers
+from cassie_bags.workers import LocalProcesses, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -157,12 +157,6 @@ def test_local_processes_give_what_this_process_gives():
             assert there[index] == pytest.approx(figures, rel=0.0, abs=0.0, nan_ok=True)
     finally:
         crew.close()
-
-
-def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
-    with pytest.raises(RunError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
-        workers(None, "tcp://127.0.0.1:9")
 
 
 def test_results_are_kept_as_json_and_as_a_table(tmp_path: Path):

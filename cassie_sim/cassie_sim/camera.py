@@ -21,8 +21,18 @@ class RenderError(SimulationError):
     """This machine cannot render."""
 
 
+def frame_of(data: mujoco.MjData) -> npt.NDArray[np.float64]:
+    """What a picture needs of a state: qpos, then positions and quaternions of moving ground."""
+    return np.concatenate([data.qpos, data.mocap_pos.ravel(), data.mocap_quat.ravel()])
+
+
+def frame_size(model: mujoco.MjModel) -> int:
+    """Length of `frame_of`."""
+    return int(model.nq + 7 * model.nmocap)
+
+
 class Camera:
-    """Renders configurations of a model off screen, with EGL or OSMesa.
+    """Renders frames of a model off screen, with EGL or OSMesa.
 
     Belongs to the thread that makes it.
 
@@ -66,9 +76,12 @@ class Camera:
         self._viewport = mujoco.MjrRect(0, 0, width, height)
         self._pixels: Image = np.zeros((height, width, 3), np.uint8)
 
-    def picture(self, qpos: npt.NDArray[np.float64]) -> Image:
-        """The model in a configuration. Shape (height, width, 3); a copy."""
-        self._data.qpos[:] = qpos
+    def picture(self, frame: npt.NDArray[np.float64]) -> Image:
+        """The model as a frame of `frame_of` has it. Shape (height, width, 3); a copy."""
+        nq, grounds = self.model.nq, self.model.nmocap
+        self._data.qpos[:] = frame[:nq]
+        self._data.mocap_pos[:] = frame[nq : nq + 3 * grounds].reshape(-1, 3)
+        self._data.mocap_quat[:] = frame[nq + 3 * grounds :].reshape(-1, 4)
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_comPos(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)

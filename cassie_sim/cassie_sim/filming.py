@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cassie_sim.camera import Camera, RenderError
+from cassie_sim.camera import Camera, RenderError, frame_size
 from cassie_sim.errors import SimulationError
 
 _NICENESS = 5  # the loop comes first
@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> None:
         print("other", " ".join(str(error).split()), flush=True)
         return
     print("ready", flush=True)
-    size = 8 * model.nq
+    size = 8 * frame_size(model)
     while len(frame := sys.stdin.buffer.read(size)) == size:
         writer.append_data(camera.picture(np.frombuffer(frame)))
         os.write(1, b".")

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from cassie_sim.camera import Camera, Image, RenderError
+from cassie_sim.camera import Camera, Image, RenderError, frame_of, frame_size
 from cassie_sim.errors import SimulationError
 
-__all__ = ["FORMATS", "Camera", "Film", "Image", "RenderError"]
+__all__ = ["FORMATS", "Camera", "Film", "Image", "RenderError", "frame_of"]
 
 FORMATS = (".mp4", ".gif")
 
@@ -44,7 +44,7 @@ class Film:
             raise SimulationError(f"video = {path} must end in one of {', '.join(FORMATS)}")
         if not path.parent.is_dir():
             raise SimulationError(f"video = {path}: there is no folder {path.parent}")
-        self._size = model.nq
+        self._size = frame_size(model)
         self._frames: queue.Queue[bytes | None] = queue.Queue()
         with tempfile.TemporaryDirectory() as folder:
             binary = Path(folder) / "model.mjb"
@@ -59,10 +59,10 @@ class Film:
         self._thread = threading.Thread(target=self._feed, name="film", daemon=True)
         self._thread.start()
 
-    def snap(self, qpos: npt.NDArray[np.float64]) -> None:
-        """Have a configuration filmed; ones of another model are left out."""
-        if len(qpos) == self._size:
-            self._frames.put(qpos.tobytes())
+    def snap(self, frame: npt.NDArray[np.float64]) -> None:
+        """Have a frame of `frame_of` filmed; ones of another model are left out."""
+        if len(frame) == self._size:
+            self._frames.put(frame.tobytes())
 
     def close(self, *, soon: bool = False) -> None:
         """Finish the file, with all that is still waiting, or `soon` with one picture of it."""

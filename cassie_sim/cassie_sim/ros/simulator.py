@@ -20,7 +20,7 @@ from cassie_sim.ros.lane import SimulatorLane
 from cassie_sim.ros.services import Services
 from cassie_sim.scenario import Scenario
 from cassie_sim.simulator_config import SimulatorConfig, scenario_of
-from cassie_sim.video import Film, RenderError
+from cassie_sim.video import Film, RenderError, frame_of
 from cassie_sim.window import Window
 
 _FLUSH = 1.0  # s; at the end, for what was published to arrive
@@ -87,7 +87,7 @@ class Simulator(Node):
 
     def _watch(self, plant: Plant) -> None:
         if self._film is not None and plant.seq % self._film_period == 0:
-            self._film.snap(plant.data.qpos)
+            self._film.snap(frame_of(plant.data))
         if self._window is not None:
             self._window.show(plant.model, plant.data, time.monotonic())
 

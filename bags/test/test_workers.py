@@ -1,0 +1,65 @@
+"""Who computes: the same results from this process, local processes and a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from distributed import LocalCluster
+
+from cassie_bags.errors import RunError
+from cassie_bags.workers import DaskCluster, LocalProcesses, ThisProcess, Workers, workers
+
+ITEMS = [3, 1, 2, 5]
+
+
+def double(number: int) -> int:
+    return 2 * number
+
+
+def refuse(number: int) -> int:
+    raise RunError(f"{number} is refused")
+
+
+@pytest.fixture(params=["here", "local", "dask"])
+def crew(request: pytest.FixtureRequest) -> Iterator[Workers]:
+    if request.param == "here":
+        yield ThisProcess()
+    elif request.param == "local":
+        local = LocalProcesses(2)
+        yield local
+        local.close()
+    else:
+        with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
+            remote = DaskCluster(cluster.scheduler_address)
+            yield remote
+            remote.close()
+
+
+def test_every_item_gets_its_result_and_an_error_comes_back(crew: Workers):
+    assert dict(crew.results(double, ITEMS)) == {0: 6, 1: 2, 2: 4, 3: 10}
+    with pytest.raises(RunError, match="3 is refused"):
+        list(crew.results(refuse, [3]))
+    assert crew.count >= 1
+
+
+def test_what_is_not_wanted_is_not_begun():
+    begun = []
+    results = ThisProcess().results(begun.append, ITEMS)
+    next(results)
+    results.close()
+    assert begun == [3]
+
+
+def test_as_many_processes_as_cores_unless_said_otherwise():
+    crew = workers(None, None)
+    assert crew.count == len(os.sched_getaffinity(0))
+    crew.close()
+    assert isinstance(workers(1, None), ThisProcess)
+
+
+def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
+    with pytest.raises(RunError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
+        workers(None, "tcp://127.0.0.1:9")
