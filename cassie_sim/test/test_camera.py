@@ -24,9 +24,9 @@ def test_a_picture_shows_the_ground_where_it_has_moved_to():
         camera = Camera(plant.model, width=160, height=120)
     except RenderError as error:
         pytest.skip(str(error))
+    camera.picture(before)  # of a new camera, a few pixels of the first picture may differ
     pictures = [camera.picture(frame) for frame in (before, after, before)]
     camera.close()
-    same = np.abs(pictures[0].astype(int) - pictures[2]).max(axis=2) > 20
-    assert same.sum() < 10
+    assert (pictures[0] == pictures[2]).all()
     changed = np.abs(pictures[0].astype(int) - pictures[1]).max(axis=2) > 20
     assert 50 < changed.sum() < 0.5 * changed.size
