@@ -16,7 +16,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.sweeps.course import Budget, push, step_time
 from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
-from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
+from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
 from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
 from cassie_bags.workers import LocalProcesses, ThisProcess
 
@@ -176,6 +176,21 @@ def test_results_are_kept_as_json_and_as_a_table(tmp_path: Path):
     assert "unknown parameter" in text
 
 
+def test_kept_results_come_back_for_the_same_budget_alone(tmp_path: Path):
+    shown, path = row(), tmp_path / "sweeps.json"
+    assert load(path, [shown], BUDGET) == {}
+    results = {"measured": {shown.name: measure(shown, strong(4.0))}}
+    save(path, [shown], results, BUDGET)
+    again = load(path, [shown], BUDGET)
+    assert table([shown], again) == table([shown], results)
+    assert again["measured"][shown.name].measured == 4.0
+    with pytest.raises(ExperimentError, match="measured with other seeds, phases"):
+        load(path, [shown], Budget(seeds=9))
+    path.write_text("[]")
+    with pytest.raises(ExperimentError, match="holds no results of sweeps"):
+        load(path, [shown], BUDGET)
+
+
 def sweep(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cassie_bags.ros.sweep", *words]
     return subprocess.run(
@@ -191,6 +206,10 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     (kept,) = json.loads((tmp_path / "sweeps.json").read_text())["rows"]
     assert kept["results"]["measured"]["measured"] < 0.03
     assert (tmp_path / "sweeps.png").stat().st_size > 5000
+    again = sweep("speed.+0", *budget, "--no-compare", "--resume", "--out", str(tmp_path))
+    assert again.returncode == 0, again.stderr
+    assert again.stdout == process.stdout
+    assert again.stderr == ""  # nothing was measured anew
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import signal
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
-from cassie_bags.sweeps.table import all_rows, chosen_rows, save, table
+from cassie_bags.sweeps.table import all_rows, cell, chosen_rows, load, save, table
 from cassie_bags.trial import experiment_of
 from cassie_bags.workers import Workers, workers
 
@@ -22,6 +23,7 @@ MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 PAPER = "controller.walk.law=paper"
+MEASURED = "measured"
 
 
 def main() -> int:
@@ -44,29 +46,34 @@ def main() -> int:
     except (ValueError, OSError) as error:
         print(f"sweep: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
-    own = next(iter(results.values()))
-    return MET if all(result.met for result in own.values()) else NOT_MET
+    return MET if all(results[MEASURED][row.name].met for row in rows) else NOT_MET
 
 
 def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
     """Measure rows, each with every variant; what there is is kept after each row."""
-    variants: dict[str, tuple[str, ...]] = {"measured": tuple(arguments.set)}
+    variants: dict[str, tuple[str, ...]] = {MEASURED: tuple(arguments.set)}
     if not arguments.no_compare:
         variants[arguments.compare] = (*arguments.set, arguments.compare)
-    results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     for changes in variants.values():
         experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
     budget = Budget(arguments.seeds, arguments.phases, arguments.seconds, tuple(arguments.set))
+    kept = arguments.out / "sweeps.json"
+    results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
+    if arguments.resume:
+        for name, found in load(kept, rows, budget).items():
+            results.setdefault(name, {}).update(found)
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
     try:
         with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew, bar:
             for row in rows:
                 for name, changes in variants.items():
-                    with_changes = Budget(budget.seeds, budget.phases, budget.seconds, changes)
-                    results[name][row.name] = _row(row, with_changes, crew, bar)
-                    save(arguments.out / "sweeps.json", rows, results, budget)
+                    if row.name in results[name]:
+                        continue
+                    changed = dataclasses.replace(budget, changes=changes)
+                    results[name][row.name] = _row(row, name, changed, crew, bar)
+                    save(kept, rows, results, budget)
     finally:
-        done = [row for row in rows if row.name in results["measured"]]
+        done = [row for row in rows if row.name in results[MEASURED]]
         print(table(done, results))
         if done:
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
@@ -74,7 +81,7 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
     return results
 
 
-def _row(row: Row, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
+def _row(row: Row, variant: str, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
     def progress(word: str) -> None:
         bar.update()
         bar.set_postfix_str(word)
@@ -83,8 +90,7 @@ def _row(row: Row, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
         result = measure_row(row, budget, crew, progress)
     except ExperimentError as error:
         result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
-    changed = [change for change in budget.changes if change == PAPER]
-    bar.write(table([row], {" ".join(changed) or "measured": {row.name: result}}), file=sys.stderr)
+    bar.write(f"{row.title} ({variant}): {cell(row, result)}", file=sys.stderr)
     return result
 
 
@@ -116,6 +122,9 @@ def _arguments() -> argparse.Namespace:
         "--compare", default=PAPER, metavar="KEY=VALUE", help=f"measure also with this ({PAPER})"
     )
     parser.add_argument("--no-compare", action="store_true", help="measure only as it is")
+    parser.add_argument(
+        "--resume", action="store_true", help="leave out what stands in --out already"
+    )
     parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
     parser.add_argument(
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"

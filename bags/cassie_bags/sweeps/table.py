@@ -14,7 +14,7 @@ from cassie_bags.provenance import versions
 from cassie_bags.sweeps.course import Budget
 from cassie_bags.sweeps.ground_rows import ground_rows
 from cassie_bags.sweeps.loop_rows import loop_rows
-from cassie_bags.sweeps.row import Row, RowResult
+from cassie_bags.sweeps.row import Level, Row, RowResult
 from cassie_bags.sweeps.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
 
@@ -47,7 +47,7 @@ def table(rows: Sequence[Row], results: Results) -> str:
     for row in rows:
         bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
         lines.append(
-            [row.title, bound, *(_cell(row, found.get(row.name)) for found in results.values())]
+            [row.title, bound, *(cell(row, found.get(row.name)) for found in results.values())]
         )
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
@@ -55,7 +55,8 @@ def table(rows: Sequence[Row], results: Results) -> str:
     return "\n".join(text)
 
 
-def _cell(row: Row, result: RowResult | None) -> str:
+def cell(row: Row, result: RowResult | None) -> str:
+    """What a row came to, in short."""
     if result is None:
         return "-"
     if result.problem:
@@ -95,6 +96,40 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(_finite(content), indent=1, allow_nan=False), encoding="utf-8")
+
+
+def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
+    """Results of `rows` that `save` kept, by variant and row; none if there is no file.
+
+    Raises:
+        ExperimentError: if the file holds other things, or results of another budget.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        same = content["budget"] == json.loads(json.dumps(asdict(budget)))
+        found: dict[str, dict[str, RowResult]] = {}
+        for entry in content["rows"]:
+            for variant, result in entry["results"].items():
+                if any(row.name == entry["name"] for row in rows):
+                    found.setdefault(variant, {})[entry["name"]] = _result(result)
+    except (ValueError, KeyError, TypeError):
+        raise ExperimentError(f"{path} holds no results of sweeps") from None
+    if not same:
+        raise ExperimentError(f"{path} was measured with other seeds, phases, seconds or changes")
+    return found
+
+
+def _result(content: Mapping[str, Any]) -> RowResult:
+    def number(value: float | None) -> float:
+        return math.nan if value is None else value
+
+    levels = [
+        Level(**{**level, "worst": number(level["worst"]), "mean": number(level["mean"])})
+        for level in content["levels"]
+    ]
+    return RowResult(**{**content, "measured": number(content["measured"]), "levels": levels})
 
 
 def _finite(content: Any) -> Any:
