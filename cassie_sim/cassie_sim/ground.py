@@ -31,9 +31,12 @@ GROUND_GROUP = 2
 
 GRAVITY = 9.81
 
+SLOWEST_PERIOD = 0.001
+"""Longest physics step with which the damping of soft ground is stable. In s."""
+
 _HARD_SOLREF = (0.005, 1.0)
 _SOFT_IMPEDANCE = (0.3, 0.7)
-_SOFT_DAMPING = 700.0  # c, in 1/s; explicit at 2 kHz, so it must stay well below 2000
+_SOFT_DAMPING = 700.0  # c, in 1/s; explicit, so that c times the period must stay below 1
 _WIDTH = 2.0  # depth at which the impedance is highest, by `sinking`
 _HARDER_FRICTION = 10.0  # friction regularized less than the soft normal, or feet would creep
 
@@ -110,6 +113,11 @@ def tell_ends_apart(spec: mujoco.MjSpec) -> None:
         for leg, other in zip(LEGS, reversed(LEGS), strict=True):
             if geom.parent.name.startswith(leg) and not geom.name and geom.contype:
                 geom.conaffinity |= _END_BITS[other, "heel"] | _END_BITS[other, "toe"]
+
+
+def is_soft(model: mujoco.MjModel) -> bool:
+    """Whether there is soft ground in a scene."""
+    return bool((model.geom_solref[:, 0] < 0.0).any())
 
 
 def soft_contact(sinking: float) -> tuple[list[float], list[float]]:

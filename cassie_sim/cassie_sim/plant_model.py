@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from cassie_gaits.names import DRIVES, SENSED_JOINTS
 from cassie_sim.errors import SimulationError
+from cassie_sim.ground import SLOWEST_PERIOD, is_soft
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_spec
 
@@ -35,6 +36,11 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
     ):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
     model = spec.compile()
+    if is_soft(model) and period > SLOWEST_PERIOD:
+        raise SimulationError(
+            f"physics_rate = {1.0 / period:g} Hz: soft ground needs {1.0 / SLOWEST_PERIOD:g} Hz "
+            "or more"
+        )
     _scale(model, scenario)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model

@@ -8,8 +8,11 @@ import pytest
 
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.names import LEGS
+from cassie_sim.errors import SimulationError
 from cassie_sim.ground import soft_contact
+from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.poses import height_over_ground, set_drives
+from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_spec
 
 WEIGHT = robot.total_mass() * 9.81
@@ -138,3 +141,13 @@ def test_a_foot_slips_beyond_its_friction_and_not_before(scene, parameters, shar
     rig.run(0.3, force=(0.0, pull, 0.0), hold=0.0)
     moved = rig.data.geom("left_toe").xpos[1] - before
     assert moved > 0.02 if share > 1.0 else abs(moved) < 0.005
+
+
+def test_soft_ground_is_refused_where_the_physics_is_too_slow_for_it():
+    scenario = Scenario(scene="sand", start="standing")
+    with pytest.raises(SimulationError, match="physics_rate = 500 Hz: soft ground needs 1000 Hz"):
+        Plant(PlantConfig(sensors="ideal", physics_rate=500), scenario)
+    plant = Plant(PlantConfig(sensors="ideal", physics_rate=1000), scenario)
+    for _ in range(200):
+        plant.step(None)
+    assert np.abs(plant.data.qvel).max() < 20.0
