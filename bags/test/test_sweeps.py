@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -210,6 +212,45 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert again.returncode == 0, again.stderr
     assert again.stdout == process.stdout
     assert again.stderr == ""  # nothing was measured anew
+
+
+def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path):
+    words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+        start_new_session=True,
+    ) as process:
+        group = process.pid
+        while process.poll() is None and len(members(group)) < 3:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130, errors
+    assert errors.splitlines()[-1] == "sweep: stopped"
+    assert "Traceback" not in errors
+    for _ in range(50):
+        if not members(group):
+            break
+        time.sleep(0.1)
+    assert members(group) == []
+
+
+def members(group: int) -> list[int]:
+    """Processes of a group, without zombies."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[2]) == group and fields[0] != "Z":
+            found.append(int(path.parent.name))
+    return found
 
 
 @pytest.mark.parametrize(

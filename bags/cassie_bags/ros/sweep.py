@@ -7,6 +7,8 @@ import contextlib
 import dataclasses
 import signal
 import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from tqdm import tqdm
@@ -62,16 +64,16 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
     if arguments.resume:
         for name, found in load(kept, rows, budget).items():
             results.setdefault(name, {}).update(found)
-    bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
+    open_rows = [
+        (row, name, dataclasses.replace(budget, changes=changes))
+        for row in rows
+        for name, changes in variants.items()
+        if row.name not in results[name]
+    ]
     try:
-        with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew, bar:
-            for row in rows:
-                for name, changes in variants.items():
-                    if row.name in results[name]:
-                        continue
-                    changed = dataclasses.replace(budget, changes=changes)
-                    results[name][row.name] = _row(row, name, changed, crew, bar)
-                    save(kept, rows, results, budget)
+        for row, name, result in _measured(open_rows, arguments):
+            results[name][row.name] = result
+            save(kept, rows, results, budget)
     finally:
         done = [row for row in rows if row.name in results[MEASURED]]
         print(table(done, results))
@@ -79,6 +81,24 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             draw(arguments.out / "sweeps.png", done, results)
     return results
+
+
+def _measured(
+    open_rows: list[tuple[Row, str, Budget]], arguments: argparse.Namespace
+) -> Iterator[tuple[Row, str, RowResult]]:
+    """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
+    bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
+    crew = workers(arguments.jobs, arguments.scheduler)
+    lanes = max(1, 2 * crew.count // max(arguments.seeds, arguments.phases))
+    # The crew is closed before the threads that wait for it are.
+    with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
+        futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
+        try:
+            for future in as_completed(futures):
+                row, name, _ = futures[future]
+                yield row, name, future.result()
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
 
 
 def _row(row: Row, variant: str, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
