@@ -9,18 +9,20 @@ import pytest
 from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.foot_placement import (
-    GRAVITY,
-    PaperPlacement,
-    PendulumPlacement,
-    StepAhead,
-    Wish,
-    placement,
-)
+from cassie_control.controller.foot_placement import PendulumPlacement, placement
+from cassie_control.controller.paper_placement import PaperPlacement
 from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X, HIP_Y
+from cassie_control.controller.step_ahead import GRAVITY, StepAhead, Wish
 
-CONFIG = WalkConfig(pendulum_gain_x=1.0, pendulum_gain_y=1.0)
+CONFIG = WalkConfig(
+    pendulum_gain_x=1.0,
+    pendulum_gain_back=1.0,
+    pendulum_gain_y=1.0,
+    slowest_step=1.0,
+    landing_depth=0.0,
+)
 STEP_TIME = 0.4
+GAIT_TIME = STEP_TIME + CONFIG.contact_lead  # the foot touches down before the gait has it
 LENGTH = 0.8
 LEFT, RIGHT = 0, 1
 
@@ -30,10 +32,16 @@ def pose():
 
 
 def foot_from_com(readings, swing, end):
-    """Where swing leg angles put the toe joint, from the CoM. (2,), in m."""
-    x = HIP_X + LENGTH * math.sin(end.pitch) - readings.com[0]
-    y = swing.hip_y + (LENGTH + HIP_TO_PELVIS) * math.sin(end.roll) - readings.com[1]
+    """Where a swing leg puts the toe joint, from the CoM, with a level torso. (2,), in m."""
+    x = HIP_X + end.length * math.sin(end.pitch) - readings.com[0]
+    below = end.length * math.cos(end.pitch) + HIP_TO_PELVIS
+    y = swing.hip_y + below * math.sin(end.roll) - readings.com[1]
     return x, y
+
+
+def moving(readings, vx, vy):
+    """Let a pose move as a whole. In m/s."""
+    readings.velocity = readings.com_velocity = (vx, vy, 0.0)
 
 
 class Pendulum:
@@ -64,10 +72,10 @@ class Pendulum:
         """Touchdown now: ask where, and measure the CoM from the new foot."""
         readings = self.readings
         stance, swing = readings.legs[self.stance], readings.legs[1 - self.stance]
-        readings.com_velocity = (*self.velocity, 0.0)
+        moving(readings, *self.velocity)
         ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
         stance.ankle = (ankle[0], ankle[1], stance.ankle[2])
-        ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, length=LENGTH)
+        ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
         end = self.law.swing_end(readings, stance, swing, self.wish, ahead)
         foot = foot_from_com(readings, swing, end)
         self.position = [-foot[0], -foot[1]]
@@ -76,7 +84,7 @@ class Pendulum:
 
 @pytest.mark.parametrize("speed", [-0.4, 0.0, 0.5, 1.0])
 def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
-    walker = Pendulum(CONFIG, Wish(vx=speed), (speed + 0.15, 0.3))
+    walker = Pendulum(CONFIG, Wish(vx=speed), (speed + 0.1, 0.3))
     walker.step()
     steady = walker.step()[0]
     assert walker.step()[0] == pytest.approx(steady, abs=1e-9)
@@ -130,9 +138,9 @@ def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
 def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
     readings = pose()
     stance_leg, swing_leg = readings.legs[1 - swing], readings.legs[swing]
-    readings.com_velocity = (0.0, vy, 0.0)
+    moving(readings, 0.0, vy)
     config = replace(CONFIG, law=law)
-    ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, velocity=(1.0, vy), length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), length=LENGTH)
     wish = Wish(roll_trim=trim)
     end = placement(config).swing_end(readings, stance_leg, swing_leg, wish, ahead)
     foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
@@ -144,7 +152,7 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
 def test_sums_add_up_the_mean_error_within_their_bound():
     law, readings, wish = PendulumPlacement(CONFIG), pose(), Wish(vx=0.3)
     stance, swing = readings.legs
-    ahead = StepAhead(STEP_TIME, 0.0, STEP_TIME, length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
 
     def foot():
         end = law.swing_end(readings, stance, swing, wish, ahead)
@@ -165,7 +173,7 @@ def test_the_papers_law_gives_its_known_answer(stance):
     law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
     law.touchdown((9.0, 9.0), (0.2, -0.1), Wish())
     ahead = StepAhead(
-        0.1, 0.3, STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
+        0.1, 0.3, step_time=STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
     )
     wish = Wish(vx=0.4, vy=0.1, pitch_trim=0.01, roll_trim=-0.02)
     end = law.swing_end(readings, readings.legs[stance], readings.legs[1 - stance], wish, ahead)
@@ -179,6 +187,6 @@ def test_the_papers_law_gives_its_known_answer(stance):
 @pytest.mark.parametrize(("speed", "narrowing"), [(-1.0, 0.0), (0.5, 0.05), (3.0, 0.1)])
 def test_the_papers_narrowing_saturates(speed, narrowing):
     law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
-    ahead = StepAhead(0.1, 0.3, STEP_TIME, velocity=(speed, 0.0), length=LENGTH)
+    ahead = StepAhead(0.1, 0.3, step_time=STEP_TIME, velocity=(speed, 0.0), length=LENGTH)
     end = law.swing_end(readings, *readings.legs, Wish(), ahead)
     assert end.roll == pytest.approx(narrowing)

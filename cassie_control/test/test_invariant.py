@@ -33,14 +33,14 @@ def on_ice():
         {
             "start": "standing",
             "scene_parameters": {"friction": 0.25},
-            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 30.0, 0.0]} for t in (3.2, 4.4)],
+            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 40.0, 0.0]} for t in (3.8, 5.0)],
         }
     )
     robot = Robot(scenario, "faithful", record=True)
     robot.wish(height=0.98)
     robot.run(1.8)
     robot.wish(mode=int(RobotMode.WALK))
-    robot.run(3.6)
+    robot.run(4.0)
     return robot
 
 

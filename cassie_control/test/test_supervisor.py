@@ -93,7 +93,7 @@ def test_walking_ends_after_stepping_in_place(walking):
     assert walking.mode is WALK
     assert walking.readiness == "slowing down from 0.50 m/s"
     walking.run(2.0)
-    assert walking.readiness == "stepping in place first: 0.50 m/s, stands below 0.12 m/s"
+    assert walking.readiness == "stepping in place first: 0.50 m/s, stands below 0.15 m/s"
     walking.state.com_velocity[0] = 0.0
     walking.run(CONFIG.stop_time)
     assert walking.mode is WALK

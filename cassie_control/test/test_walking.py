@@ -58,7 +58,7 @@ def test_desired_outputs_go_on_from_where_the_legs_are_at_touchdown(stance):
 def test_desired_rates_are_the_derivatives_of_the_desired_outputs(stance):
     period = 1e-5
     core, command, state = walking(stance, period), MotorCommand(), swinging(stance)
-    core.config = replace(CONFIG, law="paper")
+    core.configure(replace(CONFIG, law="paper"))
     for phase in (0.1, 0.5, 0.9):
         core.timing.phase = phase
         core.step(readings_of(state), mode_of(), command)
@@ -71,7 +71,8 @@ def test_desired_rates_are_the_derivatives_of_the_desired_outputs(stance):
 
 @STANCES
 def test_desired_outputs_reach_the_gaits_end(stance):
-    core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    paper = replace(CONFIG, law="paper")
+    core, command, state = walking(stance, config=paper), MotorCommand(), swinging(stance)
     core.timing.velocity = (0.4, 0.0)
     readings = readings_of(state)
     readings.velocity = (0.4, 0.0, 0.0)
@@ -113,14 +114,17 @@ def test_the_mirror_image_of_a_state_gets_the_mirror_image_of_the_command(law, s
 
 
 def test_the_swing_leg_reaches_down_for_late_ground():
-    core, command, state = walking(), MotorCommand(), swinging(LEFT)
+    config = replace(CONFIG, law="paper", late_speed=0.3)
+    core, command, state = walking(config=config), MotorCommand(), swinging(LEFT)
     lengths, readings = [], readings_of(state)
     while not core.step(readings, mode_of(), command):
         lengths.append((core.timing.phase, core.desired[LENGTH_SW]))
     planned = next(length for phase, length in lengths if phase >= 1.0)
     late = [length for phase, length in lengths if phase > 1.0]
     assert (np.diff(late) > 0.0).all()
-    assert late[-1] - planned == pytest.approx(0.25 * 0.4 * 0.3, abs=3e-3)
+    assert late[-1] - planned == pytest.approx(
+        (config.latest_touchdown - 1.0) * 0.4 * 0.3, abs=3e-3
+    )
 
 
 def test_hip_yaws_turn_towards_the_heading_within_their_bound():
@@ -140,7 +144,7 @@ def test_turning_does_not_wind_up_while_the_robot_is_held():
     for _ in range(1000):  # back by less than what was asked for
         core.step(readings, mode_of(yaw_rate=-0.5), command)
     core.timing.phase = 0.99
-    core.step(readings, mode_of(), command)
+    core.step(readings_of(swinging(core.timing.stance)), mode_of(), command)
     assert core.desired[YAW_SW] == pytest.approx(-0.25, abs=5e-3)
 
 

@@ -131,7 +131,7 @@ def test_torso_errors_act_through_the_loaded_stance_hip(stance):
 
 
 def test_weight_is_fed_forward_to_the_leg_that_carries_it():
-    core, command = walking(), MotorCommand()
+    core, command = walking(config=replace(CONFIG, swing_inertia=0.0)), MotorCommand()
     core.step(readings_of(swinging(LEFT)), mode_of(), command)
     stance, swing = command.torque.reshape(2, 5)
     assert stance[3] > 50.0  # Nm, the knee is pushed straight

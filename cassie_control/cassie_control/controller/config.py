@@ -45,7 +45,35 @@ class WalkConfig:
         200.0, "N", 50.0, 400.0, "Force on the swing foot that ends a step"
     )
     earliest_touchdown: float = tunable(0.5, "", 0.1, 0.95, "Phase before which no step ends")
-    latest_touchdown: float = tunable(1.25, "", 1.0, 2.0, "Phase at which a step ends anyway")
+    latest_touchdown: float = tunable(1.5, "", 1.0, 2.0, "Phase at which a step ends anyway")
+    quickest_step: float = tunable(
+        0.26, "s", 0.15, 0.6, "Duration of the quickest step, to catch a fall"
+    )
+    slowest_step: float = tunable(
+        1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, over the gait's own"
+    )
+    reach_inward: float = tunable(
+        0.2, "m", 0.05, 0.3, "How far inside its hip the swing foot can be set down"
+    )
+    reach_outward: float = tunable(
+        0.32, "m", 0.1, 0.4, "How far outside its hip the swing foot can be set down"
+    )
+    landing_depth: float = tunable(
+        0.035, "m", -0.02, 0.1, "How far below the ground the swing foot aims, to take load at once"
+    )
+    late_reach: float = tunable(
+        0.12, "m", 0.0, 0.2, "How far the swing leg grows while the ground is late"
+    )
+    late_speed: float = tunable(0.4, "m/s", 0.05, 1.0, "How fast it grows")
+    level: float = tunable(
+        1.0, "", 0.0, 1.0, "From the gait's stance leg length, 0, to a hip that travels level, 1"
+    )
+    level_back: float = tunable(
+        0.5, "", 0.0, 1.0, "Share of that which is left while it walks backward"
+    )
+    swing_inertia: float = tunable(
+        1.0, "", 0.0, 1.5, "Share of the swing leg's inertia carried by feed-forward"
+    )
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
     )
@@ -58,9 +86,13 @@ class WalkConfig:
     double_support: float = tunable(
         0.07, "s", 0.0, 0.2, "Time in which the weight goes over to the new foot"
     )
-    pendulum_gain_x: float = tunable(
-        0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes"
+    contact_lead: float = tunable(
+        0.04, "s", 0.0, 0.1, "From the swing foot's first contact to the end of the step"
     )
+    pendulum_gain_x: float = tunable(
+        0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
+    )
+    pendulum_gain_back: float = tunable(0.9, "", 0.0, 1.5, "The same while it moves backward")
     pendulum_gain_y: float = tunable(
         0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
@@ -68,7 +100,7 @@ class WalkConfig:
         0.05, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
     integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
-    integral_limit: float = tunable(0.12, "m", 0.0, 0.2, "Bound of that sum")
+    integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")

@@ -93,6 +93,7 @@ class Readings:
         height: Pelvis origin above the loaded soles. In m.
         time: Of the state, robot time. In s.
         legs: Left and right.
+        state: The estimate itself.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
     """
 
@@ -107,9 +108,11 @@ class Readings:
         self.velocity = (0.0, 0.0, 0.0)
         self.height = 0.0
         self.time = 0.0
+        self.state = RobotState()
 
     def update(self, state: RobotState) -> None:
         """Take in a state estimate."""
+        self.state = state
         q, v = state.q, state.v
         self.time = state.stamp_ns * 1e-9
         self.height, self.yaw, self.pitch, self.roll = q[2:6].tolist()

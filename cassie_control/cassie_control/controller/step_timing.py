@@ -11,6 +11,10 @@ LEFT, RIGHT = 0, 1
 """Legs, as numbers of the stance leg."""
 
 
+_RATE_TIME = 0.02  # s
+_LATE = 0.9  # phase from which a step's time is settled
+
+
 class StepTiming:
     """Phase and stance leg of the present step, and the velocities read from it.
 
@@ -23,6 +27,7 @@ class StepTiming:
         steps: Steps ended since walking began.
         step_time: Planned duration of the step. In s.
         elapsed: Time since the last touchdown. In s.
+        rate: Of the phase. In 1/s.
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
 
     Args:
@@ -48,6 +53,7 @@ class StepTiming:
         self.phase = 0.0
         self.steps = 0
         self.elapsed = 0.0
+        self.rate = 1.0 / self.step_time
         self.velocity = (0.0, 0.0)
         self._travel = (0.0, 0.0)
         self._means: list[tuple[float, float]] = []
@@ -63,8 +69,18 @@ class StepTiming:
             self._travel[1] + self._period * readings.velocity[1],
         )
         self.elapsed += self._period
-        self.phase += self._period / self.step_time
+        self.phase += self._period * self.rate
         return self._ended(readings)
+
+    def plan(self, remaining: float) -> None:
+        """Go on so that the planned end of the step comes after a time, in s.
+
+        The rate follows within `_RATE_TIME`; near the end it stays as it is.
+        """
+        if self.phase > _LATE:
+            return
+        rate = (1.0 - self.phase) / max(remaining, 1e-3)
+        self.rate += min(1.0, self._period / _RATE_TIME) * (rate - self.rate)
 
     def _ended(self, readings: Readings) -> bool:
         c = self._config
@@ -86,6 +102,7 @@ class StepTiming:
         self.steps += 1
         self.phase = 0.0
         self.elapsed = 0.0
+        self.rate = 1.0 / self.step_time
         self._travel = (0.0, 0.0)
         return (
             sum(mean[0] for mean in self._means) / len(self._means),

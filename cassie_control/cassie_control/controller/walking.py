@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.foot_placement import Placement, StepAhead, Wish, placement
+from cassie_control.controller.foot_placement import placement
 from cassie_control.controller.outputs import (
     FOOT_SW,
     LENGTH_ST,
@@ -19,18 +21,18 @@ from cassie_control.controller.outputs import (
     YAW_SW,
     measure,
 )
-from cassie_control.controller.readings import Readings
+from cassie_control.controller.readings import HIP_X, HIP_Z, LegReadings, Readings
+from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
 from cassie_control.controller.step_timing import LEFT, StepTiming
+from cassie_control.controller.swing_inertia import swing_torques
 from cassie_control.controller.walking_drives import drive_stance, drive_swing
-from cassie_gaits import bezier
+from cassie_gaits import bezier, virtual_leg
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_msgs.layout import Mode, MotorCommand
 
 FloatArray = npt.NDArray[np.float64]
 
 _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
-_REACH = 0.06  # m that the swing leg grows at most when the ground is late
-_REACH_SPEED = 0.3  # m/s
 
 
 class WalkingController:
@@ -68,14 +70,16 @@ class WalkingController:
         self.rates = np.zeros(9)
         self.desired = np.zeros(9)
         self.desired_rates = np.zeros(9)
+        self._accelerations = np.zeros(9)
         self._buffer = np.zeros((2, 9, 6))
         self._start = np.zeros(9)
         self._start_rates = np.zeros(9)
         self._wish = Wish()
         self._ahead = StepAhead()
         self._heading = 0.0
-        self.config = config
         self._placement: Placement = placement(config)
+        self.config = config
+        self.configure(config)
 
     def configure(self, config: WalkConfig) -> None:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
@@ -84,6 +88,9 @@ class WalkingController:
         self._placement.config = config
         self.timing.configure(config)
         self.config = config
+        own = config.law != "paper"
+        self._level = config.level if own else 0.0
+        self._inertia = config.swing_inertia if own else 0.0
 
     @property
     def gait_speed(self) -> float:
@@ -123,6 +130,7 @@ class WalkingController:
         at, to = 5 * timing.stance, 5 * (1 - timing.stance)
         drive_stance(self.config, readings, stance, desired, rates, command, at)
         drive_swing(self.config, readings, swing, desired, rates, command, to)
+        self._push_swing(swing, command, to)
         return ended
 
     def _turn(self, yaw: float, yaw_rate: float) -> None:
@@ -141,7 +149,7 @@ class WalkingController:
         self._start_rates[[YAW_ST, LENGTH_ST, YAW_SW, LENGTH_SW, FOOT_SW]] = 0.0
 
     def _desire(self, readings: Readings, mode: Mode) -> None:
-        """Desired outputs and rates at this phase."""
+        """Desired outputs, rates and accelerations at this phase."""
         timing = self.timing
         right, left, step_time = self.library.interpolate(self.gait_speed, self._buffer)
         timing.step_time = step_time
@@ -153,40 +161,88 @@ class WalkingController:
         phase = min(1.0, timing.phase)
         values = gait @ bezier.basis(phase)
         self.desired[:] = values[:, 0]
-        np.multiply(values[:, 1], 1.0 / step_time, out=self.desired_rates)
+        np.multiply(values[:, 1], timing.rate, out=self.desired_rates)
+        np.multiply(values[:, 2], timing.rate**2, out=self._accelerations)
+        self._adjust(readings, mode, gait, phase)
         if timing.phase > 1.0:
             self.desired_rates[:] = 0.0
+            self._accelerations[:] = 0.0
             self._reach_down()
-        self._adjust(readings, mode, gait[:, -1].tolist(), phase)
         self.desired[ROLL] += float(mode.roll) + float(mode.trims[3])
         self.desired[PITCH] += float(mode.pitch) + float(mode.trims[2])
 
     def _reach_down(self) -> None:
         """The ground is later than planned: the swing leg grows until it finds it."""
-        late = (self.timing.phase - 1.0) * self.timing.step_time
-        self.desired[LENGTH_SW] += min(_REACH, _REACH_SPEED * late)
-        self.desired_rates[LENGTH_SW] = _REACH_SPEED
+        late = (self.timing.phase - 1.0) / self.timing.rate
+        grown = self.config.late_speed * late
+        self.desired[LENGTH_SW] += min(self.config.late_reach, grown)
+        if grown < self.config.late_reach:
+            self.desired_rates[LENGTH_SW] = self.config.late_speed
 
-    def _adjust(self, readings: Readings, mode: Mode, gait_end: list[float], phase: float) -> None:
+    def _adjust(self, readings: Readings, mode: Mode, gait: FloatArray, phase: float) -> None:
         """Leg-angle adjustment and turning, faded in over the step."""
+        gait_end = gait[:, -1].tolist()
         c, timing, ahead = self.config, self.timing, self._ahead
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
-        ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
-        ahead.remaining = max(0.0, 1.0 - timing.phase) * timing.step_time
-        ahead.velocity = timing.velocity
-        ahead.pitch, ahead.roll = gait_end[PITCH_SW], gait_end[ROLL_SW]
-        ahead.length = gait_end[LENGTH_SW]
-        end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
-        fade = bezier.fade(phase)
-        rate = bezier.fade_derivative(phase) / timing.step_time
         turn = 0.5 * float(mode.yaw_rate) * timing.step_time
         error = self._heading - readings.yaw
         yaw = max(-c.yaw_limit, min(c.yaw_limit, turn + c.heading_gain * error))
+        left = max(0.0, 1.0 - timing.phase)
+        ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
+        ahead.remaining = left * timing.step_time
+        ahead.earliest = left * c.quickest_step
+        ahead.velocity = timing.velocity
+        ahead.pitch, ahead.roll = gait_end[PITCH_SW], gait_end[ROLL_SW]
+        ahead.length, ahead.yaw = gait_end[LENGTH_SW], yaw
+        ahead.rise = gait_end[LENGTH_ST] - float(self.desired[LENGTH_ST])
+        end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
+        timing.plan(end.remaining)
+        landing = gait_end
+        if end.lead > 0.0:
+            landing = (gait @ bezier.basis(1.0 - end.lead * timing.rate)[:, 0]).tolist()
+        self._level_hips(readings, stance, gait_end, phase)
+        fade, rate = bezier.fade(phase), timing.rate * bezier.fade_derivative(phase)
+        r = 1.0 - phase
+        acceleration = 20.0 * r * r * (r - 3.0 * phase) * timing.rate**2
         for row, change in (
-            (PITCH_SW, end.pitch - gait_end[PITCH_SW]),
-            (ROLL_SW, end.roll - gait_end[ROLL_SW]),
+            (PITCH_SW, end.pitch - landing[PITCH_SW]),
+            (ROLL_SW, end.roll - landing[ROLL_SW]),
+            (LENGTH_SW, end.length - gait_end[LENGTH_SW]),
             (YAW_SW, yaw - gait_end[YAW_SW]),
             (YAW_ST, -turn - gait_end[YAW_ST]),
         ):
             self.desired[row] += fade * change
             self.desired_rates[row] += rate * change
+            self._accelerations[row] += acceleration * change
+
+    def _level_hips(
+        self, readings: Readings, stance: LegReadings, gait_end: list[float], phase: float
+    ) -> None:
+        """Let the stance leg grow and shrink so that its hip travels level, as far as wanted."""
+        back = max(0.0, min(1.0, -3.0 * self.timing.velocity[0]))
+        share = self._level * bezier.fade(phase)
+        share *= 1.0 + back * (self.config.level_back - 1.0)
+        height = gait_end[LENGTH_SW] * math.cos(gait_end[PITCH_SW])
+        x = readings.tilt[0, 0] * HIP_X + readings.tilt[0, 2] * HIP_Z - stance.ankle[0]
+        length = min(0.95, math.hypot(height, x))
+        self.desired[LENGTH_ST] += share * (length - self.desired[LENGTH_ST])
+        rate = x * readings.velocity[0] / length
+        self.desired_rates[LENGTH_ST] += share * (rate - self.desired_rates[LENGTH_ST])
+
+    def _push_swing(self, swing: LegReadings, command: MotorCommand, base: int) -> None:
+        """Add the torques that accelerate the swing leg, as far as it is off the ground."""
+        share = self._inertia * (1.0 - swing.load)
+        length = virtual_leg.clamp_length(float(self.desired[LENGTH_SW]), 0.45, 0.95)
+        rates, accelerations = self.desired_rates, self._accelerations
+        roll, pitch, knee = swing_torques(
+            (float(rates[ROLL_SW]), float(rates[PITCH_SW]), float(rates[LENGTH_SW])),
+            (
+                float(accelerations[ROLL_SW]),
+                float(accelerations[PITCH_SW]),
+                float(accelerations[LENGTH_SW]),
+            ),
+            length,
+        )
+        command.torque[base] += share * roll
+        command.torque[base + 2] += share * pitch
+        command.torque[base + 3] += share * knee

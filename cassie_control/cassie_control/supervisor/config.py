@@ -33,7 +33,7 @@ class SupervisorConfig:
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
     still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
     weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
-    stop_speed: float = tunable(0.12, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
+    stop_speed: float = tunable(0.15, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
     stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")
     fall_tilt: float = tunable(0.8, "rad", 0.3, 1.5, "Torso tilt that counts as a fall")
     fall_height: float = tunable(0.33, "m", 0.1, 0.6, "Pelvis height that counts as a fall")

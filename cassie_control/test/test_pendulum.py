@@ -1,0 +1,60 @@
+"""Where the pendulum lands, and when."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cassie_control.controller.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
+
+RATE = 3.5
+LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12)
+IN_PLACE = Aim(0.0, 0.13, 0.0, 0.23, 0.35, 0.35, 0.35)
+
+
+def test_the_fall_is_that_of_an_inverted_pendulum():
+    found = fallen(Fall(0.05, -0.1, 0.4, 0.2, RATE, 0.0), 0.3)
+    motion = solve_ivp(
+        lambda _, s: [s[2], s[3], RATE**2 * s[0], RATE**2 * s[1]],
+        (0.0, 0.3),
+        (0.05, -0.1, 0.4, 0.2),
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    assert found == pytest.approx(motion.y[:, -1], abs=1e-8)
+
+
+def test_it_coasts_before_it_falls():
+    coasting = fallen(Fall(0.0, 0.0, 0.4, 0.2, RATE, 0.1), 0.1)
+    assert coasting == pytest.approx((0.04, 0.02, 0.4, 0.2))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_foot_stays_within_reach_and_apart(seed):
+    rng = np.random.default_rng(seed)
+    end = tuple(rng.uniform(-1.5, 1.5, 4) * (0.2, 0.2, 1.0, 1.0))
+    ux, uy, missed = foot(IN_PLACE, LEFT_SWINGS, end)
+    assert abs(ux) <= 0.4 + 1e-12
+    assert end[1] + uy >= 0.12 - 1e-9
+    assert missed >= 0.0
+    if missed == 0.0:
+        assert uy == pytest.approx(0.13 + 0.35 * (end[3] - 0.23))
+
+
+def test_a_step_that_can_be_made_keeps_its_time():
+    fall = Fall(0.0, 0.14, 0.0, -0.25, RATE, 0.0)
+    assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.15, 0.4) == 0.3
+
+
+def test_a_fall_to_the_side_of_the_swing_leg_is_met_sooner():
+    fall = Fall(0.0, 0.05, 0.0, 0.6, RATE, 0.0)
+    time = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
+    assert 0.1 <= time < 0.3
+    planned, chosen = (foot(IN_PLACE, LEFT_SWINGS, fallen(fall, t))[2] for t in (0.3, time))
+    assert chosen < planned
+
+
+def test_a_fall_over_the_stance_foot_is_met_as_soon_as_can_be():
+    fall = Fall(0.0, -0.02, 0.0, -0.6, RATE, 0.0)
+    assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4) == pytest.approx(0.1)
