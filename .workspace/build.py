@@ -22,7 +22,9 @@ HERE = ROOT / ".workspace"
 VENV = ROOT / ".venv"
 PACKAGES = ("cassie_msgs", "cassie_gaits", "cassie_control", "cassie_sim", "cassie_teleop", "bags")
 VENV_INPUTS = [ROOT / "requirements.txt", HERE / "constraints.txt", HERE / "relocate_wheels.py"]
-# Edits of other Python files need no build: colcon links them into place.
+# Edits of other Python files need no build: colcon links them into place. Those beside the messages
+# it copies, because the package is the message generator's.
+COPIED = ROOT / "cassie_msgs/python"
 CONTENT_MATTERS = {".msg", ".srv", ".txt", ".xml", ".cfg"}
 
 
@@ -132,7 +134,8 @@ def source_facts() -> Iterable[bytes]:
             if not path.is_file() or "__pycache__" in path.parts or ".egg-info" in str(path):
                 continue
             yield str(path.relative_to(ROOT)).encode()
-            if path.suffix in CONTENT_MATTERS or path.name == "setup.py":
+            copied = path.is_relative_to(COPIED)
+            if copied or path.suffix in CONTENT_MATTERS or path.name == "setup.py":
                 yield path.read_bytes()
     yield Path(__file__).read_bytes()
 

@@ -6,7 +6,8 @@ from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.layout import Mode, RobotMode
-from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.plant import Plant
+from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import Scenario
 
 PERIOD = 0.002

@@ -47,4 +47,4 @@ class Picked(Node):
 
 
 if __name__ == "__main__":
-    process.run("picked", Picked)
+    process.run("picked", Picked, process.BESIDE_THE_LOOP if "--nice" in sys.argv else 0)

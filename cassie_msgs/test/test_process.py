@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from cassie_msgs.ros.process import BESIDE_THE_LOOP
+
 FOLDER = Path(__file__).parent
 
 
@@ -62,6 +64,25 @@ def test_a_bug_in_a_callback_ends_the_node_with_status_1():
     process = start("pick_node.py", "--break")
     _, err = process.communicate(timeout=20)
     assert process.returncode == 1 and "broken on request" in err
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/autogroup").is_file(), reason="the kernel does not group sessions"
+)
+def test_a_node_beside_the_loop_gives_way_as_a_session_too():
+    process = subprocess.Popen(
+        [sys.executable, str(FOLDER / "pick_node.py"), "--nice"],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert process.stdout.readline().startswith("ready")
+        group = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
+        assert group.split()[-2:] == ["nice", str(BESIDE_THE_LOOP)]
+    finally:
+        process.terminate()
+        process.wait(timeout=10)
 
 
 def test_a_node_stops_while_it_publishes_without_a_pause():

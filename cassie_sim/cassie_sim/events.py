@@ -69,16 +69,22 @@ class Events:
 
         The first of them is `step` itself. A command that arrives is an event, too.
         """
-        if self._pushed:
-            return 1
-        due = step + most
+        return 1 if self._pushed else max(1, self._next(step + most) - step)
+
+    def idle(self, step: int, steps: int) -> bool:
+        """Whether nothing happens in these physics steps, from the first on."""
+        return not self._pushed and self._next(step + steps) >= step + steps
+
+    def _next(self, limit: int) -> int:
+        """Physics step of the next event, at most `limit`."""
+        due = limit
         if self._next_move < len(self._moves):
             due = min(due, math.ceil(self._moves[self._next_move].t * self._rate))
         for start, _, _, _ in self._live:
             due = min(due, start)
         if self._under_way:
             due = min(due, self._under_way[0][0])
-        return max(1, due - step)
+        return due
 
     def _apply_pushes(self, step: int, data: mujoco.MjData, gantry: Gantry) -> None:
         pelvis = self._model.body("pelvis").id
@@ -95,6 +101,11 @@ class Events:
         """Let faulty channels of a sample fail."""
         for fault in self._faults:
             fault.spoil(step, sample)
+
+    @property
+    def delays_commands(self) -> bool:
+        """Whether commands take time to the drives."""
+        return self._delay > 0
 
     def send(self, command: MotorCommand, step: int) -> None:
         """Put a motor command on its way to the drives at physics step `step`."""

@@ -195,29 +195,44 @@ def physics_steps(
     sensors: RecordArray,
     attitudes: FloatArray,
     noise: FloatArray,
+    seen: FloatArray,
 ) -> None:
-    """Drives, physics and sensors for some physics steps.
+    """Physics and sensors for some physics steps, with the torques under way.
+
+    What the drives make of these steps, `drive_steps`, acts only after them.
 
     Args:
         step: Address of MuJoCo's `mj_step`.
         model, data: Addresses of its model and data.
-        steps: How many.
+        steps: How many; at most as long as a torque takes.
         qpos, qvel, ctrl: Of `data`.
         quaternion, imu: In `data`, see `observe`.
         q_indices, v_indices: Where drives and joints are in `qpos` and `qvel`. Shape (16,).
-        drives, pipeline: See `drive_step`.
+        drives, pipeline: See `drive_steps`; not changed.
         sensors, attitudes, noise: See `observe`.
+        seen: Result: what the drives measure before each step, position in rad, then velocity in
+            rad/s. Shape (n, 20).
     """
-    drive, sensor = drives[0], sensors[0]
+    drive, sensor, rows = drives[0], sensors[0], pipeline.shape[0]
     angles, rates = np.empty(16), np.empty(16)
-    for _ in range(steps):
-        drive_step(drives, pipeline, sensor.position, sensor.velocity)
-        ctrl[:] = drive.applied
+    for k in range(steps):
+        row = (drive.head + 1 + k) % rows
+        for i in range(10):
+            seen[k, i] = sensor.position[i]
+            seen[k, 10 + i] = sensor.velocity[i]
+            ctrl[i] = pipeline[row, i] * drive.torque_constant[i] if drive.powered else 0.0
         _call(step, model, data)
         for i in range(16):
             angles[i] = qpos[q_indices[i]]
             rates[i] = qvel[v_indices[i]]
         observe(sensors, attitudes, noise, angles, rates, quaternion, imu)
+
+
+@compiled
+def drive_steps(drives: RecordArray, pipeline: FloatArray, seen: FloatArray, steps: int) -> None:
+    """`drive_step` for the steps of `physics_steps`, which saw `seen`."""
+    for k in range(steps):
+        drive_step(drives, pipeline, seen[k, :10], seen[k, 10:])
 
 
 @compiled

@@ -11,9 +11,10 @@ import time
 from collections.abc import Callable
 
 from cassie_msgs.layout import MotorCommand
+from cassie_sim.command_watch import CommandWatch
 from cassie_sim.lane import Lane, Report
 from cassie_sim.pacing import Pace, RealTimeFactor
-from cassie_sim.plant import COMMAND_WATCHDOG, Plant
+from cassie_sim.plant import Plant
 from cassie_sim.power_switch import PowerSwitch
 from cassie_sim.requests import Requests
 from cassie_sim.simulator_config import SimulatorConfig
@@ -70,12 +71,8 @@ class Loop:
         self._tick_s = plant.tick_ns * 1e-9
         self._pace = Pace(self._tick_s)
         self._restart = False
-        self._answered = False
-        self._silent = False
+        self._watch = CommandWatch(lane, report, config.start_timeout, self._tick_s)
         self._refused = False
-        self._applied = -1
-        self._last_silence = 0
-        self._second = config.control_rate
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
@@ -111,8 +108,7 @@ class Loop:
             self.broken = False
             self._report("lockstep", None)
         self._lagging = None
-        self._applied = -1
-        self._last_silence = 0
+        self._watch.restart()
         self._restart = True
         self._pace.start(now)
         self.factor.start(0.0, now)
@@ -120,6 +116,9 @@ class Loop:
     def _lockstep_tick(self) -> None:
         seq = self._announce()
         self._hold(seq)
+        if not self.broken and not self._interrupted:
+            self.plant.power(self.switch.apply(seq))
+            self.plant.run_ahead()
         answered = self._await_answer(seq)
         if not self._interrupted:
             self._advance(self._lane.command if answered else None)
@@ -146,10 +145,10 @@ class Loop:
         while not self._interrupted and self._wait_until(due):
             pass
         if not self._interrupted:
-            self._advance(self._fresh_command(seq))
+            self._advance(self._watch.fresh(self.plant.episode, seq))
 
     def _announce(self) -> int:
-        self.requests.run_pending()
+        self._serve()
         self._restart = False  # what a request restarted is announced now
         plant = self.plant
         seq = plant.seq
@@ -157,6 +156,12 @@ class Loop:
         self._announced = self._clock()
         self.factor.update(seq * self._tick_s, self._announced)
         return seq
+
+    def _serve(self) -> None:
+        """Do what other threads ask for, with the plant as it was when the sample was taken."""
+        if self.requests.pending:
+            self.plant.take_back()
+            self.requests.run_pending()
 
     @property
     def _interrupted(self) -> bool:
@@ -169,7 +174,7 @@ class Loop:
             self._lane.repeat()
             self._announced = now
         self._lane.wait(max(0.0, min(deadline, self._announced + REPEAT_PERIOD) - now))
-        self.requests.run_pending()
+        self._serve()
 
     def _hold(self, seq: int) -> None:
         """Wait while paused, and for the scripted operator where this tick needs it."""
@@ -197,19 +202,18 @@ class Loop:
         if self.broken or self._interrupted:
             return self._await_in_real_time(seq)
         started = self._clock()
-        limit = self.config.command_timeout + (0.0 if self._answered else self.config.start_timeout)
+        limit = self.config.command_timeout + self._watch.start_patience
         while not self._answers(seq):
             self._wait(started + limit)
             if self._interrupted:
                 return False
             silence = self._clock() - started
             if silence >= REPEAT_PERIOD:
-                self._report_silence(seq, silence)
+                self._watch.missed(seq, silence)
             if silence >= limit and not self._answers(seq):
                 self._break_lockstep()
                 return False
-        if not self._answered or self._silent:
-            self._note_answer()
+        self._watch.come()
         return True
 
     def _await_in_real_time(self, seq: int) -> bool:
@@ -223,7 +227,7 @@ class Loop:
             if self._answers(seq):
                 self.broken = False
                 self._report("lockstep", None)
-                self._note_answer()
+                self._watch.come()
                 self._pace.start(self._clock())
                 return True
             if not waited:
@@ -234,40 +238,11 @@ class Loop:
         """Take in what arrives; False once `due` is over, after a last look."""
         left = due - self._clock()
         self._lane.wait(max(0.0, left))
-        self.requests.run_pending()
+        self._serve()
         return left > 0.0
 
     def _answers(self, seq: int) -> bool:
         return self._lane.command_key == (self.plant.episode, seq)
-
-    def _fresh_command(self, seq: int) -> MotorCommand | None:
-        """The newest command, if it is new and not older than the watchdog allows."""
-        episode, answered = self._lane.command_key
-        watchdog = COMMAND_WATCHDOG / self._tick_s
-        fresh = episode == self.plant.episode and self._applied < answered
-        if fresh and seq - answered <= watchdog:
-            self._applied = answered
-            # A machine that stutters is told of once, not at each stop and start.
-            if not self._answered or (self._silent and seq > self._last_silence + self._second):
-                self._note_answer()
-            return self._lane.command
-        if self._answered and seq - self._applied > watchdog:
-            self._last_silence = seq
-            self._report_silence(seq, (seq - self._applied) * self._tick_s)
-        return None
-
-    def _note_answer(self) -> None:
-        self._answered = True
-        self._silent = False
-        self._report("command", None)
-
-    def _report_silence(self, seq: int, silence: float) -> None:
-        if self._silent or (not self._answered and silence < self.config.start_timeout):
-            return
-        self._silent = True
-        missing = self._lane.missing()
-        reason = f" ({missing})" if missing else ""
-        self._report("command", f"no motor command for tick {seq} since {silence:.2g} s{reason}")
 
     def _break_lockstep(self) -> None:
         self.broken = True
@@ -303,5 +278,5 @@ class Loop:
         due = self._pace.next_due(now, self.config.max_rate)
         while due > now and not self._interrupted:
             self._sleep(min(due - now, 0.1))
-            self.requests.run_pending()
+            self._serve()
             now = self._clock()

@@ -2,11 +2,14 @@
 
 One control tick is `Plant.sense()` followed by `Plant.step(command)`. Everything in between
 (drives, sensor filters, gantry, pushes) runs at the rate of the physics.
+
+A torque acts 3 ms after the drives have set it, so the physics of a tick of 2 ms never waits for
+its command: `Plant.run_ahead()` in between makes it while the command is computed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
 
 import mujoco
 import numpy as np
@@ -14,18 +17,19 @@ import numpy.typing as npt
 
 from cassie_gaits.robot import DRIVE_DELAY
 from cassie_msgs.layout import MotorCommand, Sensors
-from cassie_msgs.tunables import check, tunable
 from cassie_sim.drives import Drives
-from cassie_sim.errors import CommandError, SimulationError
+from cassie_sim.errors import CommandError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
-from cassie_sim.kernels import physics_steps
+from cassie_sim.kernels import drive_steps, physics_steps
 from cassie_sim.native import addresses, mj_step_address
+from cassie_sim.plant_config import PlantConfig, check_rates
 from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion
-from cassie_sim.sensors import FaithfulSensors, IdealSensors, ImuErrors
+from cassie_sim.sensors import make_sensors
+from cassie_sim.snapshot import Snapshot
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,23 +44,6 @@ COMMAND_WATCHDOG = 0.02
 
 BATTERY = (72.0, 1.0)
 """Voltage in V and state of charge, which the simulation keeps."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlantConfig:
-    """Rates and grade of the plant.
-
-    `control_rate` must divide `physics_rate`.
-    """
-
-    physics_rate: int = tunable(2000, "Hz", 500, 20000, "Rate of physics and drives", live=False)
-    control_rate: int = tunable(500, "Hz", 50, 4000, "Rate of sensor samples", live=False)
-    sensors: str = tunable(
-        "faithful",
-        choices=("faithful", "ideal"),
-        description="Sensors with bits, filters, noise and delay, or the truth",
-        live=False,
-    )
 
 
 class Plant:
@@ -76,7 +63,7 @@ class Plant:
     ) -> None:
         self.config = config
         self.scenario = scenario or Scenario()
-        _check_rates(config)
+        check_rates(config)
         self.substeps = config.physics_rate // config.control_rate
         self.tick_ns = 1_000_000_000 // config.control_rate
         self.period = 1.0 / config.physics_rate
@@ -86,8 +73,11 @@ class Plant:
         self._native = (mj_step_address(), *addresses(self.model, self.data))
         self._motion = scene_motion(self.scenario.scene, self.scenario.scene_parameters)
         self.gantry = Gantry()
-        self.sensors = self._make_sensors()
         draw, scale = self.scenario.draw, self.scenario.model
+        self._make_sensors = functools.partial(
+            make_sensors, config.sensors, draw, self.substeps * self.period, self.period
+        )
+        self.sensors = self._make_sensors()
         self.drives = Drives(
             self.period,
             DRIVE_DELAY + self.scenario.delays.torque,
@@ -98,6 +88,8 @@ class Plant:
         self.seq = 0
         self.episode = 0
         self._sample = Sensors()
+        self._seen = np.zeros((len(self.drives.pipeline) - 1, 20))
+        self._before = Snapshot(self.model, self.data, self._robot)
         self.reset()
 
     def reset(self) -> None:
@@ -105,6 +97,8 @@ class Plant:
         mujoco.mj_resetData(self.model, self.data)
         self.seq = 0
         self._physics_steps = 0
+        self._ahead = 0
+        self._written = self._drawn = self._powered = False
         self.drives.reset()
         self.events.reset()
         self.gantry.release()
@@ -121,16 +115,56 @@ class Plant:
     def sense(self) -> Sensors:
         """The sensor sample of this tick. Valid until the next call; call it once a tick."""
         sample = self._sample
-        sample.seq[...] = self.seq
-        sample.episode[...] = self.episode
-        sample.stamp_ns = self.seq * self.tick_ns
-        self.sensors.write(sample)
+        if not self._written:
+            self._write_sample(self.seq)
+        self._written = self._drawn = False
         sample.drive_torque[:] = self.drives.applied
-        sample.battery[:] = BATTERY
         sample.power[...] = float(self.drives.powered)
         sample.damping[...] = float(self.drives.damped)
         self.events.spoil(self.seq * self.substeps, sample)
         return sample
+
+    def _write_sample(self, seq: int) -> None:
+        sample = self._sample
+        sample.seq[...] = seq
+        sample.episode[...] = self.episode
+        sample.stamp_ns = seq * self.tick_ns
+        sample.battery[:] = BATTERY
+        self.sensors.write(sample, again=self._drawn)
+
+    def run_ahead(self) -> None:
+        """Make the physics of this tick before its command is there, where nothing else acts on it.
+
+        `step` goes on from there, or begins anew if the power was switched or an event added
+        meanwhile. What the plant shows of its true state is ahead until then; `take_back` first.
+        The result is the same to the last bit.
+        """
+        now, steps = self._physics_steps, min(self.substeps, len(self._seen))
+        waits = self._ahead or self.gantry.attached or self._motion is not None
+        if waits or self.events.delays_commands or not self.events.idle(now, steps):
+            return
+        self.sensors.prepare(steps)
+        self._before.take(self.sensors)
+        self._powered = self.drives.powered
+        self._robot.wrench[:] = 0.0
+        self._run(steps)
+        self._ahead = steps
+        if steps == self.substeps:
+            self._write_sample(self.seq + 1)
+            self._written = True
+
+    def _may_go_on(self) -> bool:
+        """Whether nothing has come in between that acts on the steps made ahead."""
+        quiet = self.events.idle(self._physics_steps, self._ahead) and not self.gantry.attached
+        return quiet and self.drives.powered == self._powered
+
+    def take_back(self) -> None:
+        """Undo `run_ahead`, before anybody looks at the plant or changes it."""
+        if self._ahead:
+            self._before.restore(self.sensors)
+            self._ahead = 0
+            self._drawn = self._written
+            self._written = False
 
     def step(self, command: MotorCommand | None) -> None:
         """Advance one control tick.
@@ -142,6 +176,8 @@ class Plant:
         Raises:
             CommandError: if the command is refused; the tick has then run with damped drives.
         """
+        if self._ahead and not self._may_go_on():
+            self.take_back()
         if command is not None:
             self.events.send(command, self._physics_steps)
         self._move_ground()
@@ -189,6 +225,12 @@ class Plant:
 
     def _advance(self, most: int) -> None:
         """Physics steps up to the next on which something acts from outside, at most `most`."""
+        steps = self._ahead or self._make_steps(most)
+        self._ahead = 0
+        drive_steps(self.drives.records, self.drives.pipeline, self._seen, steps)
+        self._physics_steps += steps
+
+    def _make_steps(self, most: int) -> int:
         robot, gantry, events, now = self._robot, self.gantry, self.events, self._physics_steps
         held = gantry.attached
         if held:
@@ -196,9 +238,10 @@ class Plant:
         robot.wrench[:] = gantry.wrench
         events.apply(now, self.data, gantry, robot.position)
         alone = held or gantry.attached
-        steps = self.sensors.prepare(1 if alone else events.quiet_steps(now, most))
+        steps = 1 if alone else min(events.quiet_steps(now, most), len(self._seen))
+        self.sensors.prepare(steps)
         self._run(steps)
-        self._physics_steps += steps
+        return steps
 
     def _move_ground(self) -> None:
         if self._motion is not None:
@@ -221,24 +264,8 @@ class Plant:
             sensors.records,
             sensors.attitudes,
             sensors.noise,
+            self._seen,
         )
-
-    def _make_sensors(self) -> IdealSensors:
-        if self.config.sensors == "ideal":
-            return IdealSensors()
-        draw = self.scenario.draw
-        errors = ImuErrors(
-            attitude_bias=(draw.attitude_bias[0], draw.attitude_bias[1]),
-            gyro_bias=(draw.gyro_bias[0], draw.gyro_bias[1], draw.gyro_bias[2]),
-            accelerometer_bias=(
-                draw.accelerometer_bias[0],
-                draw.accelerometer_bias[1],
-                draw.accelerometer_bias[2],
-            ),
-            yaw_drift=draw.yaw_drift,
-        )
-        rng = np.random.default_rng(draw.sensor_seed)
-        return FaithfulSensors(self.substeps * self.period, self.period, errors, rng)
 
     def _place(self) -> None:
         data, draw = self.data, self.scenario.draw
@@ -260,21 +287,3 @@ class Plant:
         self.gantry.hold(data.qpos[:3], height + 0.02)
         self.gantry.height = height + 0.02
         self.gantry.lower(height - 0.03, speed=0.1)
-
-
-def _check_rates(config: PlantConfig) -> None:
-    check(config)
-    if config.physics_rate % config.control_rate:
-        raise SimulationError(
-            f"control_rate = {config.control_rate} Hz does not divide "
-            f"physics_rate = {config.physics_rate} Hz"
-        )
-    if 1_000_000_000 % config.control_rate:
-        raise SimulationError(
-            f"control_rate = {config.control_rate} Hz: its period is no whole number of ns"
-        )
-    if config.sensors == "faithful" and config.physics_rate != 2000:
-        raise SimulationError(
-            f"physics_rate = {config.physics_rate} Hz: faithful sensors are defined at 2000 Hz; "
-            "use sensors = ideal for other rates"
-        )

@@ -32,6 +32,11 @@ class Requests:
         self.wake()
         return future
 
+    @property
+    def pending(self) -> bool:
+        """Whether something is asked for."""
+        return bool(self._queue)
+
     def run_pending(self) -> None:
         """Do what was asked for."""
         while self._queue:

@@ -18,6 +18,7 @@ from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
 from cassie_msgs.layout import Sensors
 from cassie_sim.kernels import observe, write_sample
 from cassie_sim.plant_records import SAMPLE_TYPE, SENSORS_TYPE
+from cassie_sim.scenario import Draw
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -102,12 +103,16 @@ class IdealSensors:
         self.prepare(1)
         observe(self.records, self.attitudes, self.noise, angles, rates, quaternion, imu)
 
-    def prepare(self, steps: int) -> int:
-        """How many of the next physics steps can be observed at once, at most `steps`."""
-        return steps
+    def prepare(self, steps: int) -> None:
+        """Have the noise of the next physics steps ready, 64 at most."""
 
-    def write(self, sample: Sensors) -> None:
-        """Fill in the measured fields of a sample and begin the next interval."""
+    def write(self, sample: Sensors, *, again: bool = False) -> None:
+        """Fill in the measured fields of a sample and begin the next interval.
+
+        Args:
+            sample: Result.
+            again: With the same noise as last time.
+        """
         fields = sample.floats.view(SAMPLE_TYPE)
         write_sample(self.records, self.attitudes, self._sample_noise, fields)
 
@@ -135,11 +140,11 @@ class FaithfulSensors(IdealSensors):
         self._errors = errors
         self._rng = rng
         self._joint_sigma = np.tile([JOINT_NOISE, JOINT_NOISE, 0.0], 2)
-        self.noise = np.zeros((_NOISE_BLOCK, 6))
+        self.noise = np.zeros((2 * _NOISE_BLOCK, 6))
+        self._noise_end = 0
         self.attitudes = np.zeros((round(errors.delay / physics_period) + 1, 4))
         record = self._record
         record["faithful"] = True
-        record["noise_row"] = _NOISE_BLOCK
         record["taps"], record["b"], record["a"] = _FIR, _IIR_B, _IIR_A
         drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
         record["counts_per_rad"] = [2.0**d.encoder_bits * d.gear / (2.0 * math.pi) for d in drives]
@@ -172,17 +177,45 @@ class FaithfulSensors(IdealSensors):
         record["time"] = 0.0
         super().reset(angles, rates, quaternion, imu)
 
-    def prepare(self, steps: int) -> int:
-        """Draw the noise of the next physics steps; how many of them it lasts for."""
-        left = _NOISE_BLOCK - int(self._record["noise_row"])
-        if not left:
-            self._rng.standard_normal(out=self.noise)
-            self.noise *= self._joint_sigma
+    def prepare(self, steps: int) -> None:
+        """See `IdealSensors.prepare`."""
+        row = int(self._record["noise_row"])
+        left = self._noise_end - row
+        if left < steps:
+            self.noise[:left] = self.noise[row : self._noise_end]
+            drawn = self.noise[left : left + _NOISE_BLOCK]
+            self._rng.standard_normal(out=drawn)
+            drawn *= self._joint_sigma
+            self._noise_end = left + _NOISE_BLOCK
             self._record["noise_row"] = 0
-            left = _NOISE_BLOCK
-        return min(left, steps)
 
-    def write(self, sample: Sensors) -> None:
-        """Fill in the measured fields of a sample and begin the next interval."""
-        self._rng.standard_normal(out=self._sample_noise)
+    def write(self, sample: Sensors, *, again: bool = False) -> None:
+        """See `IdealSensors.write`."""
+        if not again:
+            self._rng.standard_normal(out=self._sample_noise)
         super().write(sample)
+
+
+def make_sensors(
+    grade: str, draw: Draw, control_period: float, physics_period: float
+) -> IdealSensors:
+    """The sensors of a drawn robot.
+
+    Args:
+        grade: "ideal" or "faithful".
+        draw: Errors of the IMU and the seed of the noise.
+        control_period: Time between samples. In s.
+        physics_period: In s.
+    """
+    if grade == "ideal":
+        return IdealSensors()
+    gyro_x, gyro_y, gyro_z = draw.gyro_bias
+    x, y, z = draw.accelerometer_bias
+    errors = ImuErrors(
+        attitude_bias=(draw.attitude_bias[0], draw.attitude_bias[1]),
+        gyro_bias=(gyro_x, gyro_y, gyro_z),
+        accelerometer_bias=(x, y, z),
+        yaw_drift=draw.yaw_drift,
+    )
+    rng = np.random.default_rng(draw.sensor_seed)
+    return FaithfulSensors(control_period, physics_period, errors, rng)

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from cassie_msgs.tunables import ParameterError, tunable, unknown_name
-from cassie_sim.plant import PlantConfig
+from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import STARTS, Draw, Scenario
 
 PACINGS = ("lockstep", "realtime", "fixed_lag")

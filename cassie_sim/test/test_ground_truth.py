@@ -8,7 +8,8 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 
 from cassie_sim.ground_truth import GroundTruth
-from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.plant import Plant
+from cassie_sim.plant_config import PlantConfig
 
 
 @pytest.fixture(scope="module")

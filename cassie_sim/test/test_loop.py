@@ -2,94 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from fake_world import FakePlant, FakeWorld
 
-from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
+from cassie_msgs.layout import OperatorCommand
 from cassie_sim.loop import Loop
 from cassie_sim.simulator_config import SimulatorConfig
 
 TICK = 0.002
-
-
-class FakePlant:
-    """Notes what it is told."""
-
-    def __init__(self, episode: int = 7) -> None:
-        self.episode, self.seq, self.tick_ns = episode, 0, 2_000_000
-        self.applied: list[int | None] = []
-        self.powered: list[bool] = []
-        self.damped: list[int] = []
-        self.refuse = False
-        self.drives = SimpleNamespace(damp=lambda: self.damped.append(self.seq))
-        self._sample = Sensors()
-
-    def sense(self) -> Sensors:
-        self._sample.seq[...] = self.seq
-        self._sample.episode[...] = self.episode
-        return self._sample
-
-    def power(self, on: bool) -> None:
-        self.powered.append(on)
-
-    def step(self, command: MotorCommand | None) -> None:
-        self.applied.append(None if command is None else int(command.seq))
-        self.seq += 1
-        if self.refuse and command is not None:
-            raise ValueError("refused")
-
-
-class FakeWorld:
-    """Lane and clock: the other nodes answer after `delay`, as `answers` says."""
-
-    def __init__(self, answers: Callable[[int, int], bool] = lambda episode, seq: True) -> None:
-        self.now = 100.0
-        self.delay = 0.0004
-        self.answers = answers
-        self.command = MotorCommand()
-        self.command_key = (-1, -1)
-        self.on_operator: Callable[[OperatorCommand], None] = lambda command: None
-        self.on_wait: Callable[[], None] = lambda: None
-        self.announced: list[int] = []
-        self.times: list[float] = []
-        self.repeats: list[float] = []
-        self.reports: list[tuple[str, str | None]] = []
-        self._due: list[tuple[float, tuple[int, int]]] = []
-
-    def announce(self, sample: Sensors, plant: Any) -> None:
-        self.announced.append(int(sample.seq))
-        self.times.append(self.now)
-        self._ask(int(sample.episode), int(sample.seq))
-
-    def repeat(self) -> None:
-        self.repeats.append(self.now)
-        self._ask(self._last[0], self._last[1])
-
-    def _ask(self, episode: int, seq: int) -> None:
-        self._last = (episode, seq)
-        if self.answers(episode, seq):
-            self._due.append((self.now + self.delay, (episode, seq)))
-
-    def wait(self, timeout: float) -> None:
-        self.on_wait()
-        arrival = self._due[0][0] if self._due else float("inf")
-        self.now = max(self.now, min(self.now + timeout + 1e-9, arrival))
-        if self._due and arrival <= self.now:
-            self.command_key = self._due.pop(0)[1]
-            self.command.seq[...] = self.command_key[1]
-
-    def missing(self) -> str:
-        return ""
-
-    def report(self, condition: str, problem: str | None) -> None:
-        self.reports.append((condition, problem))
-
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
 
 
 def make(
@@ -126,6 +49,26 @@ def test_lockstep_applies_command_k_to_tick_k() -> None:
     assert plant.applied == list(range(20))
     assert world.announced == list(range(20))
     assert not world.repeats
+
+
+def test_lockstep_runs_ahead_while_it_waits() -> None:
+    loop, plant, _ = make()
+    loop.run()
+    assert all(plant.started_ahead)
+
+
+def test_a_request_finds_the_plant_as_it_was_at_the_sample() -> None:
+    loop, plant, world = make()
+    seen: list[int] = []
+
+    def ask() -> None:
+        if plant.seq == 5:
+            loop.requests.call(lambda: seen.append(plant.ahead))
+
+    world.on_wait = ask
+    loop.run()
+    assert seen[0] == -1
+    assert [tick for tick, ahead in enumerate(plant.started_ahead) if not ahead] == [5]
 
 
 def test_fixed_lag_applies_command_k_minus_1_to_tick_k() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cassie_sim.orders import move_gantry, push
-from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.plant import Plant
+from cassie_sim.plant_config import PlantConfig
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ import pytest
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import ParameterError
 from cassie_sim.errors import CommandError, SimulationError
-from cassie_sim.plant import STANDING_DRIVES, Plant, PlantConfig
+from cassie_sim.plant import STANDING_DRIVES, Plant
+from cassie_sim.plant_config import PlantConfig
 from cassie_sim.poses import lowest_sole
 from cassie_sim.scenario import Delays, Draw, GantryMove, ModelScale, Push, Scenario
 

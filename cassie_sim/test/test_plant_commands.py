@@ -9,7 +9,8 @@ import pytest
 
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
-from cassie_sim.plant import STANDING_DRIVES, Plant, PlantConfig
+from cassie_sim.plant import STANDING_DRIVES, Plant
+from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import Delays, Scenario
 
 IDEAL = PlantConfig(sensors="ideal")

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from cassie_msgs.tunables import ParameterError
-from cassie_sim.plant import Plant, PlantConfig
+from cassie_sim.plant import Plant
+from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import Draw
 from cassie_sim.simulator_config import SimulatorConfig, load_scenario, scenario_of
 

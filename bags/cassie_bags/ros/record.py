@@ -24,7 +24,7 @@ from cassie_bags.robot_clock import RobotClock
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
 from cassie_bags.yaml_file import read_yaml
 from cassie_msgs.ros.fast_lane import LaneWaiter
-from cassie_msgs.ros.process import BESIDE_THE_LOOP, Stop, run
+from cassie_msgs.ros.process import Stop, run
 
 LANE_TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()}
 LANE_TYPES[GROUND_TRUTH_TOPIC] = ODOMETRY
@@ -192,7 +192,8 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
 def main() -> None:
     """Entry point of `ros2 run cassie_bags record`."""
     arguments = _arguments(remove_ros_args(sys.argv)[1:])
-    run("record", lambda stop: Recorder(arguments, stop), niceness=BESIDE_THE_LOOP)
+    # It does not give way to the loop: what it cannot take in time is lost.
+    run("record", lambda stop: Recorder(arguments, stop))
 
 
 if __name__ == "__main__":

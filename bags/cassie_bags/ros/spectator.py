@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool
 
 from cassie_bags.errors import RunError
 from cassie_msgs.ros.fast_lane import RawSubscription
+from cassie_msgs.ros.transport import use_loopback
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PAUSE_SERVICE = "/cassie/pause"
@@ -30,6 +31,7 @@ class Spectator:
 
     def __init__(self, domain: int) -> None:
         self._context = Context()
+        use_loopback()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = rclpy.create_node("experiment", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)

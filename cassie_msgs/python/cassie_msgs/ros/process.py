@@ -10,6 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -23,7 +24,7 @@ from cassie_msgs.ros.parameters import refuse_unknown
 from cassie_msgs.ros.transport import use_loopback
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
-BESIDE_THE_LOOP = 5
+BESIDE_THE_LOOP = 10
 """Niceness of nodes that have several ticks of time for their answers."""
 
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
@@ -76,7 +77,7 @@ def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
     ValueError or OSError, such as for a wrong parameter; 1 if something broke.
     """
     stop = Stop()
-    os.nice(niceness)  # before there are threads, which take it over
+    _give_way(niceness)  # before there are threads, which take it over
     _follow_signals(stop)
     try:
         status = _run(name, build, stop)
@@ -85,6 +86,18 @@ def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
             rclpy.try_shutdown()
     sys.stdout.flush()
     sys.exit(status)
+
+
+def _give_way(niceness: int) -> None:
+    """Have other processes come first.
+
+    Linux shares the processors among sessions, and niceness counts inside of each only. A process
+    that leads its own session, as a launcher starts it, sets that of the session as well.
+    """
+    total = os.nice(niceness)
+    if niceness and os.getsid(0) == os.getpid():
+        with contextlib.suppress(OSError):  # no such groups, or changed a moment ago
+            Path("/proc/self/autogroup").write_text(str(total), encoding="ascii")
 
 
 def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
