@@ -45,6 +45,17 @@ def test_one_page_shows_every_run_and_a_failure_is_told(files: list[Path], tmp_p
         assert (out / name / "result.json").is_file()
 
 
+def test_a_run_that_cannot_be_made_is_told_and_the_others_go_on(files: list[Path], tmp_path: Path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "bad").write_text("in the way of a folder")
+    process = experiments(*reversed(files), "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    assert process.returncode == 3, process.stderr
+    assert "bad, seed 0: the run did not come to its end: " in process.stderr
+    assert "good, seed 0: as expected" in process.stderr
+    assert "the run did not come to its end" in (out / "report.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

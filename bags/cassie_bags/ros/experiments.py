@@ -27,6 +27,8 @@ from cassie_bags.workers import ThisProcess, Workers, workers
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
+NOT_RUN = "the run did not come to its end"
+
 HERE = Path(__file__).parents[2] / "experiments"
 """Experiments beside the sources."""
 
@@ -47,10 +49,16 @@ def run_task(task: Task) -> tuple[str, str]:
     """Run an experiment and leave its files.
 
     Returns:
-        Its line of JSON and its table.
+        Its line of JSON and its table; what ended a run before its end is told in their place.
     """
-    outcome = run_experiment(_experiment(task), task.folder, in_process=task.in_process)
-    outcome = keep(outcome, task.folder, pictures=True, film=task.film)
+    experiment = _experiment(task)
+    try:
+        outcome = run_experiment(experiment, task.folder, in_process=task.in_process)
+        outcome = keep(outcome, task.folder, pictures=True, film=task.film)
+    except (RunError, ValueError, OSError) as error:
+        reason = f"{NOT_RUN}: {' '.join(str(error).split())}"
+        content = {"name": experiment.name, "seed": experiment.seed, "passed": False}
+        return json.dumps(content | {"failures": [reason]}), reason
     return json_line(outcome), table(outcome)
 
 
@@ -72,7 +80,10 @@ def main() -> int:
     except (ValueError, OSError) as error:
         print(f"experiments: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
-    return PASSED if all(entry.content["passed"] for entry in entries) else NOT_AS_EXPECTED
+    failures = [failure for entry in entries for failure in entry.content["failures"]]
+    if any(failure.startswith(NOT_RUN) for failure in failures):
+        return NO_RUN
+    return NOT_AS_EXPECTED if failures else PASSED
 
 
 def _experiment(task: Task) -> Experiment:
