@@ -244,8 +244,9 @@ def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
 
 
 def test_the_defaults_of_the_controller_are_within_their_reach():
-    for parameter in parameters([], {}, 2.0):
+    space = parameters([], {}, 2.0)
+    for parameter in space:
         assert parameter.low <= parameter.start <= parameter.high
-    assert values(parameters([], {}, 2.0), np.zeros(18))["walk.joints.kp_knee"] == (
+    assert values(space, np.zeros(len(space)))["walk.joints.kp_knee"] == (
         ControllerConfig().walk.joints.kp_knee
     )
