@@ -127,15 +127,15 @@ class StandConfig:
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
     kd_hip_pitch: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
-    kd_knee: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_knee: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kp_com_x: float = tunable(
-        350.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
+        600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
-    kd_com_x: float = tunable(180.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
     kp_com_y: float = tunable(
-        100.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
+        250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
-    kd_com_y: float = tunable(250.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
+    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
@@ -144,6 +144,20 @@ class StandConfig:
     )
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
+    )
+    hip_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound")
+    hip_gain: float = tunable(8.0, "", 0.0, 100.0, "Bound")
+    roll_gain: float = tunable(3.0, "", 0.0, 100.0, "Bound")
+    hip_bend: float = tunable(0.5, "rad", 0.05, 1.0, "Bound")
+    hip_excess: float = tunable(0.03, "m", 0.0, 1.0, "CoP")
+    velocity_bandwidth: float = tunable(
+        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
+    )
+    bias_time: float = tunable(
+        1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
+    )
+    leg_stiffness: float = tunable(
+        8000.0, "N/m", 1000.0, 100000.0, "Of a leg's springs: shifted weight lengthens its leg"
     )
     height_integral: float = tunable(1.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
     height_damping: float = tunable(

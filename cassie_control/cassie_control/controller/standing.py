@@ -17,8 +17,10 @@ from cassie_control.controller.readings import (
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import Mode, MotorCommand
 
-_NOMINAL_STANCE = 0.15  # m, half the distance of the feet that the paper stands with
+_NOMINAL_STANCE = 0.16  # m, half the distance of the feet that the paper stands with
 _REACH = 0.075  # m, centre of pressure from the middle of the sole
+_BIAS_STEP = 0.02  # m, so that a push teaches little
+_BIAS = 0.05  # m
 _GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
 _HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
@@ -57,6 +59,9 @@ class StandingController:
         self._height_sum = 0.0
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
+        self._bias = [0.0, 0.0]
+        self._pressure = (0.0, 0.0)
+        self._velocity = [0.0, 0.0]
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
 
     def start(self, readings: Readings, height: float) -> None:
@@ -67,6 +72,8 @@ class StandingController:
             height: Commanded pelvis height. In m.
         """
         self._height_sum = 0.0
+        self._bias = [0.0, 0.0]
+        self._velocity = list(readings.com_velocity[:2])
         if min(leg.contact for leg in readings.legs) > 0.5:
             # Else the legs would give way by what the springs have taken.
             length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
@@ -95,7 +102,22 @@ class StandingController:
             + self.config.roll_rate_length * readings.roll_rate
         )
         length = self._mean_length(readings, float(mode.height), both)
-        left = self._left_share(readings, float(mode.com_y))
+        share = 1.0 - math.exp(-self._period * self.config.velocity_bandwidth)
+        for k in (0, 1):
+            self._velocity[k] += share * (readings.com_velocity[k] - self._velocity[k])
+        self._observe(readings, both)
+        com_x, com_y = self._com(readings)
+        self._pitch_error = float(mode.pitch) - readings.pitch
+        p_x = self._pressure_x(readings, com_x, float(mode.com_x))
+        left = self._left_share(readings, com_y, float(mode.com_y))
+        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        height = max(0.3, readings.com_from_feet[2])
+        excess = self._excess_y
+        sway = (com_y - (left - 0.5) * apart - self.config.roll_gain * excess) / height
+        self._lean = (both * (com_x - p_x) / height, max(-0.5, min(0.5, sway)))
+        self._give_y = max(0.3, 1.0 - abs(excess) / self.config.hip_excess)
+        self._pressure = (p_x, (left - 0.5) * apart)
+        self._p = readings.com[0] - readings.com_from_feet[0] + p_x
         for i, leg in enumerate(readings.legs):
             share = left if i == 0 else 1.0 - left
             other = self._ground[1 - i]
@@ -109,13 +131,45 @@ class StandingController:
                 mode,
             )
 
-    def _left_share(self, readings: Readings, com_y: float) -> float:
+    def _observe(self, readings: Readings, both: float) -> None:
+        """Learn by how much the CoM is off: at rest it is above the centre of pressure."""
+        if both < 0.7:
+            return
+        left, right = readings.legs
+        middle = 0.5 * (left.foot[1] + right.foot[1])
+        total = left.force + right.force
+        side = (left.force * left.foot[1] + right.force * right.foot[1]) / max(1.0, total) - middle
+        share = self._period / self.config.bias_time
+        for k, pressure in enumerate((self._pressure[0], side)):
+            error = pressure - readings.com_from_feet[k] - self._bias[k]
+            self._bias[k] += share * max(-_BIAS_STEP, min(_BIAS_STEP, error))
+            self._bias[k] = max(-_BIAS, min(_BIAS, self._bias[k]))
+
+    def _com(self, readings: Readings) -> tuple[float, float]:
+        x, y, _ = readings.com_from_feet
+        return x + self._bias[0], y + self._bias[1]
+
+    def _pressure_x(self, readings: Readings, x: float, com_x: float) -> float:
+        c = self.config
+        p = x + (c.kp_com_x * (x - com_x) + c.kd_com_x * self._velocity[0]) / WEIGHT
+        reach = max(-_REACH, min(_REACH, p))
+        excess = p - reach
+        self._give = max(0.0, 1.0 - abs(excess) / c.hip_excess) if c.hip_excess > 0 else 1.0
+        self._moment = max(-c.hip_torque, min(c.hip_torque, c.hip_gain * WEIGHT * excess))
+        error = self._pitch_error
+        if error * excess < 0.0:
+            self._moment *= max(0.0, 1.0 - abs(error) / c.hip_bend)
+        return reach
+
+    def _left_share(self, readings: Readings, y: float, com_y: float) -> float:
         """Share of the weight for the left foot that brings the CoM over the middle."""
         c = self.config
-        y, vy = readings.com_from_feet[1], readings.com_velocity[1]
+        vy = self._velocity[1]
         wanted = (c.kp_com_y * (y - com_y) + c.kd_com_y * vy) / WEIGHT
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
-        return max(0.05, min(0.95, 0.5 + (y + wanted) / apart))
+        share = max(0.0, min(1.0, 0.5 + (y + wanted) / apart))
+        self._excess_y = y + wanted - (share - 0.5) * apart
+        return share
 
     def _mean_length(self, readings: Readings, height: float, both: float) -> float:
         """Leg length that gives the pelvis height, in m; `both` is the lesser contact, 0..1."""
@@ -139,6 +193,7 @@ class StandingController:
     ) -> None:
         """Set-points of leg `i`, `length` m long, that carries `share` of the weight."""
         c, ground, base = self.config, self._ground[i], 5 * i
+        length += ground * (share - 0.5) * WEIGHT / c.leg_stiffness
         length = virtual_leg.clamp_length(length, 0.25, 0.97)
         self._release_hips(self._hips[i], leg, ground)
         in_air = (readings.com[0] - HIP_X - _FOOT_MIDDLE) / max(length, 0.4)
@@ -154,19 +209,17 @@ class StandingController:
         command.velocity[base : base + 5] = (0.0, 0.0, hip_rate, 0.0, 0.0)
         kp_toe = c.kp_toe * (1.0 - ground)
         kp, kd = command.kp, command.kd
-        kp[base : base + 5] = (c.kp_hip_roll, c.kp_hip_yaw, c.kp_hip_pitch, c.kp_knee, kp_toe)
-        kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, c.kd_hip_pitch, c.kd_knee, c.kd_toe)
-        held = leg.weight_torques(readings.tilt, c.gravity * WEIGHT * share, 0.0, 0.0)
-        toe = self._toe_torque(leg, readings, float(mode.com_x))
-        command.torque[base : base + 5] = (*held, toe)
+        kp[base : base + 5] = (c.kp_hip_roll * self._give_y, c.kp_hip_yaw, c.kp_hip_pitch * self._give, c.kp_knee, kp_toe)
+        kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, c.kd_hip_pitch * max(0.3, self._give), c.kd_knee, c.kd_toe)
+        held = leg.weight_torques(readings.tilt, c.gravity * WEIGHT * share, *self._lean)
+        toe = self._toe_torque(leg)
+        command.torque[base : base + 5] = (held[0], held[1], held[2] + toe + 0.5 * self._moment, held[3], toe)
 
-    def _toe_torque(self, leg: LegReadings, readings: Readings, com_x: float) -> float:
+    def _toe_torque(self, leg: LegReadings) -> float:
         """Torque, in Nm, that puts the centre of pressure under the CoM's way; `com_x` in m."""
         c = self.config
-        error = readings.com_from_feet[0] - com_x
-        wanted = (c.kp_com_x * error + c.kd_com_x * readings.com_velocity[0]) / WEIGHT
-        pressure = readings.com[0] + max(-_REACH, min(_REACH, error + wanted)) - error
-        torque = -leg.contact * max(0.0, leg.force) * (pressure - leg.ankle[0])
+        arm = self._p - leg.ankle[0] + ANKLE_HEIGHT * self._lean[0]
+        torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-c.toe_torque, min(c.toe_torque, torque))
 
     def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:

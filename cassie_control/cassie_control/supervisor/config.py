@@ -15,8 +15,8 @@ class SupervisorConfig:
     vx_backward: float = tunable(0.5, "m/s", 0.0, 1.5, "Largest speed backward")
     vy_limit: float = tunable(0.3, "m/s", 0.0, 0.6, "Largest speed sideways")
     yaw_rate_limit: float = tunable(0.6, "rad/s", 0.0, 1.5, "Largest turn rate")
-    height_low: float = tunable(0.45, "m", 0.38, 0.9, "Lowest pelvis height")
-    height_high: float = tunable(1.0, "m", 0.8, 1.05, "Largest pelvis height")
+    height_low: float = tunable(0.39, "m", 0.38, 0.9, "Lowest pelvis height")
+    height_high: float = tunable(1.01, "m", 0.8, 1.05, "Largest pelvis height")
     com_x_limit: float = tunable(0.05, "m", 0.0, 0.07, "Largest CoM shift fore and aft")
     com_y_limit: float = tunable(0.06, "m", 0.0, 0.12, "Largest CoM shift sideways")
     tilt_limit: float = tunable(0.25, "rad", 0.0, 0.4, "Largest torso roll and pitch")
@@ -24,7 +24,7 @@ class SupervisorConfig:
 
     acceleration: float = tunable(0.3, "m/s^2", 0.05, 2.0, "Change of commanded speed")
     turn_acceleration: float = tunable(0.6, "rad/s^2", 0.05, 5.0, "Change of commanded turn rate")
-    height_rate: float = tunable(0.15, "m/s", 0.01, 1.0, "Change of commanded height")
+    height_rate: float = tunable(0.4, "m/s", 0.01, 1.0, "Change of commanded height")
     shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
     tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
 
