@@ -189,8 +189,8 @@ def test_standing_begins_at_the_height_she_has_on_the_ground(scene):
     scene.run()
     scene.lost = False
     mode = scene.run()
-    assert float(mode.height) == pytest.approx(0.6, abs=0.01)
-    assert float(scene.run(1.0).height) == pytest.approx(0.6 + CONFIG.height_rate, abs=0.02)
+    assert float(mode.height) == pytest.approx(0.6, abs=0.02)
+    assert float(scene.run(0.5).height) == pytest.approx(0.6 + 0.5 * CONFIG.height_rate, abs=0.03)
 
 
 def test_hanging_the_legs_take_the_wished_height_at_once(scene):

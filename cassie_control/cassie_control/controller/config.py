@@ -122,12 +122,13 @@ class StandConfig:
 
     kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
-    kp_hip_pitch: float = tunable(300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
-    kp_knee: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kp_hip_pitch: float = tunable(150.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
+    kp_knee: float = tunable(350.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(15.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
-    kd_knee: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_hip_pitch: float = tunable(5.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
+    kd_knee: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_leg_pitch: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping under load")
     kp_com_x: float = tunable(
         600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
@@ -145,11 +146,17 @@ class StandConfig:
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
-    hip_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound")
-    hip_gain: float = tunable(8.0, "", 0.0, 100.0, "Bound")
-    roll_gain: float = tunable(3.0, "", 0.0, 100.0, "Bound")
-    hip_bend: float = tunable(0.5, "rad", 0.05, 1.0, "Bound")
-    hip_excess: float = tunable(0.03, "m", 0.0, 1.0, "CoP")
+    give: float = tunable(
+        0.03, "m", 0.001, 1.0, "Excess pressure at which the torso's own regulation has given way"
+    )
+    bend_gain: float = tunable(
+        8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
+    )
+    bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of that torque")
+    bend_limit: float = tunable(0.5, "rad", 0.05, 1.0, "Bend at which it ends")
+    roll_gain: float = tunable(
+        3.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
+    )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
     )
@@ -159,7 +166,11 @@ class StandConfig:
     leg_stiffness: float = tunable(
         8000.0, "N/m", 1000.0, 100000.0, "Of a leg's springs: shifted weight lengthens its leg"
     )
-    height_integral: float = tunable(1.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
+    height_rate: float = tunable(0.5, "m/s", 0.01, 2.0, "Greatest rate of the pelvis height")
+    height_acceleration: float = tunable(
+        1.5, "m/s^2", 0.1, 10.0, "Greatest change of that rate, whatever is commanded"
+    )
+    height_integral: float = tunable(3.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
     height_damping: float = tunable(
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
     )

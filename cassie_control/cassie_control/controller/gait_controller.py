@@ -115,11 +115,11 @@ class GaitController:
         elif mode == RobotMode.STAND and self.activity is not Activity.WALKING:
             if self.activity is not Activity.STANDING:
                 self._enter(Activity.STANDING)
-                self.standing.start(self.readings, height)
+                self.standing.start(self.readings)
         elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
-                    self.standing.start(self.readings, height)
+                    self.standing.start(self.readings)
                 self._enter(Activity.LEANING)
             elif self._since >= self.config.transition.lean_time:
                 self._enter(Activity.WALKING)
@@ -148,7 +148,7 @@ class GaitController:
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
         elif self._walk(mode) and self._may_stop(mode):
             self._enter(Activity.STANDING)
-            self.standing.start(self.readings, float(mode.height))
+            self.standing.start(self.readings)
             self.standing.step(self.readings, mode, command, 0.0)
 
     def _walk(self, mode: Mode) -> bool:
