@@ -91,20 +91,22 @@ class Balance:
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
         pressed_y = (self.left - 0.5) * apart
         excess_y = wanted - pressed_y
-        sway = (y - pressed_y - c.roll_gain * excess_y) / height
+        moment_y = self._bend(c.roll_gain, excess_y, readings.roll - float(mode.roll))
+        sway = (y - pressed_y - moment_y / WEIGHT) / height
         self.lean = (both * (x - self._pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
             max(0.3, 1.0 - abs(excess_y) / c.give),
         )
-        self._bend(excess_x, float(mode.pitch) - readings.pitch)
+        self.moment = self._bend(c.bend_gain, excess_x, float(mode.pitch) - readings.pitch)
 
-    def _bend(self, excess: float, unbent: float) -> None:
-        """Torque of the hip strategy; `unbent` is how far the torso is from its pitch, in rad."""
+    def _bend(self, gain: float, excess: float, unbent: float) -> float:
+        """Torque of the hip strategy; `unbent` is how far the torso is from upright, rad."""
         c = self.config
-        self.moment = max(-c.bend_torque, min(c.bend_torque, c.bend_gain * WEIGHT * excess))
-        if unbent * excess < 0.0:
-            self.moment *= max(0.0, 1.0 - abs(unbent) / c.bend_limit)
+        moment = max(-c.bend_torque, min(c.bend_torque, gain * WEIGHT * excess))
+        return (
+            moment * max(0.0, 1.0 - abs(unbent) / c.bend_limit) if unbent * excess < 0.0 else moment
+        )
 
     def _learn(self, readings: Readings) -> None:
         left, right = readings.legs

@@ -153,9 +153,9 @@ class StandConfig:
         8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
     )
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of that torque")
-    bend_limit: float = tunable(0.5, "rad", 0.05, 1.0, "Bend at which it ends")
+    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend at which it ends")
     roll_gain: float = tunable(
-        3.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
+        2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
     )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"

@@ -39,8 +39,8 @@ class StandingController:
         leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
 
     The ground's forces are fed forward through the leg Jacobians, and a leg is told to be longer
-    by what its springs give way under its share of the weight. The height follows its set-point with
-    bounded rate and acceleration. `height_damping` takes the bounce out of the leaf springs.
+    by what its springs give way under its share of the weight. The height follows its set-point
+    with bounded rate and acceleration. `height_damping` takes the bounce out of the leaf springs.
 
     Args:
         config: Gains.
@@ -153,14 +153,15 @@ class StandingController:
         self._release_hips(hips, leg, ground)
         in_air = (readings.com[0] - HIP_X - _FOOT_MIDDLE) / max(length, 0.4)
         command.position[base : base + 5] = (
-            hips[0] - float(mode.roll),
+            # A lifted leg stays where it was in the world, to come down where it left.
+            hips[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
             hips[1],
             virtual_leg.hip_pitch_angle(in_air, 0.0, length),
             virtual_leg.knee_angle(length),
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
         )
         command.velocity[base : base + 5] = 0.0
-        kp_hip_roll, kp_hip = c.kp_hip_roll * give[1], c.kp_hip_pitch * air
+        kp_hip_roll, kp_hip = c.kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
         kd_hip = c.kd_hip_pitch * air + c.kd_leg_pitch * ground
         command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
         command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
