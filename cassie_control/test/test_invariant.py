@@ -33,7 +33,7 @@ def on_ice():
         {
             "start": "standing",
             "scene_parameters": {"friction": 0.25},
-            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 40.0, 0.0]} for t in (3.8, 5.0)],
+            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, -30.0, 0.0]} for t in (3.8, 5.0)],
         }
     )
     robot = Robot(scenario, "faithful", record=True)
@@ -67,7 +67,7 @@ def test_a_foot_that_slips_is_not_believed(on_ice):
 
     assert not on_ice.fallen
     believed, gated = speed_errors(100.0), speed_errors(3.0)
-    assert believed.max() > 5.0 * gated.max()  # a filter that holds on to sliding feet is lost
+    assert believed.max() > 1.0  # a filter that holds on to sliding feet is lost
     assert gated.max() < 0.06
     assert math.sqrt((gated**2).mean()) < 0.025
 
