@@ -2,7 +2,7 @@
 
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
-from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.layout import Mode, RobotMode
@@ -15,7 +15,7 @@ TICKS = 500
 
 library = load_library(default_library_path())
 plant = Plant(PlantConfig(), Scenario(start="standing"))
-estimators = [make_estimator(EstimatorConfig(estimator=name), PERIOD) for name in ESTIMATORS]
+estimators = [make_monitored(EstimatorConfig(estimator=name), PERIOD) for name in ESTIMATORS]
 controller = GaitController(ControllerConfig(), library, PERIOD)
 mode = Mode()
 mode.height[...] = 0.95

@@ -28,6 +28,8 @@ setup(
             "recover = cassie_bags.ros.recover:main",
             "experiment = cassie_bags.ros.experiment:main",
             "experiments = cassie_bags.ros.experiments:main",
+            "estimators = cassie_bags.ros.estimators:main",
+            "faults = cassie_bags.ros.faults:main",
             "sweep = cassie_bags.ros.sweep:main",
             "tune = cassie_bags.ros.tune:main",
         ],

@@ -12,9 +12,9 @@ from cassie_bags.experiment_file import Experiment
 from cassie_bags.in_process import Loop, Observer
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
-from cassie_control.estimator.base import LegEstimator
-from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.monitor import MonitoredEstimator
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library_file import default_library_path, load_library
@@ -70,7 +70,7 @@ class Cores:
     """What computes in an experiment, without anything between."""
 
     plant: Plant
-    estimator: LegEstimator
+    estimator: MonitoredEstimator
     controller: GaitController
     supervisor: ModeSupervisor
     operator: ScriptedOperator
@@ -88,7 +88,7 @@ def make_cores(experiment: Experiment) -> Cores:
     parameters = experiment.parameters
     return Cores(
         Plant(config, experiment.scenario),
-        make_estimator(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
+        make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
         GaitController(
             _config(ControllerConfig, parameters["controller"], "controller"),
             load_library(library_path(experiment)),

@@ -35,7 +35,7 @@ class Events:
         self._model = model
         self._moves = scenario.gantry
         self._pushes = tuple(self._timed(push) for push in scenario.pushes)
-        self._faults = tuple(_ActiveFault(fault, physics_rate) for fault in scenario.faults)
+        self._faults = tuple(ActiveFault(fault, physics_rate) for fault in scenario.faults)
         self._delay = round(scenario.delays.set_point * physics_rate)
         self.reset()
 
@@ -131,8 +131,16 @@ class Events:
         return start, start + max(1, round(push.duration * self._rate)), body, np.array(push.force)
 
 
-class _ActiveFault:
-    """One faulty channel."""
+class ActiveFault:
+    """One faulty channel.
+
+    Args:
+        fault: What fails, from when on.
+        physics_rate: In Hz.
+
+    Raises:
+        SimulationError: if there is no such channel, or the delay is negative.
+    """
 
     def __init__(self, fault: SensorFault, physics_rate: int) -> None:
         field, _, index = fault.channel.partition(".")
@@ -150,21 +158,33 @@ class _ActiveFault:
         self._size = fault.size
         self._start = round(fault.t * physics_rate)
         self._end = self._start + fault.duration * physics_rate
-        self._held: FloatArray | None = None
+        self._late = round(fault.size * physics_rate)
+        if fault.kind == "delay" and fault.size < 0.0:
+            raise SimulationError(f"fault on channel {fault.channel}: a delay of {fault.size:g} s")
+        self.reset()
 
     def reset(self) -> None:
-        self._held = None
+        """Forget what was seen of the channel."""
+        self._held: FloatArray | None = None
+        self._history: deque[tuple[int, FloatArray]] = deque()
 
     def spoil(self, step: int, sample: Sensors) -> None:
+        """Let the channel fail in the sample of a physics step, if it is time."""
+        values = getattr(sample, self._field).reshape(-1)[self._index]
+        if self._kind == "delay":
+            self._history.append((step, values.copy()))
+            while len(self._history) > 1 and self._history[1][0] <= step - self._late:
+                self._history.popleft()
         if not self._start <= step < self._end:
             return
-        values = getattr(sample, self._field).reshape(-1)[self._index]
         if self._held is None:
             self._held = values.copy()
         if self._kind == "off":
             values[:] = 0.0
         elif self._kind == "nan":
             values[:] = np.nan
+        elif self._kind == "delay":
+            values[:] = self._history[0][1]
         elif self._kind == "stuck":
             values[:] = self._held
         elif step % 20 == 0:

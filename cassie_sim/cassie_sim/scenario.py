@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
 
 STARTS = ("gantry", "standing", "segway")
-FAULT_KINDS = ("off", "stuck", "nan", "spike")
+FAULT_KINDS = ("off", "stuck", "nan", "spike", "delay")
 
 Pair = tuple[float, float]
 Vector = tuple[float, float, float]
@@ -127,7 +127,9 @@ class SensorFault:
         dataclasses.MISSING, description="Field of Sensors, with an index: drive_position.3"
     )
     kind: str = tunable(dataclasses.MISSING, choices=FAULT_KINDS, description="How it fails")
-    size: float = tunable(1.0, "", description="Height of spikes, in the channel's unit")
+    size: float = tunable(
+        1.0, "", -1e6, 1e6, description="Height of spikes, in the channel's unit; delay in s"
+    )
 
 
 @dataclass(frozen=True)

@@ -116,16 +116,22 @@ def spoiled(kind: str, channel: str = "drive_position.3", size: float = 1.0) -> 
         ("off", [0.0] * 10),
         ("nan", [np.nan] * 10),
         ("stuck", [5.0] * 10),
+        ("delay", [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]),
         ("spike", [8.0, 6.0, 7.0, 8.0, 9.0, 13.0, 11.0, 12.0, 13.0, 14.0]),
     ],
 )
 def test_faulty_channel(kind, during):
-    rows = spoiled(kind, size=3.0)
+    rows = spoiled(kind, size=0.006 if kind == "delay" else 3.0)
     truth = np.arange(20.0)
     np.testing.assert_array_equal([row[2] for row in rows], truth)
     expected = truth.copy()
     expected[5:15] = during
     np.testing.assert_array_equal([row[3] for row in rows], expected)
+
+
+def test_a_negative_delay_is_refused():
+    with pytest.raises(SimulationError, match=r"a delay of -0\.02 s"):
+        events(faults=(SensorFault(t=0.0, channel="battery", kind="delay", size=-0.02),))
 
 
 def test_fault_of_a_whole_field_and_of_a_single_number():

@@ -52,6 +52,18 @@ class LegEstimator:
         self._toe_torques = np.zeros(2)
         self._attitude = np.eye(3)
         self._rotation = np.eye(3)
+        self.pull = np.zeros(3)
+        """How the feet corrected the velocity in the world at the last sample. (3,), in m/s."""
+
+    @property
+    def footing(self) -> float:
+        """How firmly a foot stands, 0..1; 0 where `pull` is not known."""
+        return 0.0
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Pelvis to world at the last sample. Shape (3, 3)."""
+        return self._rotation
 
     @property
     def config(self) -> EstimatorConfig:
@@ -65,6 +77,9 @@ class LegEstimator:
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         self._state.floats[:] = 0.0
+
+    def coast(self, blind: bool) -> None:
+        """Whether to go on without the accelerometer, which then only tells gravity."""
 
     def step(self, sensors: Sensors) -> RobotState:
         """Estimate from one sample.

@@ -6,6 +6,12 @@ from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.invariant import InvariantEstimator
 from cassie_control.estimator.kinematic import KinematicEstimator
+from cassie_control.estimator.monitor import MonitoredEstimator
+
+
+def make_monitored(config: EstimatorConfig, period: float) -> MonitoredEstimator:
+    """The same behind a monitor of the sensors."""
+    return MonitoredEstimator(make_estimator(config, period), period)
 
 
 def make_estimator(config: EstimatorConfig, period: float) -> LegEstimator:

@@ -71,4 +71,7 @@ class EstimatorConfig:
     load_span: float = tunable(100.0, "N", 1.0, 400.0, "Further force until its load is 1")
     contact_force: float = tunable(60.0, "N", 5.0, 300.0, "Foot force of even odds for contact")
     contact_width: float = tunable(12.0, "N", 1.0, 100.0, "Force over which the odds change e-fold")
+    distrust_time: float = tunable(
+        1.0, "s", 0.05, 100.0, "How long a sensor stays unbelieved after it last failed", live=False
+    )
     filter: FilterConfig = FilterConfig()

@@ -250,6 +250,8 @@ def _correct_by_feet(state: Any, noise: Any, feet: FloatArray) -> None:
                 gain[j] = P[d, j] - P[p, j]
             rest = z[i, k] - correction[d] + correction[p]
             _take(P, gain, gain[d] - gain[p] + noise.kinematics, rest, correction)
+    for k in range(3):
+        state.pull[k] = correction[_V + k]
     _apply(state, correction)
 
 
@@ -281,7 +283,6 @@ def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
     for k in range(3):
         square += z[k] * (x[k] * z[0] + y[k] * z[1] + w[k] * z[2])
     square /= determinant
-    state.innovations[i] = square
     state.doubt[i] *= noise.slip_decay
     if square > noise.gate:
         state.doubt[i] = 1.0

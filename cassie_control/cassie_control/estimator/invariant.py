@@ -19,6 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, over which it keeps that speed
+_WALKING_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _SOLE_FLAT = 0.002  # m
 _GROUND_TIME = 0.1  # s
 _GROUND_STILL = 0.3  # rad/s
@@ -73,8 +74,11 @@ class InvariantEstimator(LegEstimator):
         self._filter = np.zeros(1, FILTER_TYPE)
         self._noise = np.zeros(1, NOISE_TYPE)
         self._ground = np.zeros(1)
+        self._blind = False
         super().__init__(config, period)
         self._rotation = self._filter[0]["rotation"]
+        self._doubt: FloatArray = self._filter[0]["doubt"]
+        self.pull = self._filter[0]["pull"]
         self._soles: FloatArray = self._legs.states["foot_rotation"]
         self._arms = np.zeros((2, 3))
         self._set_noise()
@@ -97,11 +101,17 @@ class InvariantEstimator(LegEstimator):
         self._ground[:] = 0.0
         self._started = False
 
+    def coast(self, blind: bool) -> None:
+        """Whether to go on without the accelerometer, which then only tells gravity."""
+        if blind is not self._blind:
+            self._blind = blind
+            self._set_noise()
+
     @property
-    def slips(self) -> FloatArray:
-        """Squared Mahalanobis distance of each foot's last innovation. Shape (2,)."""
-        distances: FloatArray = self._filter[0]["innovations"]
-        return distances
+    def footing(self) -> float:
+        """How firmly a foot stands, 0..1."""
+        firm = self._state.contact_probability * (1.0 - self._doubt)
+        return float(firm.max())
 
     def _move(self, sensors: Sensors) -> None:
         state = self._state
@@ -149,7 +159,7 @@ class InvariantEstimator(LegEstimator):
         persistent = 2.0 * c.error_time / period
         noise["period"] = period
         noise["gyro"] = c.gyro_noise**2
-        noise["accelerometer"] = c.accelerometer_noise**2
+        noise["accelerometer"] = (_WALKING_NOISE if self._blind else c.accelerometer_noise) ** 2
         noise["gyro_bias"] = c.gyro_drift**2
         noise["accelerometer_bias"] = c.accelerometer_drift**2
         noise["stance"] = c.stance_noise**2

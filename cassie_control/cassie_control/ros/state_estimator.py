@@ -6,7 +6,7 @@ import time
 
 from rclpy.node import Node
 
-from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.guarded import GuardedEstimator
 from cassie_control.ros.common import (
@@ -32,7 +32,7 @@ class StateEstimator(Node):
         super().__init__("state_estimator")
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
-        self._core = make_estimator(self._config, self._lane.period)
+        self._core = make_monitored(self._config, self._lane.period)
         self._estimator = GuardedEstimator(self._core)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
@@ -45,6 +45,7 @@ class StateEstimator(Node):
         stop.on_request(self._waiter.wake)
         self._sample = Sensors()
         self._answered = (-1, -1)
+        self._told: tuple[str, ...] = ()
         self._reply = b""
 
     def loop(self) -> None:
@@ -80,7 +81,18 @@ class StateEstimator(Node):
         self._rate.check(episode, seq, sample)
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
+        if self._core.faults != self._told:
+            self._tell(self._core.faults)
         self._standard.publish(seq, sample, state)
+
+    def _tell(self, faults: tuple[str, ...]) -> None:
+        """Report which channels are not believed any more, and which are again."""
+        for channel in self._told:
+            if channel not in faults:
+                self._conditions.set(channel, "")
+        for channel in faults:
+            self._conditions.set(channel, "not believed: replaced as far as others tell it")
+        self._told = faults
 
     def _begin(self, episode: int) -> None:
         self._estimator.reset()

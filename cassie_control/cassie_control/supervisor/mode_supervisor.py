@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from cassie_control.errors import ControlError
+from cassie_control.estimator.channels import names
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.set_points import (
@@ -71,7 +72,7 @@ class ModeSupervisor:
       touchdown.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - No command from the operator, or a bad link: stop and stand.
+    - No command from the operator, a bad link, or a sensor that fails: stop and stand.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
       holds, without its speeds.
     - After damping with feet on the ground, standing begins from the height the pelvis has.
@@ -127,7 +128,8 @@ class ModeSupervisor:
         check(state, "state", ControlError)
         self._observe(state)
         linked = operator is not None and bool(operator.link)
-        refused = self._hear(operator if linked else None)
+        failed = int(state.sensor_faults)
+        refused = self._hear(operator if linked and not failed else None)
         powered = float(state.power) > 0.5
         reasons = self._reasons(state, powered, controller_lost)
         previous = self._current
@@ -140,7 +142,7 @@ class ModeSupervisor:
             stand=reasons[RobotMode.STAND],
             walk=reasons[RobotMode.WALK],
             segway=reasons[RobotMode.SEGWAY],
-            faults=self._faults(linked, refused, controller_lost),
+            faults=self._faults(linked, refused, controller_lost, failed),
             fallen=self._fallen,
             link=linked,
         )
@@ -259,7 +261,9 @@ class ModeSupervisor:
         )
         self._slow = self._slow + self._period if slow else 0.0
 
-    def _faults(self, linked: bool, refused: str, controller_lost: bool) -> tuple[str, ...]:
+    def _faults(
+        self, linked: bool, refused: str, controller_lost: bool, failed: int
+    ) -> tuple[str, ...]:
         faults = []
         if self._fallen:
             faults.append("fallen: drives damp")
@@ -267,6 +271,8 @@ class ModeSupervisor:
             faults.append("operator lost: stopping and standing")
         if refused:
             faults.append(f"operator command refused: {refused}")
+        if failed:
+            faults.append(f"stopping and standing without {', '.join(names(failed))}")
         if controller_lost:
             faults.append("gait controller lost: drives damp")
         return tuple(faults)

@@ -1,0 +1,63 @@
+"""Sensors that fail while Cassie stands and walks under her own control."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cassie_bags.fault_table import FAULT_KINDS, MODES, Cell, describe, error_of, run_table, table
+from cassie_msgs.layout import Sensors
+
+CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("mode", MODES)
+def test_no_fault_makes_her_fall_and_each_is_reported(mode):
+    kinds = [kind for kind in FAULT_KINDS if kind != "delay"]
+    cells = list(run_table(CHANNELS, kinds, [mode], seed=2))
+    assert [(cell.channel, cell.kind) for cell in cells] == [
+        (c, k) for c in CHANNELS for k in kinds
+    ]
+    assert {cell.outcome for cell in cells} == {"stands"}
+    assert all(cell.safe for cell in cells), [describe(cell) for cell in cells]
+    assert all(cell.others == () for cell in cells)
+
+
+@pytest.mark.timeout(200)
+def test_a_knee_that_tells_nothing_at_all_damps_the_drives():
+    (cell,) = run_table(
+        ["drive_position.3"], ["nan"], ["standing"], seed=2, also=("drive_velocity.3",)
+    )
+    assert cell.outcome == "damps"
+
+
+@pytest.mark.timeout(200)
+def test_the_same_fault_ends_the_same():
+    again = [next(iter(run_table(["joint_position.1"], ["stuck"], ["walking"], 3))) for _ in (1, 2)]
+    assert again[0] == again[1]
+
+
+def test_errors_by_channel():
+    truth, sample = Sensors(), Sensors()
+    truth.orientation[3] = 1.0
+    sample.orientation[:] = (0.0, 0.0, math.sin(0.05), math.cos(0.05))
+    sample.drive_velocity[2] = -0.7
+    sample.joint_position[1] = np.nan
+    assert error_of("orientation", truth, sample) == pytest.approx(0.1)
+    assert error_of("drive_velocity.2", truth, sample) == pytest.approx(0.7)
+    assert error_of("joint_position.1", truth, sample) == math.inf
+
+
+def test_what_is_late_or_unreported_is_not_safe():
+    late = Cell("drive_position.3", "stuck", "walking", 0.1, 0.3, (), "stands")
+    silent = Cell("drive_position.3", "off", "walking", 0.1, None, (), "stands")
+    harmless = Cell("drive_position.3", "delay", "walking", None, None, (), "goes on")
+    down = Cell("drive_position.3", "nan", "walking", 0.0, 0.0, (), "falls")
+    assert [cell.safe for cell in (late, silent, harmless, down)] == [False, False, True, False]
+    assert table([late, silent, harmless, down])[-1] == (
+        "| `drive_position.3` | walking | stands, NOT reported | stands, 200 ms | falls, 0 ms |  "
+        "| goes on, no error |"
+    )

@@ -1,0 +1,27 @@
+"""Channels of the sensors by name, and their bits in `RobotState.sensor_faults`."""
+
+from __future__ import annotations
+
+from cassie_gaits.names import DRIVES, SENSED_JOINTS
+
+_AXES = ("x", "y", "z")
+
+CHANNELS: tuple[tuple[str, str], ...] = (
+    ("orientation", "IMU"),
+    *((f"angular_velocity.{i}", f"IMU {axis}") for i, axis in enumerate(_AXES)),
+    *((f"linear_acceleration.{i}", f"IMU {axis}") for i, axis in enumerate(_AXES)),
+    *((f"drive_position.{i}", name) for i, name in enumerate(DRIVES)),
+    *((f"drive_velocity.{i}", name) for i, name in enumerate(DRIVES)),
+    *((f"joint_position.{i}", name) for i, name in enumerate(SENSED_JOINTS)),
+    *((f"joint_velocity.{i}", name) for i, name in enumerate(SENSED_JOINTS)),
+)
+"""Field of Sensors with its index, and what it belongs to, in the order of the bits."""
+
+ORIENTATION, GYRO, ACCELEROMETER, DRIVE_POSITION, DRIVE_VELOCITY = 0, 1, 4, 7, 17
+JOINT_POSITION, JOINT_VELOCITY = 27, 33
+"""Bit of the first channel of each field."""
+
+
+def names(mask: int) -> tuple[str, ...]:
+    """Names of the channels whose bits are set: "drive_position.3 (left_knee)"."""
+    return tuple(f"{name} ({part})" for k, (name, part) in enumerate(CHANNELS) if mask >> k & 1)

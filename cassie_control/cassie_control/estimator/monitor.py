@@ -1,0 +1,223 @@
+"""Which sensors can be believed: each channel is held against another that must agree with it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.errors import SensorError
+from cassie_control.estimator import channels
+from cassie_control.estimator.base import LegEstimator
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.monitor_kernels import arrange, look
+from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
+from cassie_gaits import robot
+from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
+from cassie_msgs.layout import RobotState, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_MARGIN = 0.2  # rad beyond the stops
+_JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
+_DRIVE, _JOINT, _IMU = slice(0, 10), slice(10, 16), slice(16, 19)
+_TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
+
+
+def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.void]:
+    """What is normal, of `LIMITS_TYPE`. Shape (1,).
+
+    Args:
+        period: Between samples. In s.
+        attitude_delay: Of the IMU's orientation. In s.
+        hold: How long a channel stays unbelieved after it last was wrong. In s.
+    """
+    record = np.zeros(1, LIMITS_TYPE)
+    normal = record[0]
+    normal["period"], normal["hold"] = period, hold
+    normal["low"], normal["high"] = -math.inf, math.inf
+    for i, leg in enumerate(LEGS):
+        links = {link.name: link for link in robot.leg_links(leg)}
+        for first, names in ((5 * i, LEG_DRIVES), (10 + 3 * i, LEG_SENSED_JOINTS)):
+            for k, name in enumerate(names):
+                low, high = links[name].joint.limits or (-math.inf, math.inf)
+                normal["low"][first + k] = low - _MARGIN
+                normal["high"][first + k] = high + _MARGIN
+    # Speeds that nothing on the robot reaches, and what healthy sensors keep, with a margin.
+    normal["speed"] = 50.0
+    normal["jump"][:] = 0.02
+    normal["apart"][_DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
+    normal["apart"][_JOINT], normal["apart"][_IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
+    normal["apart_at_speed"] = 0.001
+    normal["apart_at_speed"][_JOINT] = 0.0045  # also where no filter delays the velocity
+    normal["apart_at_speed"][_IMU] = 0.002
+    normal["spike"][_DRIVE] = np.tile([0.3, 0.3, 0.6, 1.2, 4.0], 2)
+    normal["spike"][_JOINT], normal["spike"][_IMU] = 0.9, 0.25
+    normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
+    normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
+    normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
+    normal["acceleration"], normal["acceleration_spike"] = 300.0, 3.0
+    # Up and down the feet are less sure: on soft ground they sink.
+    normal["pulled"], normal["late_pull"] = (0.008, 0.01, 0.01), (0.0045, 0.0048, 0.006)
+    return record
+
+
+class SensorMonitor:
+    """Finds channels that fail, and says what to go on with.
+
+    - A value that is no number or that the robot cannot have, a position that jumps: at once.
+    - A channel whose bits stay the same while its partner moves: stuck, or off.
+    - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
+    - Position and integrated velocity grow apart: the sign of their difference by the velocity
+      tells which of them is late; the IMU's orientation and gyro are such a pair as well.
+    - The feet correct the filter's velocity more than they ever need to: the accelerometer.
+
+    A position goes on as the integral of its velocity, a velocity as the difference of its
+    position, the orientation with the gyro and the gyro with the orientation, the accelerometer
+    with gravity alone. Where both of a pair fail there is nothing to go on with, except for the
+    toes, which have two encoders each.
+
+    Args:
+        period: Between samples. In s.
+        attitude_delay: Of the IMU's orientation. In s.
+        hold: How long a channel stays unbelieved after it last was wrong. In s.
+    """
+
+    def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
+        self._watch = np.zeros(1, WATCH_TYPE)
+        self._limits = limits(period, attitude_delay, hold)
+        self._bad: FloatArray = self._watch[0]["bad"]
+        self._bad_acceleration: FloatArray = self._watch[0]["bad_acceleration"]
+        self._trusted: FloatArray = self._watch[0]["trusted"]
+        self._repaired = Sensors()
+        self.mask = 0
+        """Channels that are not believed, see `channels`."""
+        self.lost = 0
+        """Those of them without which there is no estimate."""
+
+    def reset(self) -> None:
+        """Believe everything."""
+        self._watch[:] = np.zeros(1, WATCH_TYPE)
+        self.mask = self.lost = 0
+
+    def step(
+        self, sensors: Sensors, rotation: FloatArray, pull: FloatArray, footing: float
+    ) -> Sensors:
+        """The sample to go on with: the same, or one in which bad channels are replaced.
+
+        Args:
+            sensors: One sample.
+            rotation: Pelvis to world, last known. Shape (3, 3).
+            pull: How the feet corrected the velocity in the world at the last sample. (3,), m/s.
+            footing: How firmly a foot stands, 0..1.
+        """
+        arrange(
+            sensors.orientation,
+            sensors.angular_velocity,
+            sensors.linear_acceleration,
+            sensors.drive_position,
+            sensors.drive_velocity,
+            sensors.joint_position,
+            sensors.joint_velocity,
+            self._watch,
+        )
+        look(self._watch, self._limits, rotation, pull, footing)
+        if not self._bad.any() and not self._bad_acceleration.any():
+            self.mask = self.lost = 0
+            return sensors
+        return self._repair(sensors, rotation)
+
+    def _repair(self, sensors: Sensors, rotation: FloatArray) -> Sensors:
+        result, (position, velocity) = self._repaired, self._trusted
+        bad_position, bad_velocity = self._bad > 0.0
+        bad_acceleration = self._bad_acceleration > 0.0
+        self.mask = _mask(bad_position, bad_velocity, bad_acceleration)
+        both = bad_position & bad_velocity
+        result.copy_from(sensors)
+        for drive, joint in zip(_TOE_DRIVES, _TOE_JOINTS, strict=True):
+            if both[drive] and not both[joint]:
+                position[drive], velocity[drive] = position[joint], velocity[joint]
+                both[drive] = False
+            both[joint] = False
+        self.lost = _mask(both, both, np.zeros(3, bool))
+        result.drive_position[:], result.drive_velocity[:] = position[_DRIVE], velocity[_DRIVE]
+        result.joint_position[:], result.joint_velocity[:] = position[_JOINT], velocity[_JOINT]
+        result.angular_velocity[:] = velocity[_IMU]
+        result.orientation[:] = self._watch[0]["orientation"]
+        gravity = 9.81 * rotation[2]
+        result.linear_acceleration[bad_acceleration] = gravity[bad_acceleration]
+        return result
+
+
+def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> int:
+    flags = np.concatenate(
+        [
+            position[16:17],
+            velocity[_IMU],
+            acceleration,
+            position[_DRIVE],
+            velocity[_DRIVE],
+            position[_JOINT],
+            velocity[_JOINT],
+        ]
+    )
+    return sum(1 << k for k in np.flatnonzero(flags).tolist())
+
+
+class MonitoredEstimator:
+    """An estimator that gets what the monitor lets through.
+
+    Args:
+        core: The estimator.
+        period: Between samples. In s.
+    """
+
+    def __init__(self, core: LegEstimator, period: float) -> None:
+        self.core = core
+        self._names: tuple[str, ...] = ()
+        self._named = 0
+        self._monitor = SensorMonitor(
+            period, core.config.filter.attitude_delay, core.config.distrust_time
+        )
+
+    @property
+    def config(self) -> EstimatorConfig:
+        """Figures in force; may be set while it runs."""
+        return self.core.config
+
+    @config.setter
+    def config(self, config: EstimatorConfig) -> None:
+        self.core.config = config
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Names of the channels that are not believed now."""
+        mask = self._monitor.mask
+        if mask != self._named:
+            self._names, self._named = channels.names(mask), mask
+        return self._names
+
+    def reset(self) -> None:
+        """Start afresh."""
+        self._monitor.reset()
+        self.core.reset()
+
+    def step(self, sensors: Sensors) -> RobotState:
+        """Estimate from one sample.
+
+        Returns:
+            The state; reused by the next step.
+
+        Raises:
+            SensorError: if channels fail that nothing can replace; the message names them.
+        """
+        monitor, core = self._monitor, self.core
+        sample = monitor.step(sensors, core.rotation, core.pull, core.footing)
+        if monitor.lost:
+            raise SensorError(f"no estimate without {', '.join(channels.names(monitor.lost))}")
+        core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
+        state = core.step(sample)
+        state.sensor_faults[...] = monitor.mask
+        return state

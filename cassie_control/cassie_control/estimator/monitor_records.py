@@ -1,0 +1,70 @@
+"""Records of the sensor monitor, for compiled functions.
+
+A position and a velocity that belong together are a pair: ten drives, six joints, three axes of the
+IMU's orientation with those of its gyro.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cassie_control.estimator.monitor_kernels import PAIRS
+
+WATCH_TYPE = np.dtype(
+    [
+        ("ticks", int),  # since the start
+        ("position", float, PAIRS),  # measured, rad; the IMU's: its turn since the start
+        ("velocity", float, PAIRS),  # measured, rad/s
+        ("last_position", float, PAIRS),
+        ("last_velocity", float, (2, PAIRS)),  # newest first
+        ("last_orientation", float, 4),
+        ("steps", float, (3, PAIRS)),  # changes of position, newest first, rad
+        ("turns", float, (3, PAIRS)),  # what the velocities say, newest first, rad
+        ("same", int, (2, PAIRS)),  # ticks for which position and velocity had the same bits
+        ("unseen", float, (2, PAIRS)),  # rad, by which the other one says that it moved meanwhile
+        ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
+        ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
+        ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
+        ("last_step", float, PAIRS),  # rad, compared last
+        ("leap", float, PAIRS),  # rad, largest sudden one of the position, fading
+        ("peak", float, PAIRS),  # rad/s, fading
+        ("spikes", float, (2, PAIRS)),  # of the velocity, fading counts of clear and of small ones
+        ("bad", float, (2, PAIRS)),  # s, for which position or velocity is not believed yet
+        ("trusted", float, (2, PAIRS)),  # position (rad) and velocity (rad/s) to go on with
+        ("orientation", float, 4),  # to go on with, x y z w
+        ("acceleration", float, (3, 3)),  # measured, newest first, m/s^2
+        ("same_acceleration", int, 3),
+        ("acceleration_spikes", float, 3),
+        ("footing", float),  # s, for which a foot has been firm
+        (
+            "pulled",
+            float,
+            (3, 3),
+        ),  # by which feet correct the velocity, pelvis frame, in m/s; fading
+        # means of it x acceleration and of acceleration squared
+        ("bad_acceleration", float, 3),  # s
+    ]
+)
+"""What the monitor remembers."""
+
+LIMITS_TYPE = np.dtype(
+    [
+        ("period", float),  # s
+        ("low", float, PAIRS),  # rad
+        ("high", float, PAIRS),
+        ("speed", float, PAIRS),  # rad/s
+        ("jump", float, PAIRS),  # rad in one tick
+        ("apart", float, PAIRS),  # rad
+        ("apart_at_speed", float, PAIRS),  # s
+        ("spike", float, PAIRS),  # rad/s
+        ("excited", float, PAIRS),  # (rad/s)^2, from which a delay shows
+        ("position_lag", int, PAIRS),  # ticks by which the position is later than the velocity
+        ("velocity_lag", int, PAIRS),  # and the other way round
+        ("acceleration", float),  # m/s^2
+        ("acceleration_spike", float),  # m/s^2
+        ("pulled", float, 3),  # m/s
+        ("late_pull", float, 3),  # s, by which that follows the acceleration
+        ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
+    ]
+)
+"""What is normal."""

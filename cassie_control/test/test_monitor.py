@@ -1,0 +1,171 @@
+"""The sensor monitor: silent on healthy sensors, the right name of failing ones, what then."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_loop import PERIOD
+from supervised import STAND, WALK
+
+from cassie_control.errors import SensorError
+from cassie_control.estimator.channels import CHANNELS, names
+from cassie_control.estimator.choice import make_monitored
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_msgs.layout import Sensors
+
+LIMITS = {"position": 0.03, "velocity": 0.3, "acceleration": 3.0}
+SPIKES = {"position": 0.1, "velocity": 2.0, "acceleration": 10.0}
+IN_TIME = 50  # ticks of 2 ms
+
+FIELDS = [
+    *("angular_velocity.1", "linear_acceleration.2", "drive_position.2", "drive_position.8"),
+    *("drive_velocity.3", "drive_velocity.5", "drive_velocity.9", "joint_position.1"),
+    *("joint_position.5", "joint_velocity.3"),
+]
+
+
+def monitored():
+    return make_monitored(EstimatorConfig(), PERIOD)
+
+
+def samples(robot, skip):
+    """Fields of the recorded samples from a tick on, a row each; they may be written."""
+    raw = bytearray(b"".join(moment.sample for moment in robot.moments[skip:]))
+    return np.frombuffer(raw, Sensors.DTYPE)
+
+
+def spoil(rows, channel, kind, start):
+    """Let a channel fail from a row on; where its error is out of bounds."""
+    field, _, index = channel.partition(".")
+    values = rows[field][:, int(index)]
+    true, what = values.copy(), field.rpartition("_")[2]
+    if kind == "off":
+        values[start:] = 0.0
+    elif kind == "stuck":
+        values[start:] = values[start]
+    elif kind == "nan":
+        values[start:] = np.nan
+    elif kind == "spike":
+        values[start::5] += SPIKES[what]
+    else:
+        values[start:] = true[start - 10 : -10]
+    error = np.abs(values - true)
+    return np.flatnonzero(~(error <= LIMITS[what]))
+
+
+def reports(rows):
+    """First row of each reported channel by its name."""
+    core, sample, first = monitored(), Sensors(), {}
+    raw, size = rows.tobytes(), Sensors.SIZE
+    for k in range(len(rows)):
+        sample.load(raw[k * size : (k + 1) * size])
+        core.step(sample)
+        for name in core.faults:
+            first.setdefault(name.partition(" ")[0], k)
+    return first
+
+
+def test_healthy_sensors_raise_no_alarm(walked_faithful, walked):
+    assert reports(samples(walked_faithful, 0)) == {}
+    assert reports(samples(walked, 0)) == {}
+
+
+@pytest.mark.parametrize("kind", ["off", "stuck", "nan", "spike"])
+@pytest.mark.parametrize("channel", FIELDS)
+def test_a_failing_channel_is_named_in_time(walked_faithful, channel, kind):
+    rows = samples(walked_faithful, 1250)
+    bad = spoil(rows, channel, kind, 200)
+    first = reports(rows)
+    assert len(bad)
+    assert first.get(channel, 10**6) <= bad[0] + IN_TIME
+    assert set(first) <= {channel}
+
+
+@pytest.mark.parametrize(
+    "channel", ["angular_velocity.1", "drive_position.3", "drive_velocity.2", "joint_position.1"]
+)
+def test_a_channel_that_comes_late_is_named_in_time(walked_faithful, channel):
+    rows = samples(walked_faithful, 1250)
+    bad = spoil(rows, channel, "delay", 200)
+    first = reports(rows)
+    assert len(bad)
+    assert first.get(channel, 10**6) <= bad[0] + IN_TIME
+
+
+@pytest.mark.parametrize("kind", ["off", "nan"])
+def test_orientation_goes_on_with_the_gyro(walked_faithful, kind):
+    rows = samples(walked_faithful, 1250)
+    rows["orientation"][200:] = 0.0 if kind == "off" else np.nan
+    core, sample = monitored(), Sensors()
+    for k, moment in enumerate(walked_faithful.moments[1250:]):
+        sample.load(rows[k].tobytes())
+        state = core.step(sample)
+        assert np.abs(state.q[4:6] - moment.angles[1:]).max() < 0.01
+        if k > 150:  # the filter begins at rest, and this in the middle of a step
+            assert np.abs(state.v[:3] - moment.velocity).max() < 0.05
+    assert core.faults == ("orientation (IMU)",)
+    assert int(state.sensor_faults) == 1
+
+
+@pytest.mark.parametrize("channel", ["drive_position.3", "joint_position.1"])
+def test_a_lost_position_goes_on_as_its_velocitys_integral(walked_faithful, channel):
+    rows = samples(walked_faithful, 1250)
+    field, _, index = channel.partition(".")
+    true = rows[field][:, int(index)].copy()
+    rows[field][200:, int(index)] = np.nan
+    core, sample = monitored(), Sensors()
+    joint = {"drive_position.3": 3, "joint_position.1": 5}[channel]
+    for k in range(len(rows)):
+        sample.load(rows[k].tobytes())
+        state = core.step(sample)
+        assert abs(state.q[6 + joint] - true[k]) < 0.04  # its filter is 4.5 ms late
+
+
+def test_a_channel_that_recovers_is_believed_again(walked_faithful):
+    rows = samples(walked_faithful, 800)
+    rows["drive_position"][300:310, 2] = np.nan
+    core, sample, masks = monitored(), Sensors(), []
+    for k in range(len(rows)):
+        sample.load(rows[k].tobytes())
+        masks.append(int(core.step(sample).sensor_faults))
+    bit = 1 << [name for name, _ in CHANNELS].index("drive_position.2")
+    assert masks[:300] == [0] * 300
+    assert masks[300:800] == [bit] * 500
+    assert masks[-1] == 0
+
+
+def test_without_position_and_velocity_of_a_joint_there_is_no_estimate(walked_faithful):
+    core, sample = monitored(), Sensors()
+    sample.load(walked_faithful.moments[1250].sample)
+    core.step(sample)
+    sample.drive_position[3] = sample.drive_velocity[3] = np.nan
+    with pytest.raises(SensorError, match=r"drive_position.3 \(left_knee\), drive_velocity.3"):
+        core.step(sample)
+
+
+def test_a_toe_has_two_encoders(walked_faithful):
+    core, sample = monitored(), Sensors()
+    for moment in walked_faithful.moments[1250:1400]:
+        sample.load(moment.sample)
+        sample.drive_position[4] = sample.drive_velocity[4] = np.nan
+        state = core.step(sample)
+        assert abs(state.q[12] - moment.q[12]) < 0.005
+
+
+def test_the_supervisor_stops_and_stands(walking):
+    walking.state.sensor_faults[...] = 1 << 10
+    walking.run(0.1)
+    status = walking.core.status
+    assert status.requested is STAND
+    assert "stopping and standing without drive_position.3 (left_knee)" in status.faults
+    walking.state.sensor_faults[...] = 0
+    walking.run(0.1)
+    assert walking.core.status.requested is WALK
+
+
+def test_every_channel_has_a_bit_and_a_name():
+    fields = ("orientation", "angular_velocity", "linear_acceleration", "drive_position")
+    fields += ("drive_velocity", "joint_position", "joint_velocity")
+    sizes = {name: count for name, _, count in Sensors.LAYOUT}
+    assert len(CHANNELS) == 1 + sum(sizes[field] for field in fields[1:])
+    assert names(1 << 10 | 1) == ("orientation (IMU)", "drive_position.3 (left_knee)")
