@@ -36,6 +36,12 @@ def joints_at(command, state):
     return state
 
 
+def step_and_measure(core, state, mode, command):
+    readings = readings_of(state)
+    core.step(readings, mode, command)
+    core.measure(readings)
+
+
 @STANCES
 @pytest.mark.parametrize("seed", range(5))
 def test_outputs_are_zero_if_and_only_if_the_joints_are_at_their_set_points(stance, seed):
@@ -53,11 +59,11 @@ def test_outputs_are_zero_if_and_only_if_the_joints_are_at_their_set_points(stan
     for _ in range(2):  # the toe's set-point follows the hip's position
         core.step(readings_of(state), mode, command)
         state = joints_at(command, state)
-    core.step(readings_of(state), mode, command)
+    step_and_measure(core, state, mode, command)
     assert core.outputs == pytest.approx(core.desired, abs=1e-9)
     for joint, row in ((0, ROLL_SW), (1, YAW_SW), (2, PITCH_SW), (4, FOOT_SW)):
         state.q[6 + 7 * (1 - stance) + DRIVE_JOINTS[joint]] += 0.05
-        core.step(readings_of(state), mode, command)
+        step_and_measure(core, state, mode, command)
         assert core.outputs[row] - core.desired[row] == pytest.approx(
             0.05 if joint != 4 else 0.1,  # the foot turns with the hip too
             abs=1e-6,

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.controller.kernels import turned
 from cassie_control.controller.readings import LegReadings, Readings
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -31,24 +30,8 @@ INERTIA_TYPE = np.dtype(
 joint angle there (rad), mass (kg), centre of mass (m) and inertia about it (kg m^2)."""
 
 
-def spin(
-    joints: FloatArray, rates: FloatArray, omega: FloatArray, links: RecordArray, total: FloatArray
-) -> None:
-    """Add the angular momentum of a leg to `total`.
-
-    About the pelvis origin, with the velocities that the links have against it, pelvis frame.
-
-    Args:
-        joints, rates: The seven joints. Shape (7,), in rad and rad/s.
-        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        links: Of `INERTIA_TYPE`. Shape (1,).
-        total: Shape (3,), in kg m^2/s. Changed in place.
-    """
-    _add_spin(joints, rates, omega, links, total)
-
-
 def leg_inertia(leg: str) -> RecordArray:
-    """Links of a leg as `spin` takes them; the rods count with the links that carry them."""
+    """Links of a leg as `_add_spin` takes them; the rods count with the links that carry them."""
     links = {link.name: link for link in robot.leg_links(leg)}
     records = np.zeros(1, INERTIA_TYPE)
     record = records[0]
@@ -104,9 +87,54 @@ def _merge(
 
 
 @compiled
+def _add_up(
+    q: FloatArray,
+    v: FloatArray,
+    omega: FloatArray,
+    pelvis: FloatArray,
+    left: RecordArray,
+    right: RecordArray,
+    total: FloatArray,
+) -> None:
+    for k in range(3):
+        total[k] = pelvis[k, 0] * omega[0] + pelvis[k, 1] * omega[1] + pelvis[k, 2] * omega[2]
+    _add_spin(q[:7], v[:7], omega, left, total)
+    _add_spin(q[7:], v[7:], omega, right, total)
+
+
+@compiled
+def _velocity(
+    tilt: FloatArray, about_pelvis: FloatArray, points: FloatArray, mass: float
+) -> tuple[float, float]:
+    """See `AngularMomentum.velocity`; `points` holds CoM, its velocity, toe joint, velocity."""
+    hx = hy = 0.0
+    for k in range(3):
+        hx += tilt[0, k] * about_pelvis[k]
+        hy += tilt[1, k] * about_pelvis[k]
+    x, y, z = points[0], points[1], points[2]
+    vx, vy, vz = points[3], points[4], points[5]
+    px, py, pz = points[6], points[7], points[8]
+    ux, uy, uz = points[9], points[10], points[11]
+    hx += mass * (y * uz - z * uy - py * vz + pz * vy)
+    hy += mass * (z * ux - x * uz - pz * vx + px * vz)
+    lever = mass * max(0.4, z - pz)
+    return hy / lever, -hx / lever
+
+
+@compiled
 def _add_spin(
     joints: FloatArray, rates: FloatArray, omega: FloatArray, links: RecordArray, total: FloatArray
 ) -> None:
+    """Add the angular momentum of a leg to `total`.
+
+    About the pelvis origin, with the velocities that the links have against it, pelvis frame.
+
+    Args:
+        joints, rates: The seven joints. Shape (7,), in rad and rad/s.
+        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
+        links: Of `INERTIA_TYPE`. Shape (1,).
+        total: Shape (3,), in kg m^2/s. Changed in place.
+    """
     leg = links[0]
     axes = np.eye(3)
     turned = np.empty((3, 3))
@@ -173,6 +201,7 @@ class AngularMomentum:
         spread = com @ com * np.eye(3) - np.outer(com, com)
         self._pelvis = inertia_matrix(pelvis) + pelvis.mass * spread
         self._total = np.zeros(3)
+        self._points = np.zeros(12)
         self._mass = robot.total_mass()
 
     def velocity(self, readings: Readings, stance: LegReadings) -> tuple[float, float]:
@@ -182,16 +211,14 @@ class AngularMomentum:
             Forward and to the left, heading frame. In m/s.
         """
         state = readings.state
-        hx, hy, _ = turned(
-            readings.tilt, self.about_pelvis(state.q[6:], state.v[6:], state.angular_velocity)
+        about = self.about_pelvis(state.q[6:], state.v[6:], state.angular_velocity)
+        self._points[:] = (
+            *readings.com,
+            *readings.com_velocity,
+            *stance.ankle,
+            *readings.velocity,
         )
-        (x, y, z), (vx, vy, vz) = readings.com, readings.com_velocity
-        (px, py, pz), (ux, uy, uz) = stance.ankle, readings.velocity
-        mass = self._mass
-        hx += mass * (y * uz - z * uy - py * vz + pz * vy)
-        hy += mass * (z * ux - x * uz - pz * vx + px * vz)
-        lever = mass * max(0.4, z - pz)
-        return hy / lever, -hx / lever
+        return _velocity(readings.tilt, about, self._points, self._mass)
 
     def about_pelvis(self, q: FloatArray, v: FloatArray, omega: FloatArray) -> FloatArray:
         """About the pelvis origin, with velocities against it, pelvis frame.
@@ -203,7 +230,5 @@ class AngularMomentum:
         Returns:
             Shape (3,), in kg m^2/s; reused.
         """
-        np.dot(self._pelvis, omega, out=self._total)
-        spin(q[:7], v[:7], omega, self._legs[0], self._total)
-        spin(q[7:], v[7:], omega, self._legs[1], self._total)
+        _add_up(q, v, omega, self._pelvis, *self._legs, self._total)
         return self._total

@@ -6,25 +6,15 @@ the swing leg at the end of the step; the walking controller fades it in over th
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from cassie_control.controller.angular_momentum import AngularMomentum
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.leg_aim import HIP_BACK, HIP_ROLL_X, aim_leg
 from cassie_control.controller.paper_placement import PaperPlacement
-from cassie_control.controller.pendulum import Aim, Reach, fallen, foot, touchdown_time
-from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_Y, LegReadings, Readings
-from cassie_control.controller.step_ahead import (
-    Placement,
-    StepAhead,
-    SwingEnd,
-    Wish,
-    pendulum_now,
-)
+from cassie_control.controller.pendulum import LAW_TYPE, NOW_TYPE, landing
+from cassie_control.controller.readings import LegReadings, Readings
+from cassie_control.controller.step_ahead import Placement, StepAhead, SwingEnd, Wish
 
-_LONGEST = 0.95  # m, of a leg that is aimed
-_SHORTEST = 0.5
-_SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
 
 
@@ -67,9 +57,21 @@ class PendulumPlacement:
     """
 
     def __init__(self, config: WalkConfig) -> None:
-        self.config = config
         self._momentum = AngularMomentum()
+        self._law, self._now = np.zeros(1, LAW_TYPE), np.zeros(1, NOW_TYPE)
+        self._now_values = self._now.view(float)
+        self.config = config
         self.reset()
+
+    @property
+    def config(self) -> WalkConfig:
+        """Gains; new ones hold from the next tick on."""
+        return self._config
+
+    @config.setter
+    def config(self, config: WalkConfig) -> None:
+        self._config = config
+        self._law[0] = tuple(getattr(config, name) for name in LAW_TYPE.names or ())
 
     def reset(self) -> None:
         """Forget the sums."""
@@ -93,75 +95,18 @@ class PendulumPlacement:
         ahead: StepAhead,
     ) -> SwingEnd:
         """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
-        c, com, tilt = self.config, readings.com, readings.tilt
-        velocity = self._momentum.velocity(readings, stance)
-        fall = pendulum_now(readings, stance, ahead, c.double_support, velocity)
-        side = swing.side
-        hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
-        hip_y = tilt[1, 1] * side * HIP_Y
-        hip_z = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y
-        down = hip_z - stance.ankle[2] + ahead.rise
-        reach = Reach(
-            side,
-            hip_x - HIP_BACK - com[0],
-            hip_y - com[1],
-            math.sqrt(max(0.01, (_LONGEST + HIP_TO_PELVIS) ** 2 - down * down)),
-            c.reach_inward,
-            c.reach_outward,
-            c.least_foot_distance,
+        trims = wish.roll_trim, self._sum_x, self._sum_y
+        self._now_values[:] = (
+            *readings.com,
+            *stance.ankle,
+            *self._momentum.velocity(readings, stance),
+            *(readings.pitch, swing.side),
+            *(ahead.elapsed, ahead.remaining, ahead.earliest, ahead.step_time),
+            *(ahead.yaw, ahead.rise, *ahead.slope),
+            *(wish.vx, wish.vy, wish.spread, *trims),
         )
-        aim = self._aim(wish, ahead, side, fall.rate, math.sin(wish.roll_trim) * down)
-        lead = c.contact_lead
-        remaining = lead + touchdown_time(
-            fall,
-            aim,
-            reach,
-            max(0.0, ahead.remaining - lead),
-            max(0.0, ahead.earliest - lead),
-            max(0.0, self._latest(ahead) - lead),
-        )
-        end = fallen(fall, remaining - lead)
-        ux, uy, _ = foot(aim, reach, end)
-        # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
-        sinking = (
-            (1.0 - c.level) * (end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2) / (2.0 * down)
-        )
-        rise = ahead.slope[0] * (end[0] + ux) + ahead.slope[1] * (end[1] + uy)
-        roll, pitch, length = aim_leg(
-            com[0] + ux - hip_x,
-            com[1] + uy - hip_y,
-            down - max(-0.1, min(0.1, sinking)) - rise,
-            ahead.yaw,
-            readings.pitch,
-        )
-        length = max(_SHORTEST, min(_LONGEST, length + c.landing_depth))
-        return SwingEnd(pitch + wish.pitch_trim, roll, length, remaining, lead)
-
-    def _latest(self, ahead: StepAhead) -> float:
-        slowest = self.config.slowest_step * ahead.step_time
-        return max(ahead.remaining, slowest - ahead.elapsed)
-
-    def _aim(self, wish: Wish, ahead: StepAhead, side: float, w: float, trim: float) -> Aim:
-        c = self.config
-        coast = c.double_support
-        duration = max(0.2, ahead.step_time - c.contact_lead)
-        single = max(_SHORTEST_SINGLE, duration - coast)
-        tanh_half = math.tanh(0.5 * w * single) / w
-        coth_half = 1.0 / (w * w * tanh_half)
-        slope = coast + 1.0 / (w * math.tanh(w * single))
-        width = side * 2.0 * (HIP_Y + c.foot_spread + wish.spread)
-        travel = duration / (coast + 2.0 * tanh_half)
-        vx, vy = wish.vx * travel, wish.vy * travel
-        sway = width / (coast + 2.0 * coth_half)
-        return Aim(
-            vx * (coast + tanh_half) + self._sum_x,
-            vy * (coast + tanh_half) + sway * (coast + coth_half) + self._sum_y + trim,
-            vx,
-            vy + sway,
-            c.pendulum_gain_x * slope,
-            c.pendulum_gain_back * slope,
-            c.pendulum_gain_y * slope,
-        )
+        roll, pitch, length, remaining = landing(self._law, self._now, readings.tilt)
+        return SwingEnd(pitch + wish.pitch_trim, roll, length, remaining, self._config.contact_lead)
 
 
 def _summed(total: float, gain: float, error: float, c: WalkConfig) -> float:

@@ -200,6 +200,7 @@ class GaitController:
         status.step_time[...] = timing.step_time
         status.velocity[:] = timing.velocity
         if walks:
+            walking.measure(self.readings)
             np.subtract(walking.outputs, walking.desired, out=status.y)
             np.subtract(walking.rates, walking.desired_rates, out=status.dy)
         else:

@@ -1,4 +1,4 @@
-"""A walking pendulum of constant height: where it will be at touchdown, and when that should be.
+"""Where and when the swing foot comes down, by a walking pendulum of constant height.
 
 Compiled; everything is in m, s and the heading frame, positions of the CoM from the stance toe
 joint, u the swing foot's from the CoM at touchdown. `side` is 1 if the left leg swings, else -1.
@@ -9,8 +9,51 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cassie_gaits.compiled import compiled
+import numpy as np
+import numpy.typing as npt
 
+from cassie_gaits.compiled import compiled
+from cassie_gaits.leg_records import RecordArray
+
+FloatArray = npt.NDArray[np.float64]
+
+GRAVITY = 9.81
+HIP_ROLL_X, HIP_Y = 0.021, 0.135
+"""Hip roll axis in the pelvis frame, left; y mirrored. In m."""
+
+HIP_BACK, HIP_DOWN = 0.07, 0.09
+"""From the hip roll axis back and down to the hip pitch axis, which is under the yaw axis. In m."""
+
+LAW_TYPE = np.dtype(
+    [
+        (name, float)
+        for name in (
+            *("double_support", "contact_lead", "slowest_step", "foot_spread"),
+            *("pendulum_gain_x", "pendulum_gain_back", "pendulum_gain_y"),
+            *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
+        )
+    ]
+)
+"""What `landing` takes of `WalkConfig`, in its units."""
+
+NOW_TYPE = np.dtype(
+    [
+        (name, float)
+        for name in (
+            *("com_x", "com_y", "com_z", "ankle_x", "ankle_y", "ankle_z"),
+            *("velocity_x", "velocity_y", "pitch", "side"),
+            *("elapsed", "remaining", "earliest", "step_time"),
+            *("yaw", "rise", "slope_x", "slope_y"),
+            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y"),
+        )
+    ]
+)
+"""What `landing` takes of the robot (CoM and stance toe joint from the pelvis origin, velocity of
+the CoM, torso pitch, side of the swing leg), `StepAhead`, `Wish` and the sums of the law."""
+
+_LONGEST = 0.95  # m, of a leg that is aimed
+_SHORTEST = 0.5
+_SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
 
@@ -137,3 +180,113 @@ def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> flo
     missed = foot(aim, reach, fallen(fall, time))[2]
     value: float = missed * missed + _LATENESS * change * change
     return value
+
+
+@compiled
+def aim_leg(
+    x: float, y: float, down: float, hip_yaw: float, torso_pitch: float
+) -> tuple[float, float, float]:
+    """Leg roll, leg pitch and leg length that put the toe joint at a point.
+
+    Args:
+        x, y, down: Of the point from the hip roll joint, heading frame. In m.
+        hip_yaw: Hip yaw angle. In rad.
+        torso_pitch: In rad.
+
+    Returns:
+        Roll and pitch in rad, as the outputs of eq:h0, and length in m.
+    """
+    c, s = math.cos(torso_pitch), math.sin(torso_pitch)
+    forward, low = x * c + down * s + HIP_BACK, down * c - x * s  # pelvis frame, from the yaw axis
+    across = forward * math.tan(hip_yaw)
+    below = math.sqrt(max(0.04, y * y + low * low - across * across))
+    roll = math.atan2(y, low) - math.atan2(across, below)
+    along, depth = forward / math.cos(hip_yaw), below - HIP_DOWN
+    return roll, math.atan2(along, depth) - torso_pitch, math.hypot(along, depth)
+
+
+@compiled
+def landing(
+    law_record: RecordArray, now_record: RecordArray, tilt: FloatArray
+) -> tuple[float, float, float, float]:
+    """Swing leg at touchdown, by the law of `PendulumPlacement`.
+
+    Args:
+        law_record: Of `LAW_TYPE`. Shape (1,).
+        now_record: Of `NOW_TYPE`. Shape (1,).
+        tilt: Pelvis to heading frame. Shape (3, 3).
+
+    Returns:
+        Roll and pitch in rad, length in m, time to touchdown in s.
+    """
+    law, now = law_record[0], now_record[0]
+    side, lead = now.side, law.contact_lead
+    fall = Fall(
+        now.com_x - now.ankle_x,
+        now.com_y - now.ankle_y,
+        now.velocity_x,
+        now.velocity_y,
+        math.sqrt(GRAVITY / max(0.4, now.com_z - now.ankle_z)),
+        max(0.0, law.double_support - now.elapsed),
+    )
+    hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
+    hip_y = tilt[1, 1] * side * HIP_Y
+    down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
+    reach = Reach(
+        side,
+        hip_x - HIP_BACK - now.com_x,
+        hip_y - now.com_y,
+        math.sqrt(max(0.01, (_LONGEST + HIP_DOWN) ** 2 - down * down)),
+        law.reach_inward,
+        law.reach_outward,
+        law.least_foot_distance,
+    )
+    aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
+    latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
+    time = touchdown_time(
+        fall,
+        aim,
+        reach,
+        max(0.0, now.remaining - lead),
+        max(0.0, now.earliest - lead),
+        max(0.0, latest - lead),
+    )
+    end = fallen(fall, time)
+    ux, uy, _ = foot(aim, reach, end)
+    # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
+    spent = end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2
+    sinking = (1.0 - law.level) * spent / (2.0 * down)
+    rise = now.slope_x * (end[0] + ux) + now.slope_y * (end[1] + uy)
+    roll, pitch, length = aim_leg(
+        now.com_x + ux - hip_x,
+        now.com_y + uy - hip_y,
+        down - max(-0.1, min(0.1, sinking)) - rise,
+        now.yaw,
+        now.pitch,
+    )
+    return roll, pitch, max(_SHORTEST, min(_LONGEST, length + law.landing_depth)), lead + time
+
+
+@compiled
+def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: float) -> Aim:
+    """Steady walking as wished, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
+    law, now = law_record[0], now_record[0]
+    coast = law.double_support
+    duration = max(0.2, now.step_time - law.contact_lead)
+    single = max(_SHORTEST_SINGLE, duration - coast)
+    tanh_half = math.tanh(0.5 * w * single) / w
+    coth_half = 1.0 / (w * w * tanh_half)
+    slope = coast + 1.0 / (w * math.tanh(w * single))
+    width = now.side * 2.0 * (HIP_Y + law.foot_spread + now.spread)
+    travel = duration / (coast + 2.0 * tanh_half)
+    vx, vy = now.wish_vx * travel, now.wish_vy * travel
+    sway = width / (coast + 2.0 * coth_half)
+    return Aim(
+        vx * (coast + tanh_half) + now.sum_x,
+        vy * (coast + tanh_half) + sway * (coast + coth_half) + now.sum_y + trim,
+        vx,
+        vy + sway,
+        law.pendulum_gain_x * slope,
+        law.pendulum_gain_back * slope,
+        law.pendulum_gain_y * slope,
+    )

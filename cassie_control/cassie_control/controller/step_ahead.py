@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.pendulum import Fall
+from cassie_control.controller.pendulum import GRAVITY, Fall
 from cassie_control.controller.readings import LegReadings, Readings
-
-GRAVITY = 9.81
-
 
 @dataclass
 class Wish:

@@ -50,7 +50,7 @@ class WalkingController:
 
     Attributes:
         timing: Phase, stance leg and velocities.
-        outputs, rates: Measured. Shape (9,), in rad, m, rad/s and m/s.
+        outputs, rates: As last measured. Shape (9,), in rad, m, rad/s and m/s.
         desired, desired_rates: The same, desired.
 
     Args:
@@ -125,7 +125,6 @@ class WalkingController:
             self._begin_step(readings)
         self._desire(readings, mode)
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
-        measure(readings, stance, swing, self.outputs, self.rates)
         desired, rates = self.desired.tolist(), self.desired_rates.tolist()
         at, to = 5 * timing.stance, 5 * (1 - timing.stance)
         drive_stance(self.config, readings, stance, desired, rates, command, at)
@@ -139,10 +138,14 @@ class WalkingController:
         if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
             self._heading += yaw_rate * self._period
 
-    def _begin_step(self, readings: Readings) -> None:
-        """Outputs of the new step start where the legs are, eq. of continuity."""
+    def measure(self, readings: Readings) -> None:
+        """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
         stance, swing = readings.legs[self.timing.stance], readings.legs[1 - self.timing.stance]
         measure(readings, stance, swing, self.outputs, self.rates)
+
+    def _begin_step(self, readings: Readings) -> None:
+        """Outputs of the new step start where the legs are, eq. of continuity."""
+        self.measure(readings)
         self._start[:] = self.outputs
         self._start_rates[:] = self.rates
         # Measured rates jump at the impact: what the motors hold goes on from rest.
