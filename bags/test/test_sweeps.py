@@ -96,8 +96,10 @@ def test_rows_are_chosen_by_name_and_by_group():
 
 
 @pytest.mark.parametrize("name", [row.name for row in all_rows()])
-def test_every_row_can_be_run_at_its_first_level(name: str):
+def test_every_row_can_be_run_at_its_first_and_its_last_levels(name: str):
     (row,) = chosen_rows([name])
+    for level in (row.levels[0], row.levels[-1]):
+        experiment_of(row.trials(Budget(seeds=1, phases=1), level)[0])
     trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.start])
     assert {trial.seed for trial in trials} == {1, 2}
     for trial in (trials[0], trials[-1]):

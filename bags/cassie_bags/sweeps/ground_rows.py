@@ -115,7 +115,7 @@ def _frictions() -> list[Row]:
 
 
 def _sinking() -> Row:
-    levels = [0.01 * n for n in range(1, 15)]
+    levels = [n / 100 for n in range(1, 15)]
 
     def trials(budget: Budget, sinking: float) -> list[Trial]:
         ground = {"surface": "sand", "sinking": sinking, "uneven": 0.0, "length": 60.0}

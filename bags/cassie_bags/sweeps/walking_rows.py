@@ -81,8 +81,8 @@ def _top_speeds() -> list[Row]:
         )
 
     return [
-        row("forward", 1.0, [0.1 * n for n in range(8, 21)], 1.6),
-        row("backward", -1.0, [0.1 * n for n in range(3, 11)], 0.9),
+        row("forward", 1.0, _tenths(8, 20), 1.6),
+        row("backward", -1.0, _tenths(3, 10), 0.9),
     ]
 
 
@@ -114,7 +114,7 @@ def _turns() -> list[Row]:
             for seed in budget.each_seed()
         ]
 
-    levels = [0.1 * n for n in range(1, 13)]
+    levels = _tenths(1, 12)
     return [
         Row(
             f"turn.{name}",
@@ -229,3 +229,8 @@ def _pushed(speed: float, angle_deg: float, budget: Budget, impulse: float) -> l
 
 def _nearest(levels: list[float], value: float) -> int:
     return min(range(len(levels)), key=lambda index: abs(levels[index] - value))
+
+
+def _tenths(first: int, last: int) -> list[float]:
+    """Levels in steps of 0.1, as a person writes them: 1.2 and not 1.2000000000000002."""
+    return [n / 10 for n in range(first, last + 1)]
