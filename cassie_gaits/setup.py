@@ -12,7 +12,7 @@ setup(
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["**/*.json", "**/*.yaml", "**/*.md"]},
+    package_data={NAME: ["**/*.json", "**/*.json.gz", "**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -22,6 +22,7 @@ setup(
         "console_scripts": [
             "optimize_gaits = cassie_gaits.ros.optimize_gaits:main",
             "check_gaits = cassie_gaits.ros.check_gaits:main",
+            "plot_gaits = cassie_gaits.ros.plot_gaits:main",
         ],
     },
 )

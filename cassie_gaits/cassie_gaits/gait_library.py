@@ -1,4 +1,4 @@
-"""A library of gaits for a range of sagittal speeds, read by the filtered speed.
+"""A library of gaits over sagittal speed, lateral speed and turning rate, read between them.
 
 The file that holds one is in `gait_library_file`.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import math
-from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
@@ -20,6 +19,7 @@ import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_grid import GaitGrid
 from cassie_gaits.names import DRIVES
 
 FloatArray = npt.NDArray[np.float64]
@@ -128,10 +128,10 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class GaitLibrary:
-    """Gaits of rising speed with linear interpolation between them.
+    """Gaits on a grid of speeds with multilinear interpolation between them (`gait_grid`).
 
     Attributes:
-        gaits: In order of rising vx.
+        gaits: In rising order of (vx, vy, yaw_rate). Points of the grid may be without a gait.
         kind: One of `KINDS`.
         model_hash: `model_hash.model_hash()` of the robot that the gaits are made for.
         provenance: Where the gaits come from.
@@ -144,6 +144,7 @@ class GaitLibrary:
     Source:
         Da et al. 2016, Eqs. (8)-(10), which the paper cites: coefficients and step frequency
         are linear in the speed between two gaits; the speed is clamped to the library's range.
+        Here this holds for each of the three speeds.
     """
 
     gaits: tuple[Gait, ...]
@@ -152,60 +153,65 @@ class GaitLibrary:
     provenance: Provenance
     robot: str = "cassie"
     path: Path | None = None
-    _speeds: list[float] = field(init=False, repr=False)
-    _frequencies: list[float] = field(init=False, repr=False)
-    _changes: list[FloatArray] = field(init=False, repr=False)
+    _grid: GaitGrid = field(init=False, repr=False)
+    _row: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise GaitLibraryError(f"kind is {self.kind!r}, expected one of {', '.join(KINDS)}")
         if not self.gaits:
             raise GaitLibraryError("the library has no gait")
-        pairs = list(pairwise(self.gaits))
-        for before, after in pairs:
-            if not after.vx > before.vx:
-                raise GaitLibraryError(f"vx {after.vx} follows {before.vx}, expected rising speeds")
-        changes = [after.coefficients - before.coefficients for before, after in pairs]
-        object.__setattr__(self, "_speeds", [gait.vx for gait in self.gaits])
-        object.__setattr__(self, "_frequencies", [1.0 / gait.step_time for gait in self.gaits])
-        object.__setattr__(self, "_changes", changes)
+        points = [(gait.vx, gait.vy, gait.yaw_rate) for gait in self.gaits]
+        for before, after in pairwise(points):
+            if not after > before:
+                raise GaitLibraryError(f"{after} follows {before}, expected rising speeds")
+        rows = [[*gait.coefficients.ravel(), 1.0 / gait.step_time] for gait in self.gaits]
+        object.__setattr__(self, "_grid", GaitGrid(np.array(points), np.array(rows)))
+        object.__setattr__(self, "_row", np.zeros(len(rows[0])))
+
+    @property
+    def axes(self) -> tuple[list[float], ...]:
+        """Sagittal speeds, lateral speeds (m/s) and turning rates (rad/s) of the grid."""
+        return self._grid.axes
+
+    @property
+    def holes(self) -> int:
+        """Points of the grid without a gait of their own."""
+        return self._grid.holes
 
     @property
     def speed_range(self) -> tuple[float, float]:
         """Lowest and highest vx. In m/s."""
-        return self._speeds[0], self._speeds[-1]
+        return self._grid.axes[0][0], self._grid.axes[0][-1]
 
     def interpolate(
-        self, speed: float, out: FloatArray | None = None
+        self, speed: float, out: FloatArray | None = None, vy: float = 0.0, yaw_rate: float = 0.0
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Gait at a speed.
+        """Gait at a speed. Each number is clamped to its range in the library.
 
         Args:
-            speed: Filtered sagittal speed, clamped to `speed_range`. In m/s.
+            speed: Filtered sagittal speed. In m/s.
             out: Where to write the coefficients, to save an allocation. Shape (2, 9, 6).
+            vy: Speed to the left. In m/s.
+            yaw_rate: Turning rate to the left. In rad/s.
 
         Returns:
             Coefficients for right stance and for left stance, each of shape (9, 6) in rad and
             m, and the step time in s. The arrays are views of `out` if that is given.
 
         Raises:
-            GaitLibraryError: if `speed` is not finite.
+            GaitLibraryError: if a number is not finite.
         """
         if out is None:
             out = np.empty((2, len(OUTPUTS), COEFFICIENTS))
-        if not -math.inf < speed < math.inf:
-            raise GaitLibraryError(f"gait speed is {speed}, expected a finite number")
-        speeds = self._speeds
-        if speed <= speeds[0] or speed >= speeds[-1]:
-            end = self.gaits[0 if speed <= speeds[0] else -1]
-            out[:] = end.coefficients
-            return out[0], out[1], end.step_time
-        i = bisect_right(speeds, speed) - 1
-        share = (speed - speeds[i]) / (speeds[i + 1] - speeds[i])
-        np.multiply(self._changes[i], share, out=out)
-        np.add(out, self.gaits[i].coefficients, out=out)
-        low, high = self._frequencies[i], self._frequencies[i + 1]
-        return out[0], out[1], 1.0 / (low + share * (high - low))
+        if not math.isfinite(speed + vy + yaw_rate):
+            raise GaitLibraryError(
+                f"gait speed is {speed}, {vy} m/s, {yaw_rate} rad/s, expected finite numbers"
+            )
+        row = self._row
+        self._grid.read((speed, vy, yaw_rate), row)
+        out[:] = row[:-1].reshape(out.shape)
+        return out[0], out[1], 1.0 / float(row[-1])
 
 
 def mirror(coefficients: FloatArray) -> FloatArray:

@@ -9,16 +9,19 @@
                 "passive": null or {"right_stance": 2 rows of n, "left_stance": ...},
                 "cost": null or a number, "solver": {...}, "certificate": null or {...}}]}
 
-Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives.
+Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives. A file whose
+name ends in .gz is compressed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gzip
 import json
 import os
 import reprlib
 import tempfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -54,8 +57,11 @@ def load_library(path: str | Path) -> GaitLibrary:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
+        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode("utf-8")
         return _library(json.loads(text, parse_constant=_refuse_constant), path)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        reason = f"it is damaged or half written: {error}"
     except OSError as error:
         reason = error.strerror or str(error)
     except UnicodeDecodeError:
@@ -104,11 +110,13 @@ def save_library(library: GaitLibrary, path: str | Path) -> None:
     path = Path(path)
     temporary = ""
     try:
-        text = _text(library)
+        content = _text(library, indent=None if path.suffix == ".gz" else 1).encode()
+        if path.suffix == ".gz":
+            content = gzip.compress(content, mtime=0)
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        with os.fdopen(descriptor, "wb") as file:
             os.fchmod(file.fileno(), 0o644)
-            file.write(text)
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         Path(temporary).replace(path)
@@ -120,7 +128,7 @@ def save_library(library: GaitLibrary, path: str | Path) -> None:
         raise GaitLibraryError(f"gait library {path}: {reason}") from error
 
 
-def _text(library: GaitLibrary) -> str:
+def _text(library: GaitLibrary, indent: int | None) -> str:
     document = {
         "schema_version": SCHEMA_VERSION,
         "kind": library.kind,
@@ -133,12 +141,14 @@ def _text(library: GaitLibrary) -> str:
             "settings": dict(library.provenance.settings),
         },
         "outputs": list(OUTPUTS),
-        "gaits": [_gait_document(gait) for gait in library.gaits],
+        "gaits": [gait_document(gait) for gait in library.gaits],
     }
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+    tight = (",", ":") if indent is None else None
+    return json.dumps(document, indent=indent, separators=tight, allow_nan=False) + "\n"
 
 
-def _gait_document(gait: Gait) -> dict[str, Any]:
+def gait_document(gait: Gait) -> dict[str, Any]:
+    """A gait as it stands in the file."""
     return {
         "vx": gait.vx,
         "vy": gait.vy,
@@ -173,7 +183,7 @@ def _library(document: object, path: Path) -> GaitLibrary:
     if not isinstance(top["gaits"], list):
         raise GaitLibraryError("gaits is no list")
     return GaitLibrary(
-        tuple(_gait(entry, i) for i, entry in enumerate(top["gaits"])),
+        tuple(gait_of(entry, f"gaits[{i}]") for i, entry in enumerate(top["gaits"])),
         kind=_string(top, "kind"),
         model_hash=_string(top, "model_hash"),
         robot=_string(top, "robot"),
@@ -187,7 +197,12 @@ def _library(document: object, path: Path) -> GaitLibrary:
     )
 
 
-def _gait(document: object, index: int) -> Gait:
+def gait_of(document: object, name: str) -> Gait:
+    """A gait from its entry in the file.
+
+    Raises:
+        GaitLibraryError: with `name` and what is wrong.
+    """
     try:
         entry = _object({"passive": None, **_object(document, "the entry")}, "the entry", _GAIT)
         certificate = entry["certificate"]
@@ -204,7 +219,7 @@ def _gait(document: object, index: int) -> Gait:
             passive=None if entry["passive"] is None else _matrices(entry["passive"], "passive"),
         )
     except GaitLibraryError as error:
-        raise GaitLibraryError(f"gaits[{index}]: {error}") from None
+        raise GaitLibraryError(f"{name}: {error}") from None
 
 
 def _object(value: object, name: str, keys: set[str] | None = None) -> Mapping[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,9 @@ import cassie_gaits
 from cassie_gaits.certificate.certify import certify
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library_file import default_library_path, load_certified, load_library
-from cassie_gaits.optimize import solution
+from cassie_gaits.optimize import library, solution
 from cassie_gaits.optimize.problem import Problem
-from cassie_gaits.ros import check_gaits, optimize_gaits
+from cassie_gaits.ros import check_gaits, optimize_gaits, plot_gaits
 
 OPTIMIZED = Path(cassie_gaits.__file__).parent / "libraries" / "optimized.json"
 
@@ -63,17 +64,69 @@ def test_optimize_writes_resumes_and_keeps_a_good_library(tmp_path, capsys, monk
     assert "certified" in capsys.readouterr().out
     good = out.read_bytes()
     assert load_certified(out).gaits[0].vx == 0.25
-    out.rename(tmp_path / "gaits.json.partial")
-    arguments = ["--speeds", "0.25", "--resume", "--jobs", "1", "--out", str(out)]
-    assert optimize_gaits.main(arguments) == 0
-    assert "taken over" in capsys.readouterr().out
-    assert out.read_bytes() == good
     hasty = Problem(symmetric=True, lean=True, max_iterations=12)
     monkeypatch.setattr(solution, "problem", lambda **_: hasty)
     failing = ["--speeds", "5.0", "--jobs", "1", "--out", str(out)]
     assert optimize_gaits.main(failing) == 1
     assert "conflict" in capsys.readouterr().out
     assert out.read_bytes() == good
+
+
+def killed_after(count):
+    """`find` that is interrupted after some results."""
+
+    def find(*arguments):
+        for i, result in enumerate(library.find(*arguments)):
+            if i == count:
+                raise KeyboardInterrupt
+            yield result
+
+    return find
+
+
+def test_a_killed_run_goes_on_where_it_was(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "gaits.json"
+    arguments = ["--speeds", "0", "0.1", "--jobs", "1", "--out", str(out)]
+    with monkeypatch.context() as patch:
+        patch.setattr(optimize_gaits, "find", killed_after(1))
+        assert optimize_gaits.main(arguments) == 130
+    assert not out.exists()
+    partial = tmp_path / "gaits.json.partial"
+    partial.write_text(partial.read_text() + '{"request": {"vx": 0.1, "cut o')
+    assert optimize_gaits.main([*arguments, "--resume"]) == 0
+    printed = capsys.readouterr().out
+    assert "1 of 2 taken over" in printed
+    assert printed.count("iterations") == 2
+    assert [gait.vx for gait in load_certified(out).gaits] == [0.0, 0.1]
+    assert not partial.exists()
+
+
+def fails_at_a_tenth(request, near=None):
+    found = solution.solve(request, near)
+    return replace(found, gait=None) if request.vx == 0.1 else found
+
+
+def test_a_share_of_holes_can_be_allowed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(library, "solve", fails_at_a_tenth)
+    out = tmp_path / "gaits.json.gz"
+    arguments = ["--speeds", "0", "0.1", "--jobs", "1", "--out", str(out)]
+    assert optimize_gaits.main(arguments) == 1
+    assert optimize_gaits.main([*arguments, "--holes", "0.5"]) == 0
+    assert len(load_certified(out).gaits) == 1
+    out.write_bytes(out.read_bytes()[:-100])
+    with pytest.raises(GaitLibraryError, match="damaged or half written"):
+        load_certified(out)
+
+
+def test_plots_are_drawn_with_a_table(tmp_path, capsys):
+    assert plot_gaits.main([str(OPTIMIZED), "--out", str(tmp_path)]) == 0
+    drawn = {path.stem for path in tmp_path.glob("*.png")}
+    assert drawn == {
+        *("outputs", "strips", "torques", "clearance", "friction", "cost_of_transport")
+    }
+    table = capsys.readouterr().out
+    assert table.count(" of stance ") == len(optimize_gaits.SPEEDS)
+    assert plot_gaits.main([str(tmp_path / "nothing.json")]) == 2
 
 
 @pytest.mark.parametrize(

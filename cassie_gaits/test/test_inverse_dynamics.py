@@ -13,7 +13,7 @@ from cassie_gaits.optimize.posture import places
 from cassie_gaits.optimize.step_model import instant
 
 RNG = np.random.default_rng(0)
-Y = np.array([0.03, 0.02, 0.05, 0.8, 0.02, -0.03, 0.2, 0.7, 0.04, -0.15])
+Y = np.array([0.03, 0.02, 0.05, 0.8, 0.02, -0.03, 0.2, 0.7, 0.1, 0.04, -0.15])
 
 
 @pytest.mark.parametrize("knee", [-2.5, -1.8, -1.2, -0.7])
@@ -47,7 +47,7 @@ def test_torques_and_ground_wrench_balance_the_pinocchio_model(slope):
     at = instant()
     wanted = [*full_coordinates(at), at.efforts.stance, at.efforts.swing, at.force, at.moment]
     function = ca.Function("f", [at.y, at.yd, at.ydd, at.slope, at.asymmetry], wanted)
-    yd, ydd = RNG.normal(size=10) * 0.5, RNG.normal(size=10) * 5.0
+    yd, ydd = RNG.normal(size=11) * 0.5, RNG.normal(size=11) * 5.0
     results = [np.array(part).ravel() for part in function(Y, yd, ydd, slope, 1.0)]
     q, v, a, stance, swing, force, moment = results
     model = Dynamics()

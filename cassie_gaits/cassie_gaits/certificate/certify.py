@@ -13,6 +13,7 @@ from cassie_gaits.certificate import states
 from cassie_gaits.certificate.rollout import POINTS, Step, integrate
 from cassie_gaits.certificate.table import Row, row, speed_rows, step_rows, travel
 from cassie_gaits.certificate.walker import Walker
+from cassie_gaits.certificate.walker import walker as equations
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 
@@ -50,7 +51,7 @@ class Certificate:
             "met": self.met,
             "points": POINTS,
             "mirrored": self.mirrored,
-            "worst": {entry.name: entry.worst for entry in self.rows},
+            "worst": {entry.name: float(f"{entry.worst:.6g}") for entry in self.rows},
         }
 
 
@@ -68,8 +69,8 @@ def certify(gait: Gait) -> Certificate:
         symmetric = bool(asked["symmetric"])
     except (KeyError, TypeError, ValueError):
         raise GaitLibraryError("the gait does not say its clearance, slope and symmetry") from None
-    walker = Walker(symmetric=symmetric, slope=slope)
-    mirrored = symmetric and _is_mirrored(gait)
+    walker = equations(symmetric=symmetric, slope=slope)
+    mirrored = symmetric and mirror_image(gait)
     steps = [integrate(walker, gait, domain) for domain in ((0,) if mirrored else (0, 1))]
     rows = [_step(walker, gait, step, clearance) for step in steps]
     worse = [min(pair, key=lambda entry: entry.margin) for pair in zip(*rows, strict=True)]
@@ -78,7 +79,8 @@ def certify(gait: Gait) -> Certificate:
     return Certificate((*worse, *speed_rows(gait, first, second)), mirrored)
 
 
-def _is_mirrored(gait: Gait) -> bool:
+def mirror_image(gait: Gait) -> bool:
+    """Whether the step on the left leg is exactly the mirror image of that on the right."""
     if gait.torques is None or gait.passive is None:
         return False
     pairs = (
@@ -115,7 +117,7 @@ def _after_impact(walker: Walker, gait: Gait, step: Step) -> tuple[float, float]
     q, v = step.q[-1].copy(), after
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    origin = walker.dynamics.sole(q, swing)[0]
+    origin = walker.tree.sole(q, swing)[0]
     q[:3] = turn @ (q[:3] - origin)
     q[3] -= yaw
     v = np.concatenate([turn @ v[:3], v[3:]])

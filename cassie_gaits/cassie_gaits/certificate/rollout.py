@@ -76,7 +76,7 @@ def integrate(walker: Walker, gait: Gait, domain: int) -> Step:
     if not solution.success or not np.isfinite(solution.y).all():
         raise GaitLibraryError(f"integration broke off: {solution.message}")
     phases = np.linspace(0.0, 1.0, POINTS)
-    points = [_expand(solution.sol(phase * time), start_q, rigid) for phase in phases]
+    points = [_expand(x, start_q, rigid) for x in solution.sol(phases * time).T]
     return _step(walker, gait, domain, phases, points)
 
 
@@ -121,8 +121,9 @@ def _residual(walker: Walker, gait: Gait, domain: int) -> float:
     a_series = chebyshev.chebder(v_series, scl=2.0 / gait.step_time)
     q_series = chebyshev.chebfit(nodes, np.array([q for q, _ in samples]), _FITTED - 1)
     worst = 0.0
-    for node in np.linspace(-1.0, 1.0, 101):
-        q, v, a = (chebyshev.chebval(node, series) for series in (q_series, v_series, a_series))
+    between = np.linspace(-1.0, 1.0, 101)
+    motion = [chebyshev.chebval(between, series).T for series in (q_series, v_series, a_series)]
+    for node, q, v, a in zip(between, *motion, strict=True):
         u = states.torques(gait, domain, 0.5 * (node + 1.0))
         worst = max(worst, float(np.abs(walker.residual(q, v, a, u, leg)).max()))
     return worst

@@ -125,17 +125,16 @@ def _stand(walker: Walker, stance: str, rigid: FloatArray, tilt: float) -> Float
     c, s = math.cos(tilt), math.sin(tilt)
     target = walker.ground_axes() @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     free = [YAW, drive(stance, "hip_roll"), drive(stance, "toe")]
-    leg = LEGS.index(stance)
     for _ in range(_NEWTON_STEPS):
         q = rigid_pose(rigid[:6], rigid[6:])
-        position, attitude = walker.dynamics.sole(q, stance)
+        position, attitude = walker.tree.sole(q, stance)
         turn = target @ attitude.T
         error = 0.5 * np.array(
             [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
         )
         if np.abs(error).max() < 1e-13:
             break
-        jacobian = walker.dynamics.terms(q, np.zeros(20)).soles[leg] @ RIGID
+        jacobian = walker.tree.sole_jacobian(q, stance)
         rigid[free] += np.linalg.solve(jacobian[3:, free], error)
     else:
         raise GaitLibraryError("the stance foot cannot stand level")
@@ -146,9 +145,8 @@ def _stand(walker: Walker, stance: str, rigid: FloatArray, tilt: float) -> Float
 def _velocity(walker: Walker, domain: int, q: FloatArray, rates: FloatArray) -> FloatArray:
     """v that gives these rates while the stance foot only rolls."""
     stance, swing = legs(domain)
-    sole = walker.dynamics.terms(q, np.zeros(20)).soles[LEGS.index(stance)] @ RIGID
     rows, target = np.zeros((16, 16)), np.zeros(16)
-    rows[:6] = sole
+    rows[:6] = walker.tree.sole_jacobian(q, stance)
     target[3:6] = rates[9] * walker.ground_axes()[:, 0]
     rows[6, ROLL] = rows[8, PITCH] = 1.0
     rows[7, drive(stance, "hip_yaw")] = rows[11, drive(swing, "hip_yaw")] = 1.0

@@ -9,17 +9,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
-from cassie_gaits.dynamics import INPUT, RIGID, Dynamics, Terms
-from cassie_gaits.names import LEGS
+from cassie_gaits.certificate.rigid_tree import RigidTree
+from cassie_gaits.dynamics import INPUT, RIGID
 
 FloatArray = npt.NDArray[np.float64]
 
 BASE_AND_DRIVES = RIGID.shape[1]
+
+_INPUT: FloatArray = RIGID.T @ INPUT
+_RIGID_OF_V: FloatArray = np.linalg.pinv(RIGID).astype(np.float64)
+"""Rigid velocities from v of the 20 coordinates with relaxed springs. Shape (16, 20)."""
+
+
+def rigid_velocity(v: FloatArray) -> FloatArray:
+    """Velocities of pelvis and drives. Shape (16,) from (20,)."""
+    result: FloatArray = _RIGID_OF_V @ v
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +57,10 @@ class Walker:
 
     def __init__(self, *, symmetric: bool, slope: float = 0.0) -> None:
         pelvis = robot.symmetric_pelvis() if symmetric else robot.PELVIS
-        self.dynamics = Dynamics(pelvis=pelvis)
+        self.tree = RigidTree(pelvis)
         self.slope = slope
+        self._straight = self._directions(0.0)
+        self._axes = self.ground_axes()
 
     def ground_axes(self, heading: float = 0.0) -> FloatArray:
         """Columns: ahead along a foot of this heading, left, and up across the ground. (3, 3)."""
@@ -58,26 +71,18 @@ class Walker:
         result: FloatArray = tilt @ turn
         return result
 
-    def contact(self, terms: Terms, leg: str, heading: float = 0.0) -> FloatArray:
-        """What the ground can hold of a foot: position, pitch and yaw, by rigid v. (5, 16)."""
-        jacobian: FloatArray = self._directions(heading) @ terms.soles[LEGS.index(leg)] @ RIGID
-        return jacobian
-
     def motion(self, q: FloatArray, v: FloatArray, torques: FloatArray, leg: str) -> Motion:
         """Acceleration and ground force of the foot that stands along the world's x axis.
 
         Source:
             eq:FloatingBaseModel with eq:holonomicConstraints.
         """
-        terms = self.dynamics.terms(q, v)
-        D = RIGID.T @ terms.mass @ RIGID
-        J = self.contact(terms, leg)
-        push = RIGID.T @ (INPUT @ torques - terms.bias)
-        drift = self._directions(0.0) @ terms.sole_drifts[LEGS.index(leg)]
-        solution = _saddle(D, J, push, -drift)
-        force = self._directions(0.0).T @ solution[BASE_AND_DRIVES:]
-        axes = self.ground_axes()
-        in_ground = np.concatenate([axes.T @ force[:3], axes.T @ force[3:]])
+        terms = self.tree.terms(q, rigid_velocity(v), leg)
+        J = self._straight @ terms.sole
+        push = _INPUT @ torques - terms.bias
+        solution = _saddle(terms.mass, J, push, -self._straight @ terms.drift)
+        force = self._straight.T @ solution[BASE_AND_DRIVES:]
+        in_ground = np.concatenate([self._axes.T @ force[:3], self._axes.T @ force[3:]])
         return Motion(RIGID @ solution[:BASE_AND_DRIVES], in_ground)
 
     def impact(self, q: FloatArray, v: FloatArray, leg: str, heading: float) -> FloatArray:
@@ -86,11 +91,10 @@ class Walker:
         Source:
             eq:impactMap.
         """
-        terms = self.dynamics.terms(q, np.zeros_like(v))
-        D = RIGID.T @ terms.mass @ RIGID
-        J = self.contact(terms, leg, heading)
-        before = np.linalg.lstsq(RIGID, v, rcond=None)[0]
-        after = _saddle(D, J, D @ before, np.zeros(len(J)))
+        before = rigid_velocity(v)
+        terms = self.tree.terms(q, before, leg)
+        J = self._directions(heading) @ terms.sole
+        after = _saddle(terms.mass, J, terms.mass @ before, np.zeros(len(J)))
         result: FloatArray = RIGID @ after[:BASE_AND_DRIVES]
         return result
 
@@ -98,12 +102,11 @@ class Walker:
         self, q: FloatArray, v: FloatArray, a: FloatArray, torques: FloatArray, leg: str
     ) -> FloatArray:
         """Torques that a motion lacks, of the stance foot's roll and the ten drives. (11,), Nm."""
-        terms = self.dynamics.terms(q, v)
-        lacking = RIGID.T @ (terms.mass @ a + terms.bias - INPUT @ torques)
-        sole = terms.soles[LEGS.index(leg)] @ RIGID
+        terms = self.tree.terms(q, rigid_velocity(v), leg)
+        lacking = terms.mass @ rigid_velocity(a) + terms.bias - _INPUT @ torques
         drives = np.eye(BASE_AND_DRIVES)[6:]
-        ways = np.linalg.inv(np.vstack([sole, drives]))
-        ahead = np.concatenate([np.zeros(3), self.ground_axes()[:, 0]])
+        ways = np.linalg.inv(np.vstack([terms.sole, drives]))
+        ahead = np.concatenate([np.zeros(3), self._axes[:, 0]])
         free = np.column_stack([ways[:, :6] @ ahead, ways[:, 6:]])
         result: FloatArray = free.T @ lacking
         return result
@@ -114,6 +117,12 @@ class Walker:
         rows[:3, :3] = np.eye(3)
         rows[3:, 3:] = axes[:, 1:].T
         return rows
+
+
+@cache
+def walker(*, symmetric: bool, slope: float) -> Walker:
+    """The equations, made once in a process."""
+    return Walker(symmetric=symmetric, slope=slope)
 
 
 def _saddle(D: FloatArray, J: FloatArray, push: FloatArray, target: FloatArray) -> FloatArray:

@@ -82,6 +82,8 @@ class Block:
         self._outer_values = ca.vertcat(*(row.value / row.scale for row in rows))
         self._outer_price = cost
         price = ca.SX(0) if cost is None else cost
+        if inner is not None:
+            self._inner = Inner(inner.symbols, ca.cse(inner.values))
         self._values, self._price = ca.substitute(
             [self._outer_values, price], [self._inner.symbols], [self._inner.values]
         )

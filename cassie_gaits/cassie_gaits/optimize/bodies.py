@@ -2,14 +2,14 @@
 
 The shin counts as one body with the knee link, its spring being rigid. The heel spring and the
 foot crank stay bodies of their own. A rod is a mass at each of its ends and one between them that
-together have its mass, its centre and its moment of inertia across. What that leaves over, mostly
-the inertia of 4e-6 kg m^2 about its length, turns along with the link beside it.
+together have its mass, its centre and its moment of inertia across. The inertia about its length,
+4e-6 kg m^2, turns along with the link beside it, or with the hip for the achilles rod.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -74,12 +74,14 @@ class TwoPointRod:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Bodies, joints and rods of a leg; the sole's middle in the toe link's frame."""
+    """Bodies, joints and rods of a leg; the sole's middle in the toe link's frame (m); the achilles
+    rod's inertia about its length (kg m^2)."""
 
     bodies: dict[str, Body]
     hinges: dict[str, Hinge]
     rods: tuple[TwoPointRod, ...]
     sole: FloatArray
+    achilles_spin: float
 
 
 def leg(name: str) -> Leg:
@@ -90,7 +92,8 @@ def leg(name: str) -> Leg:
     bodies["knee"] = joined(fixed)
     # The achilles rod stays parallel to the shin, the plantar rod to the tarsus.
     parallel = link_rotation(links["knee"]).T
-    bodies["knee"] = joined([bodies["knee"], _left_over(links["achilles_rod"], parallel)])
+    achilles = replace(links["achilles_rod"], inertia=(0.0, *links["achilles_rod"].inertia[1:]))
+    bodies["knee"] = joined([bodies["knee"], _left_over(achilles, parallel)])
     bodies["tarsus"] = joined([bodies["tarsus"], _left_over(links["plantar_rod"], np.eye(3))])
     hinges = {part: _hinge(links[part]) for part in (*CHAIN, *BRANCHES)}
     shin, tarsus = links["shin"], links["tarsus"]
@@ -103,7 +106,8 @@ def leg(name: str) -> Leg:
     )
     sign = -1.0 if name == "right" else 1.0
     rods = tuple(_rod(closure, links, sign) for closure in robot.RODS)
-    return Leg(bodies, hinges, rods, np.mean(np.array(robot.FOOT_CONTACTS), axis=0))
+    sole = np.mean(np.array(robot.FOOT_CONTACTS), axis=0)
+    return Leg(bodies, hinges, rods, sole, links["achilles_rod"].inertia[0])
 
 
 def pelvis() -> Body:

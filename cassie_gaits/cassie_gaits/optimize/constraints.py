@@ -26,6 +26,8 @@ GRID = 25
 
 APART = "distance between feet"
 LANDING = "swing foot velocity on impact (z)"
+AHEAD = "swing foot ahead of where it lands"
+BEHIND = "swing foot behind where it lifts off"
 PELVIS = "distance between pelvis and stance foot"
 """Rows whose bounds a request may tighten."""
 
@@ -137,8 +139,11 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     at = posture(y, by_name["slope"])
-    pelvis, foot, _ = places(at)
+    pelvis, foot, attitude = places(at)
+    c, s = ca.cos(by_name["slope"]), ca.sin(by_name["slope"])
+    tilt = c * attitude[2, 0] - s * attitude[0, 0]
     margin = limits.margin
+    stride = ca.fabs(by_name["vx"]) * by_name["step_time"]
     rows = [
         Row(
             PELVIS,
@@ -147,6 +152,9 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
             limits.pelvis_high - margin,
         ),
         Row(APART, foot[1], limits.feet_apart + margin, INF),
+        Row(AHEAD, foot[0] - stride, -INF, 0.0),
+        Row(BEHIND, foot[0] + stride, 0.0, INF),
+        Row("absolute swing foot pitch", tilt, -limits.foot_pitch, limits.foot_pitch),
     ]
     if not lean:
         rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
@@ -207,8 +215,8 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
     ye, ye1, ys, ys1 = ca.vertsplit(z, SIZE)
     at = touchdown()
     symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry]
-    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity, at.foot_yaw]
-    same, impulse, foot, velocity, yaw = ca.Function("at", symbols, results)(
+    results = [at.same_posture, at.impulse, at.foot, at.foot_velocity, at.foot_yaw, at.lift]
+    same, impulse, foot, velocity, yaw, lift = ca.Function("at", symbols, results)(
         ye, ye1 / time, ys, ys1 / time, slope, sign * by_name["asymmetry"]
     )
     c, s = ca.cos(slope), ca.sin(slope)
@@ -220,7 +228,8 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
         Row("swing foot lands", c * foot[2] - s * foot[0], 0.0, 0.0),
         Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
         Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
-        Row(LANDING, across, -fast, -1e-3),
+        Row(LANDING, across, -fast, -limits.definite),
+        Row("swing foot lifts off", c * lift[2] - s * lift[0], limits.definite, INF),
         Row(STRAIGHT, yaw, -1.0, 1.0),
     ]
     ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start

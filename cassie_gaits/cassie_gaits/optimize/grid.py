@@ -1,6 +1,6 @@
 """Where in a step the constraints are placed, and how the unknowns lead there.
 
-The unknowns of a step are 6 Bezier coefficients for each of 8 outputs and NODES + 2 Bernstein
+The unknowns of a step are 6 Bezier coefficients for each of 9 outputs and NODES + 2 Bernstein
 coefficients for each of the 2 passive coordinates: with NODES Gauss points that is collocation
 of their second-order dynamics.
 """
@@ -18,7 +18,7 @@ from cassie_gaits.optimize.posture import SIZE
 
 FloatArray = npt.NDArray[np.float64]
 
-NODES = 14
+NODES = 15
 """Gauss points of a step; between them the dynamics are met within about 0.02 Nm."""
 
 PASSIVE = 2
@@ -70,6 +70,6 @@ def coordinates_at(phase: float, derivatives: int) -> FloatArray:
 
 
 def split(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of the outputs and of the passive coordinates of a step. (8, 6), (2, n)."""
+    """Coefficients of the outputs and of the passive coordinates of a step. (9, 6), (2, n)."""
     at = OUTPUT_COUNT * bezier.COEFFICIENTS
     return unknowns[:at].reshape(OUTPUT_COUNT, -1), unknowns[at:].reshape(PASSIVE, -1)

@@ -124,7 +124,10 @@ class Recursion:
         for leg in self._legs:
             for rod in self._legs[leg].rods:
                 self._add_rod(leg, rod)
+        spins = {leg: self._add_spin(leg) for leg in self._legs}
         torques = self._collect()
+        for leg, knee in spins.items():
+            torques[leg, "knee"] += knee
         sole = ca.DM(self._legs["right"].sole)
         force = root.force
         moment = root.moment - ca.cross(sole, force)
@@ -185,6 +188,23 @@ class Recursion:
         tip.push(
             ca.DM(rod.tip), rod.tip_mass * at_tip + rod.shared_mass * ca.mtimes(turn.T, at_base)
         )
+
+    def _add_spin(self, leg: str) -> ca.SX:
+        """Inertia of the achilles rod about its length; returns what it asks of the knee. In Nm.
+
+        The rod does not spin on its ball joint: the hip pitch link's rates along it are its own.
+        """
+        angle, rate, _ = self._motion[leg]["knee"]
+        inertia, hip = self._legs[leg].achilles_spin, self._states[leg, "hip_pitch"]
+        x = ca.SX.sym("x")
+        side = ca.DM([1.0, 1.0, -1.0 if leg == "right" else 1.0])
+        along = side * rods.achilles_direction(x)
+        along, change = ca.substitute([along, ca.jacobian(along, x)], [x], [angle])
+        spin = ca.dot(hip.omega, along)
+        growth = ca.dot(hip.alpha, along) + ca.dot(hip.omega, change) * rate
+        turn = ca.cross(hip.omega, along) + change * rate
+        hip.moment += inertia * (growth * along + spin * turn)
+        return -inertia * spin * ca.dot(hip.omega, change)
 
     def _between(self, leg: str, base: str, tip: str) -> ca.SX:
         """Rotation of the body `tip` in the body `base`: both hang on the tarsus or its thigh."""

@@ -35,29 +35,29 @@ class Result:
 class _Work:
     """What is under way."""
 
-    waiting: dict[Request, Request | None]
-    solving: dict[Future[Outcome], tuple[Request, bool]] = field(default_factory=dict)
+    nearer: dict[Request, list[Request]]
+    waiting: list[Request]
+    solving: dict[Future[Outcome], tuple[Request, list[Request]]] = field(default_factory=dict)
     checking: dict[Future[Certificate], Outcome] = field(default_factory=dict)
     points: dict[Request, Point | None] = field(default_factory=dict)
 
 
 def find(
-    requests: Sequence[Request], executor: Executor, done: Mapping[Request, Gait]
+    requests: Sequence[Request], executor: Executor, done: Mapping[Request, Gait | None]
 ) -> Iterator[Result]:
     """Solve and certify every request; results come as they are ready.
 
     A gait starts from its neighbour nearer to rest, which makes neighbours alike and the solver
-    quick; where that fails it starts from the constant guess.
+    quick; where that fails it starts from another one, at last from the constant guess.
 
     Args:
         requests: What is wanted, all different.
         executor: Runs the work: local processes or a cluster.
-        done: Gaits that are there already.
+        done: Gaits that are there already; None for what is known to fail.
     """
-    work = _Work({request: neighbour(request, requests) for request in requests})
+    work = _Work(neighbours(requests), [request for request in requests if request not in done])
     for request, gait in done.items():
-        work.waiting.pop(request, None)
-        work.points[request] = point_of(gait)
+        work.points[request] = None if gait is None else point_of(gait)
     try:
         while work.waiting or work.solving or work.checking:
             _start_ready(work, executor)
@@ -72,36 +72,48 @@ def find(
             future.cancel()
 
 
-def neighbour(request: Request, among: Sequence[Request]) -> Request | None:
-    """The request one step nearer to rest: in turning first, then to the side, then ahead."""
-    for name in ("yaw_rate", "vy", "vx"):
-        value = getattr(request, name)
-        others = {getattr(other, name) for other in among}
-        nearer = [v for v in others if abs(v) < abs(value) and v * value >= 0.0]
-        if nearer:
-            wanted = replace(request, **{name: max(nearer, key=abs)})
-            return wanted if wanted in among else None
-    return None
+def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
+    """Of each request those one step nearer to rest: in turning, then to the side, then ahead."""
+    names = ("yaw_rate", "vy", "vx")
+    by_speeds = {tuple(getattr(r, name) for name in names): r for r in requests}
+    axes = [sorted({speeds[i] for speeds in by_speeds}, key=abs) for i in range(len(names))]
+    result: dict[Request, list[Request]] = {}
+    for speeds, request in by_speeds.items():
+        found = []
+        for i, value in enumerate(speeds):
+            nearer = [v for v in axes[i] if abs(v) < abs(value) and v * value >= 0.0]
+            if nearer:
+                found.append((*speeds[:i], nearer[-1], *speeds[i + 1 :]))
+        result[request] = [by_speeds[speeds] for speeds in found if speeds in by_speeds]
+    return result
 
 
 def _start_ready(work: _Work, executor: Executor) -> None:
-    for request, before in list(work.waiting.items()):
-        if before is None or before in work.points:
-            near = None if before is None else work.points[before]
-            _solve(work, executor, request, near)
-            del work.waiting[request]
+    later = []
+    for request in work.waiting:
+        nearer = work.nearer[request]
+        if nearer and nearer[0] not in work.points:
+            later.append(request)
+        else:
+            _solve(work, executor, request, nearer)
+    work.waiting = later
 
 
-def _solve(work: _Work, executor: Executor, request: Request, near: Point | None) -> None:
-    work.solving[executor.submit(solve, request, near)] = (request, near is not None)
+def _solve(work: _Work, executor: Executor, request: Request, nearer: list[Request]) -> None:
+    """From the first of `nearer` that has a point; the others are left to try."""
+    near = next((i for i, other in enumerate(nearer) if work.points.get(other)), None)
+    point = None if near is None else work.points[nearer[near]]
+    left = [] if near is None else nearer[near + 1 :]
+    future = executor.submit(solve, request, point)
+    work.solving[future] = (request, left if point is not None else [request])
 
 
 def _finished(work: _Work, executor: Executor, future: Future[Any]) -> Result | None:
     for solved in [f for f in work.solving if f is future]:
-        request, helped = work.solving.pop(solved)
+        request, left = work.solving.pop(solved)
         outcome = solved.result()
-        if outcome.gait is None and helped:
-            _solve(work, executor, request, None)
+        if outcome.gait is None and left != [request]:
+            _solve(work, executor, request, left)
             return None
         work.points[request] = outcome.point
         if outcome.gait is None:

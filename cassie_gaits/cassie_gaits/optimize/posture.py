@@ -1,8 +1,8 @@
 """Joint angles and torso attitude from outputs and passive coordinates, in closed form.
 
 The right foot stands level along the world's x axis on ground that rises by `slope` ahead, free
-to roll about the middle line of its sole. Eight outputs and two passive coordinates then fix
-every joint; the swing foot is level by construction.
+to roll about the middle line of its sole. Nine outputs and two passive coordinates then fix
+every joint.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 
 from cassie_gaits import robot
-from cassie_gaits.gait_library import OUTPUTS
+from cassie_gaits.gait_library import OUTPUTS, PASSIVE
 from cassie_gaits.optimize import bodies, rods
 from cassie_gaits.optimize.bodies import CHAIN
 from cassie_gaits.optimize.inverse_dynamics import foot_frame
 from cassie_gaits.virtual_leg import HIP_OFFSET, KNEE_OFFSET, SHIN, THIGH, TOE_OFFSET
 
-COORDINATES = (*OUTPUTS[:-1], "stance_foot_roll", "stance_leg_pitch")
-"""The ten coordinates of a step: the outputs but the swing foot's pitch, then the passive two."""
+COORDINATES = (*OUTPUTS, *PASSIVE)
+"""The eleven coordinates of a step: the outputs, then the passive two."""
 
 SIZE = len(COORDINATES)
 _AT = {name: i for i, name in enumerate(COORDINATES)}
@@ -43,7 +43,7 @@ class Posture:
 
 
 def posture(y: ca.SX, slope: ca.SX) -> Posture:
-    """Posture at coordinates `y`, of shape (10, 1) in the order of `COORDINATES`.
+    """Posture at coordinates `y`, of shape (11, 1) in the order of `COORDINATES`.
 
     Source:
         eq:IK with its errata for knee, hip pitch and toe. Torso yaw, stance hip roll and the
@@ -66,7 +66,8 @@ def posture(y: ca.SX, slope: ca.SX) -> Posture:
     toe_st = bend_st - pitch_st - robot.NEUTRAL_TARSUS - TOE_OFFSET
     knee_sw, lean_sw = knee_and_lean(y[_AT["swing_leg_length"]])
     pitch_sw = y[_AT["swing_leg_pitch"]] + pitch + lean_sw - HIP_OFFSET
-    toe_sw = slope + pitch - pitch_sw - robot.NEUTRAL_TARSUS - TOE_OFFSET
+    foot_sw = y[_AT["swing_foot_pitch"]]
+    toe_sw = foot_sw + pitch - pitch_sw - robot.NEUTRAL_TARSUS - TOE_OFFSET
     roll_sw = y[_AT["swing_leg_roll"]] - roll
     return Posture(
         ca.vertcat(roll_st, yaw_st, pitch_st, knee_st, toe_st),

@@ -15,17 +15,21 @@ _RANGES = {
     "slope": (-0.5, 0.5),
     "landing_speed": (0.01, 1.0),
     "feet_apart": (0.2, 0.5),
-    "torso_tilt": (0.005, 1.2),
-    "hip_yaw": (0.005, 1.2),
+    "torso_pitch": (0.005, 1.2),
+    "torso_roll": (0.001, 1.2),
+    "hip_yaw": (0.001, 1.2),
     "pelvis_distance": (0.55, 1.0),
+    "detour": (0.01, 1.0),
 }
 
 TABLE_ONLY = {
     "landing_speed": 1.0,
     "feet_apart": 0.2,
-    "torso_tilt": 1.2,
+    "torso_pitch": 1.2,
+    "torso_roll": 1.2,
     "hip_yaw": 1.2,
     "pelvis_distance": 1.0,
+    "detour": 1.0,
 }
 """Where a request leaves the table alone."""
 
@@ -43,9 +47,12 @@ class Request:
         slope: Rise of the ground ahead. In rad.
         landing_speed: Largest speed of the foot down to the ground; the table allows 1. In m/s.
         feet_apart: Least distance of the feet to the side; the table asks for 0.2. In m.
-        torso_tilt: Bound of torso pitch and roll, up to 1.2 where it binds nothing. In rad.
+        torso_pitch: Bound of torso pitch, up to 1.2 where it binds nothing. In rad.
+        torso_roll: Bound of torso roll, likewise. In rad.
         hip_yaw: Bound of the hips' yaw beyond what turning takes, up to 1.2 likewise. In rad.
         pelvis_distance: Largest distance of pelvis and stance foot; the table allows 1. In m.
+        detour: How far the swing foot goes beyond where it lifts off and lands, fore and aft, when
+            walking straight; turning gets room for the longer way of the outer foot. In m.
         symmetric: Whether a left step is the mirror image of a right one, on a robot whose pelvis
             is made symmetric. Otherwise two steps are found, for the robot as it is.
 
@@ -53,7 +60,7 @@ class Request:
         GaitLibraryError: if a number is not finite or out of range, or a symmetric gait is to go
             sideways or turn.
 
-    Five of these keep inside the table what it leaves wide: with `TABLE_ONLY` the cost is a fifth
+    Seven of these keep inside the table what it leaves wide: with `TABLE_ONLY` the cost is a fifth
     lower, but the torso sways by 0.07 rad and leans by 0.2 rad, the legs are nearly straight and
     the foot lands at 1 m/s, which a robot with springs, delays and the PD law of
     eq:ytildecontrol does not follow.
@@ -68,11 +75,13 @@ class Request:
     step_time: float = 0.4
     clearance: float = 0.15
     slope: float = 0.0
-    landing_speed: float = 0.5
+    landing_speed: float = 0.25
     feet_apart: float = 0.25
-    torso_tilt: float = 0.05
-    hip_yaw: float = 0.03
+    torso_pitch: float = 0.05
+    torso_roll: float = 0.005
+    hip_yaw: float = 0.005
     pelvis_distance: float = 0.97
+    detour: float = 0.03
     symmetric: bool = True
 
     def __post_init__(self) -> None:
@@ -104,6 +113,8 @@ class Limits:
         feet_apart: Least distance of the feet to the side. In m.
         pelvis_low, pelvis_high: Distance from the pelvis's origin to the stance foot. In m.
         landing_speed: Largest speed of the foot down to the ground. In m/s.
+        foot_pitch: Bound of the swing foot's pitch against the ground. In rad.
+        definite: Least speed of the foot up at lift-off and down at landing. In m/s.
         margin: Of lengths. In m.
         share: Of friction and of the drives' torque and speed that is used.
         weight: c of the cost.
@@ -114,6 +125,8 @@ class Limits:
     pelvis_low: float = 0.5
     pelvis_high: float = 1.0
     landing_speed: float = 1.0
+    foot_pitch: float = 4e-3
+    definite: float = 1e-3
     margin: float = 2e-4
     share: float = 0.98
     weight: float = 1e4

@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.linkage import link_rotation, pin_in_target
@@ -42,9 +43,23 @@ def about_z(angle: ca.SX | ca.DM) -> ca.SX:
     return ca.vertcat(ca.horzcat(c, -s, 0.0), ca.horzcat(s, c, 0.0), ca.horzcat(0.0, 0.0, 1.0))
 
 
-def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> Any:
+def achilles_direction(knee: ca.SX) -> ca.SX:
+    """Unit vector along the left achilles rod in the hip pitch link, to the heel. Shape (3, 1)."""
+    attitude, base = _achilles_base(knee)
+    angle = _heel_angle(knee, _HEEL_SIGN)
+    axes, rod = link_rotation(_LINKS["heel_spring"]), _RODS["achilles_rod"]
+    tip = ca.mtimes([ca.DM(axes), about_z(angle), ca.DM(pin_in_target(rod))])
+    direction: ca.SX = ca.mtimes(ca.DM(attitude), tip - base) / rod.length
+    return direction
+
+
+def _achilles_base(knee: ca.SX | ca.DM) -> tuple[npt.NDArray[np.float64], Any]:
+    """The tarsus's attitude to the hip pitch link, and the rod's base seen from the heel spring.
+
+    Returns:
+        Attitude of shape (3, 3), and the base in the tarsus's axes, (3, 1) in m.
+    """
     thigh, shin, tarsus = (_LINKS[name] for name in ("knee", "shin", "tarsus"))
-    heel, rod = _LINKS["heel_spring"], _RODS["achilles_rod"]
     to_tarsus = ca.DM(np.array(shin.position) + np.array(tarsus.position))
     turn = link_rotation(thigh)
     corner = ca.DM(thigh.position) + ca.mtimes(
@@ -54,8 +69,13 @@ def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> Any:
     # Knee, shin and tarsus turn about the same axis, so the order of these does not matter.
     attitude = turn @ link_rotation(tarsus) @ np.array(about_z(ca.DM(turned)))
     base = ca.mtimes(ca.DM(attitude.T), ca.DM(_LINKS["achilles_rod"].position) - corner)
-    base -= ca.DM(heel.position)
-    axes, pin = link_rotation(heel), pin_in_target(rod)
+    return attitude, base - ca.DM(_LINKS["heel_spring"].position)
+
+
+def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> Any:
+    rod = _RODS["achilles_rod"]
+    _, base = _achilles_base(knee)
+    axes, pin = link_rotation(_LINKS["heel_spring"]), pin_in_target(rod)
     along, across = axes[:, :2] @ pin[:2], axes[:, :2] @ np.array([-pin[1], pin[0]])
     still = ca.DM(axes[:, 2] * pin[2])
     reach = 0.5 * (ca.dot(base, base) - rod.length**2 + pin @ pin) - ca.dot(still, base)

@@ -14,7 +14,7 @@ from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
-from cassie_gaits.optimize.constraints import APART, LANDING, PELVIS, STRAIGHT
+from cassie_gaits.optimize.constraints import AHEAD, APART, BEHIND, LANDING, PELVIS, STRAIGHT
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
 from cassie_gaits.optimize.request import Limits, Request, as_document, parameters
@@ -24,6 +24,12 @@ FloatArray = npt.NDArray[np.float64]
 
 TORQUE_DEGREE = 28
 """Of the polynomials that stand for the torques in the file."""
+
+DIGITS = (11, 11, 8)
+"""Decimals of outputs, passive motion and torques in the file; the certificate is of those."""
+
+OUTER_WAY = 0.3
+"""How much further the outer foot goes by the turn of a step, and as much for the detour. In m."""
 
 TOLERANCE = 1e-6
 """Scaled violation from which a constraint counts as in conflict."""
@@ -135,13 +141,22 @@ def point_of(gait: Gait) -> Point:
     """
     if gait.passive is None or gait.passive.shape[2] != grid.PASSIVE_DEGREE + 1:
         raise GaitLibraryError("the gait's passive motion is not this optimizer's")
-    right = [gait.coefficients[0][:-1].ravel(), gait.passive[0].ravel()]
-    left = [mirror(gait.coefficients[1])[:-1].ravel(), mirror_passive(gait.passive[1]).ravel()]
+    right = [gait.coefficients[0].ravel(), gait.passive[0].ravel()]
+    left = [mirror(gait.coefficients[1]).ravel(), mirror_passive(gait.passive[1]).ravel()]
     symmetric = gait.solver["request"]["symmetric"]
     return Point(np.concatenate(right if symmetric else [*right, *left]))
 
 
+def _twice(near: Point, program: Problem) -> Point:
+    """A symmetric gait's point for a program of two steps."""
+    if len(near.unknowns) == program.unknowns:
+        return near
+    return Point(np.tile(near.unknowns, program.steps))
+
+
 def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
+    if near is not None:
+        near = _twice(near, program)
     lower, upper = _bounds(program, request)
     x_lower, x_upper = _unknown_bounds(program, request)
     bounds = {"lbx": x_lower, "ubx": x_upper, "lbg": lower, "ubg": upper}
@@ -166,6 +181,8 @@ def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]
     lower[names == APART] += request.feet_apart - limits.feet_apart
     lower[names == LANDING] += limits.landing_speed - request.landing_speed
     upper[names == PELVIS] += request.pelvis_distance - limits.pelvis_high
+    room = request.detour + OUTER_WAY * abs(request.yaw_rate) * request.step_time
+    upper[names == AHEAD], lower[names == BEHIND] = room, -room
     if request.slope != 0.0:
         lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
     return lower, upper
@@ -174,14 +191,18 @@ def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]
 def _unknown_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
     """Bounds of the coefficients; a Bezier polynomial stays within those of its own."""
     turning = abs(request.yaw_rate) * request.step_time
-    narrow = dict.fromkeys(("torso_roll", "torso_pitch"), request.torso_tilt)
+    narrow = {"torso_roll": request.torso_roll, "torso_pitch": request.torso_pitch}
     narrow |= dict.fromkeys(("stance_hip_yaw", "swing_hip_yaw"), request.hip_yaw + turning)
     bound = np.full(program.unknowns, np.inf)
     parts = bound.reshape(-1, grid.STEP_UNKNOWNS)
     for name, most in narrow.items():
         first = COORDINATES.index(name) * COEFFICIENTS
         parts[:, first : first + COEFFICIENTS] = most
-    return np.maximum(program.x_lower, -bound), np.minimum(program.x_upper, bound)
+    lower, upper = np.maximum(program.x_lower, -bound), np.minimum(program.x_upper, bound)
+    first = COORDINATES.index("swing_foot_pitch") * COEFFICIENTS
+    for x in (lower, upper):  # the foot is level but for what lift-off and landing ask
+        x.reshape(-1, grid.STEP_UNKNOWNS)[:, first + 2 : first + 5] = request.slope
+    return lower, upper
 
 
 def _violations(program: Problem, request: Request, x: FloatArray) -> tuple[float, FloatArray]:
@@ -207,7 +228,11 @@ def _gait(found: _Found, seconds: float) -> Gait:
     if request.symmetric:
         steps.append(steps[0])
     # The step on the left leg is found as its mirror image.
-    (outputs, passive, torques), (outputs_l, passive_l, torques_l) = steps
+    rounded = [
+        [np.round(part, digits) for part, digits in zip(step, DIGITS, strict=True)]
+        for step in steps
+    ]
+    (outputs, passive, torques), (outputs_l, passive_l, torques_l) = rounded
     return Gait(
         vx=request.vx,
         vy=request.vy,
@@ -216,11 +241,11 @@ def _gait(found: _Found, seconds: float) -> Gait:
         coefficients=np.stack([outputs, mirror(outputs_l)]),
         torques=np.stack([torques, mirror_torques(torques_l)]),
         passive=np.stack([passive, mirror_passive(passive_l)]),
-        cost=found.cost,
+        cost=round(found.cost, 3),
         solver={
             "name": "ipopt",
             "iterations": found.iterations,
-            "violation": found.violation,
+            "violation": float(f"{found.violation:.2e}"),
             "cpu_seconds": round(seconds, 3),
             "request": as_document(request),
         },
@@ -232,7 +257,6 @@ def _step(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients of outputs, passive coordinates and torques of a step on the right leg."""
     outputs, passive = grid.split(unknowns)
-    foot = np.full((1, outputs.shape[1]), request.slope)
     if request.symmetric:
         asymmetry = 0.0
     count = 2 * TORQUE_DEGREE
@@ -245,7 +269,7 @@ def _step(
         samples.append(np.array(torque, dtype=np.float64).ravel())
     basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])
     torques = np.linalg.lstsq(basis, np.array(samples), rcond=None)[0].T
-    return np.vstack([outputs, foot]), passive, torques
+    return outputs, passive, torques
 
 
 @cache

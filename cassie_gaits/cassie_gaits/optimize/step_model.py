@@ -27,7 +27,7 @@ class Instant:
     """Symbols of one instant and what follows from them.
 
     Attributes:
-        y, yd, ydd: Coordinates and their rates. Shape (10, 1).
+        y, yd, ydd: Coordinates and their rates. Shape (11, 1).
         slope: Rise of the ground ahead. In rad.
         asymmetry: Share of the pelvis's asymmetry, see `inverse_dynamics.Recursion`.
         posture: At `y`.
@@ -81,14 +81,15 @@ class Touchdown:
     """Symbols at the change of legs and what must vanish there.
 
     Attributes:
-        end, end_rate: Coordinates and rates at the end of a step. Shape (10, 1).
-        start, start_rate: Those at the start of the next step, mirrored. Shape (10, 1).
+        end, end_rate: Coordinates and rates at the end of a step. Shape (11, 1).
+        start, start_rate: Those at the start of the next step, mirrored. Shape (11, 1).
         slope, asymmetry: As in `Instant`; the next step's asymmetry is the negative.
         same_posture: Differences of torso and joints across the change. Shape (12, 1), in rad.
         impulse: Of drives and of the foot's roll in the impact. Shape (11, 1), in Nms.
         foot: Position of the swing sole at the end. Shape (3, 1), in m.
         foot_velocity: Its velocity. Shape (3, 1), in m/s.
         foot_yaw: Turn of the swing foot against the stance foot. In rad.
+        lift: Velocity of the next step's swing sole at its start. Shape (3, 1), in m/s.
     """
 
     end: ca.SX
@@ -102,6 +103,7 @@ class Touchdown:
     foot: ca.SX
     foot_velocity: ca.SX
     foot_yaw: ca.SX
+    lift: ca.SX
 
 
 def touchdown() -> Touchdown:
@@ -118,6 +120,7 @@ def touchdown() -> Touchdown:
     before, after = posture(end, slope), posture(start, slope)
     _, foot, attitude = places(before)
     velocity = ca.jtimes(foot, end, end_rate)
+    lift = ca.jtimes(places(after)[1], start, start_rate)
     # The axial vector of R^T R' is the angular velocity in the foot's axes.
     spin = ca.mtimes(attitude.T, _rate_of(attitude, end, end_rate))
     spin = ca.vertcat(spin[2, 1], spin[0, 2], spin[1, 0])
@@ -138,9 +141,8 @@ def touchdown() -> Touchdown:
     same = _difference(before, after)
     impulse = ca.vertcat(efforts.stance, efforts.swing, roll_impulse)
     yaw = ca.atan2(attitude[1, 0], attitude[0, 0])
-    return Touchdown(
-        end, end_rate, start, start_rate, slope, asymmetry, same, impulse, foot, velocity, yaw
-    )
+    symbols = (end, end_rate, start, start_rate, slope, asymmetry)
+    return Touchdown(*symbols, same, impulse, foot, velocity, yaw, lift)
 
 
 def _difference(before: Posture, after: Posture) -> ca.SX:

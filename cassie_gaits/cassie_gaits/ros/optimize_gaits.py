@@ -1,7 +1,10 @@
 """`ros2 run cassie_gaits optimize_gaits`: find a library of gaits, certify it, write its file.
 
-Exit status: 0 when every gait was found and certified and the file is written; 1 when one was
-not, with the file left as it was; 2 for an impossible request.
+Without speeds it finds the paper's seven gaits; several values of --lateral and --yaw-rate make a
+grid.
+
+Exit status: 0 when every gait was found and certified (with --holes: all but that share) and the
+file is written; 1 when not, with the file left as it was; 2 for an impossible request.
 """
 
 from __future__ import annotations
@@ -13,20 +16,37 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 from cassie_gaits.errors import CassieError, GaitLibraryError
 from cassie_gaits.gait_library import Gait, GaitLibrary, Provenance
-from cassie_gaits.gait_library_file import load_library, save_library
+from cassie_gaits.gait_library_file import save_library
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.optimize.library import Result, find
-from cassie_gaits.optimize.request import Request, as_document
+from cassie_gaits.optimize.partial_file import Found, PartialFile
+from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Of the seven gaits of the paper. In m/s."""
 
-_VERSION = "1"
+DENSE = {
+    "speeds": [round(0.1 * i - 1.0, 1) for i in range(29)],
+    "lateral": [round(0.1 * i - 0.3, 1) for i in range(7)],
+    "yaw_rate": [round(0.3 * i - 0.9, 1) for i in range(7)],
+    "holes": 0.03,
+}
+"""What --grid stands for."""
+
+SETTINGS = (
+    *("step_time", "clearance", "slope", "landing_speed", "feet_apart"),
+    *("torso_pitch", "torso_roll", "hip_yaw", "pelvis_distance", "detour"),
+)
+"""Options that every gait of a run has in common."""
+
+_VERSION = "2"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,90 +69,121 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="optimize_gaits", description=__doc__)
     add = parser.add_argument
-    add("--speeds", type=float, nargs="+", default=SPEEDS, help="mean sagittal speeds, m/s")
-    add("--lateral", type=float, default=0.0, help="mean speed to the left, m/s")
-    add("--yaw-rate", type=float, default=0.0, help="mean turning rate to the left, rad/s")
+    many: dict[str, Any] = {"type": float, "nargs": "+"}
+    add("--speeds", **many, default=list(SPEEDS), help="mean sagittal speeds, m/s")
+    add("--lateral", **many, default=[0.0], help="mean speeds to the left, m/s")
+    add("--yaw-rate", **many, default=[0.0], help="mean turning rates to the left, rad/s")
+    dense = "-1 .. 1.8 by 0.1 m/s, -0.3 .. 0.3 by 0.1 m/s, -0.9 .. 0.9 by 0.3 rad/s, --holes 0.03"
+    add("--grid", action="store_true", help=dense)
+    add("--holes", type=float, default=0.0, help="share of the gaits that may be missing")
     add("--step-time", type=float, default=0.4, help="duration of a step, s")
     add("--clearance", type=float, default=0.15, help="of the swing foot at mid-step, m")
     add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
-    add("--landing-speed", type=float, default=0.5, help="largest, of the swing foot, m/s")
+    add("--landing-speed", type=float, default=0.25, help="largest, of the swing foot, m/s")
     add("--feet-apart", type=float, default=0.25, help="least distance of the feet, m")
-    add("--torso-tilt", type=float, default=0.05, help="bound of torso pitch and roll, rad")
-    add("--hip-yaw", type=float, default=0.03, help="bound beyond what turning takes, rad")
+    add("--torso-pitch", type=float, default=0.05, help="bound of it, rad")
+    add("--torso-roll", type=float, default=0.005, help="bound of it, rad")
+    add("--hip-yaw", type=float, default=0.005, help="bound beyond what turning takes, rad")
     add("--pelvis-distance", type=float, default=0.97, help="largest, to the stance foot, m")
+    add("--detour", type=float, default=0.03, help="of the swing foot, fore and aft, m")
+    add("--table-only", action="store_true", help="the last seven as wide as the paper's table")
     add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
     add("--jobs", type=int, default=2, help="local processes")
     add("--scheduler", help="address of a Dask scheduler, in place of local processes")
-    add("--resume", action="store_true", help="take over gaits of a run that was stopped")
-    add("--out", type=Path, default=Path("gaits.json"), help="file to write")
+    add("--resume", action="store_true", help="take over what a run that was stopped has found")
+    add("--import", dest="mat", type=Path, metavar="FILE.mat", help="FROST-style library to import")
+    add("--out", type=Path, default=Path("gaits.json"), help="file to write; .json or .json.gz")
     return parser
 
 
 def _run(options: argparse.Namespace, start: float) -> int:
-    requests = _requests(options)
-    if options.jobs < 1:
-        raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
     if not options.out.parent.is_dir():
         raise GaitLibraryError(f"--out: there is no folder {options.out.parent}")
-    partial = options.out.with_name(options.out.name + ".partial")
-    found = _taken_over(partial, requests) if options.resume else {}
-    for request in found:
-        print(f"{request.name}: taken over from {partial}", flush=True)
-    failed = _search(requests, options, found, partial)
-    if failed:
-        print(f"{failed} of {len(requests)} gaits failed; {options.out} is left as it was")
+    if options.mat is not None:
+        from cassie_gaits.mat_import import import_mat  # scipy's readers take their time
+
+        library = import_mat(options.mat)
+        save_library(library, options.out)
+        print(f"{len(library.gaits)} gaits imported, not certified: {options.out}")
+        return 0
+    _expand(options)
+    requests = _requests(options)
+    partial = PartialFile(options.out)
+    found = partial.read(requests) if options.resume else {}
+    if found:
+        print(f"{len(found)} of {len(requests)} taken over from {partial.path}", flush=True)
+    partial.begin(found)
+    _search(requests, options, found, partial)
+    gaits = [result for request in requests if isinstance(result := found[request], Gait)]
+    reasons = {r: result for r in requests if isinstance(result := found[r], str)}
+    for request, reason in reasons.items() if len(requests) > len(SPEEDS) else ():
+        print(f"no gait for {request.name}: {reason}")
+    if len(reasons) > options.holes * len(requests):
+        print(f"{len(reasons)} of {len(requests)} gaits failed; {options.out} is left as it was")
         return 1
-    save_library(_library([found[request] for request in requests], options), options.out)
-    partial.unlink(missing_ok=True)
+    save_library(_library(gaits, options), options.out)
+    partial.remove()
     spent = time.monotonic() - start
-    print(f"{len(requests)} gaits certified in {spent:.1f} s: {options.out}")
+    print(
+        f"{len(gaits)} of {len(requests)} gaits certified in {spent:.1f} s "
+        f"({spent / len(requests):.2f} s a gait): {options.out}"
+    )
     return 0
 
 
+def _expand(options: argparse.Namespace) -> None:
+    """Put in what --grid and --table-only stand for, and check the rest."""
+    if options.grid:
+        vars(options).update(DENSE)
+    if options.table_only:
+        vars(options).update(TABLE_ONLY)
+    if options.jobs < 1:
+        raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
+    if not 0.0 <= options.holes < 1.0:
+        raise GaitLibraryError(f"--holes is {options.holes}, expected 0 .. 1")
+
+
 def _requests(options: argparse.Namespace) -> list[Request]:
-    straight = options.lateral == 0.0 and options.yaw_rate == 0.0
-    if options.slope != 0.0 and not straight:
-        raise GaitLibraryError("on a slope gaits go straight: no --lateral, no --yaw-rate")
-    return [
-        Request(
-            vx=speed,
-            vy=options.lateral,
-            yaw_rate=options.yaw_rate,
-            step_time=options.step_time,
-            clearance=options.clearance,
-            slope=options.slope,
-            landing_speed=options.landing_speed,
-            feet_apart=options.feet_apart,
-            torso_tilt=options.torso_tilt,
-            hip_yaw=options.hip_yaw,
-            pelvis_distance=options.pelvis_distance,
-            symmetric=straight and not options.general,
-        )
-        for speed in sorted(set(options.speeds))
-    ]
+    common = {name: getattr(options, name) for name in SETTINGS}
+    axes = (
+        sorted(set(options.speeds)),
+        sorted(set(options.lateral)),
+        sorted(set(options.yaw_rate)),
+    )
+    requests = []
+    for vx, vy, yaw_rate in product(*axes):
+        straight = vy == 0.0 and yaw_rate == 0.0
+        if options.slope != 0.0 and not straight:
+            raise GaitLibraryError("on a slope gaits go straight: no --lateral, no --yaw-rate")
+        symmetric = straight and not options.general
+        requests.append(Request(vx, vy, yaw_rate, symmetric=symmetric, **common))
+    return requests
 
 
 def _search(
-    requests: list[Request], options: argparse.Namespace, found: dict[Request, Gait], partial: Path
-) -> int:
-    """Find what is missing; each gait goes to `found` and to the partial file at once."""
-    failed, taken = 0, dict(found)
-    with _executor(options, symmetric=requests[0].symmetric) as executor:
-        for result in find(requests, executor, taken):
-            failed += result.gait is None
-            if result.gait is not None:
-                found[result.request] = result.gait
-                rising = [found[request] for request in requests if request in found]
-                save_library(_library(rising, options), partial)
-            print(f"[{len(found) + failed}/{len(requests)}] {_line(result)}", flush=True)
-    return failed
+    requests: list[Request], options: argparse.Namespace, found: Found, partial: PartialFile
+) -> None:
+    """Find what is missing; each result goes to `found` and to the partial file at once."""
+    done = {r: result if isinstance(result, Gait) else None for r, result in found.items()}
+    start, before = time.monotonic(), len(found)
+    if before == len(requests):
+        return
+    with _executor(options, {request.symmetric for request in requests}) as executor:
+        for result in find(requests, executor, done):
+            content = result.reason if result.gait is None else result.gait
+            found[result.request] = content
+            partial.add(result.request, content)
+            left = (time.monotonic() - start) / (len(found) - before) * (len(requests) - len(found))
+            ahead = f", {left / 60.0:.0f} min left" if left > 60.0 else ""
+            print(f"[{len(found)}/{len(requests)}{ahead}] {_line(result)}", flush=True)
 
 
-def _executor(options: argparse.Namespace, *, symmetric: bool) -> Executor:
+def _executor(options: argparse.Namespace, forms: set[bool]) -> Executor:
     if options.scheduler:
         return _cluster(options.scheduler)
-    # Forked processes share the program, which takes a second to set up.
-    prepare(symmetric=symmetric)
+    # Forked processes share the programs, which take a second or two to set up.
+    for symmetric in forms:
+        prepare(symmetric=symmetric)
     context = multiprocessing.get_context("fork")
     return ProcessPoolExecutor(options.jobs, mp_context=context)
 
@@ -159,30 +210,8 @@ def _line(result: Result) -> str:
     )
 
 
-def _taken_over(partial: Path, requests: list[Request]) -> dict[Request, Gait]:
-    """Gaits of a run that was stopped, as far as they are still wanted."""
-    if not partial.exists():
-        return {}
-    library = load_library(partial)
-    if library.model_hash != model_hash():
-        raise GaitLibraryError(f"{partial} is for another model of the robot")
-    return {
-        request: gait
-        for request in requests
-        for gait in library.gaits
-        if gait.certificate is not None and gait.solver.get("request") == as_document(request)
-    }
-
-
 def _library(gaits: list[Gait], options: argparse.Namespace) -> GaitLibrary:
-    settings = {
-        name: getattr(options, name)
-        for name in (
-            *("lateral", "yaw_rate", "step_time", "clearance", "slope"),
-            *("landing_speed", "feet_apart", "torso_tilt", "hip_yaw"),
-            *("pelvis_distance", "general"),
-        )
-    }
+    settings = {name: getattr(options, name) for name in (*SETTINGS, "general")}
     provenance = Provenance(
         "cassie_gaits.optimize_gaits", _VERSION, datetime.date.today().isoformat(), settings
     )

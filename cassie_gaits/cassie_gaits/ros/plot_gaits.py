@@ -1,0 +1,102 @@
+"""`ros2 run cassie_gaits plot_gaits FILE`: pictures and a table of a gait library.
+
+Draws the nine outputs over phase, stick figures, torques against their limits, foot clearance,
+the ground force in the friction cone and the cost of transport over speed, of the gaits that go
+straight; of a grid also the cost over all speeds. Exit status: 0, or 2 for a file that cannot be
+read.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.gait_library import Gait
+from cassie_gaits.gait_library_file import load_library
+from cassie_gaits.gait_motion import Motion, motion
+from cassie_gaits.names import LEG_DRIVES
+
+MOST_STRIPS = 9
+"""Speeds with stick figures; of more, these many are picked evenly."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if "--ros-args" in given:
+        given = given[: given.index("--ros-args")]
+    parser = argparse.ArgumentParser(prog="plot_gaits", description=__doc__)
+    parser.add_argument("file", type=Path, help="library to draw")
+    parser.add_argument("--out", type=Path, help="folder for the pictures; FILE's name if left out")
+    options = parser.parse_args(given)
+    try:
+        library = load_library(options.file)
+        folder = options.out or options.file.with_name(
+            options.file.name.split(".")[0] + "_pictures"
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        _draw(library.gaits, folder)
+    except (GaitLibraryError, OSError) as error:
+        print(f"plot_gaits: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _draw(gaits: Sequence[Gait], folder: Path) -> None:
+    from cassie_gaits import gait_pictures as pictures  # matplotlib takes its time
+
+    straight = [gait for gait in gaits if gait.vy == 0.0 and gait.yaw_rate == 0.0] or list(gaits)
+    pictures.draw_outputs(straight, folder / "outputs.png")
+    motions = []
+    for i, gait in enumerate(straight):
+        print(f"\r{i + 1} of {len(straight)} gaits", end="", file=sys.stderr, flush=True)
+        if gait.torques is not None and gait.passive is not None:
+            motions.append(motion(gait))
+    print(file=sys.stderr)
+    if motions:
+        picked = np.unique(np.linspace(0, len(motions) - 1, MOST_STRIPS).round().astype(int))
+        pictures.draw_strips([motions[i] for i in picked], folder / "strips.png")
+        pictures.draw_torques(motions, folder / "torques.png")
+        pictures.draw_clearance(motions, folder / "clearance.png")
+        pictures.draw_friction(motions, folder / "friction.png")
+        pictures.draw_transport(motions, folder / "cost_of_transport.png")
+        print(table(motions))
+    else:
+        print("the gaits have no torques: only their outputs are drawn")
+    if len(straight) < len(gaits):
+        pictures.draw_grid(gaits, folder / "grid.png")
+    print(f"pictures: {folder}")
+
+
+def table(motions: Sequence[Motion]) -> str:
+    """A line for each gait."""
+    header = (
+        f"{'vx m/s':>7s} {'step s':>6s} {'cost':>8s} {'transport':>9s} {'W':>5s} "
+        f"{'feet m':>6s} {'clear m':>7s} {'friction':>8s} {'pelvis m':>8s}  largest torque"
+    )
+    return "\n".join([header, *map(_line, motions)])
+
+
+def _line(at: Motion) -> str:
+    shares = at.torque_shares
+    side, drive = np.unravel_index(int(np.argmax(shares)), shares.shape)
+    name = f"{('stance', 'swing')[side]} {LEG_DRIVES[drive].replace('_', ' ')}"
+    gait, cost = at.gait, at.gait.cost
+    return (
+        f"{gait.vx:7.2f} {gait.step_time:6.2f} {'-' if cost is None else f'{cost:.0f}':>8s} "
+        f"{at.cost_of_transport:9.3f} {at.work / (2.0 * gait.step_time):5.0f} "
+        f"{abs(at.feet[:, 1]).min():6.3f} {at.feet[len(at.feet) // 2, 2]:7.3f} "
+        f"{at.friction.max():8.3f} {at.step.q[:, 2].mean():8.3f}  "
+        f"{100.0 * shares[side, drive]:.0f} % of {name}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
