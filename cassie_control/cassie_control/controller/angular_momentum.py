@@ -195,7 +195,7 @@ class AngularMomentum:
     """Angular momentum about a point, from what the estimator gives."""
 
     def __init__(self) -> None:
-        self._legs = tuple(leg_inertia(leg) for leg in ("left", "right"))
+        self._left, self._right = leg_inertia("left"), leg_inertia("right")
         pelvis = robot.PELVIS
         com = np.array(pelvis.com)
         spread = com @ com * np.eye(3) - np.outer(com, com)
@@ -230,5 +230,5 @@ class AngularMomentum:
         Returns:
             Shape (3,), in kg m^2/s; reused.
         """
-        _add_up(q, v, omega, self._pelvis, *self._legs, self._total)
+        _add_up(q, v, omega, self._pelvis, self._left, self._right, self._total)
         return self._total

@@ -10,6 +10,7 @@ from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.pendulum import GRAVITY, Fall
 from cassie_control.controller.readings import LegReadings, Readings
 
+
 @dataclass
 class Wish:
     """What the operator wants of the steps.
