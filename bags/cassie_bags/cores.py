@@ -17,7 +17,8 @@ from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.monitor import MonitoredEstimator
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
-from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec
@@ -29,6 +30,9 @@ SET_BY_FILE = (
     *("paused", "scripted_operator"),
 )
 """Parameters of the simulator that follow from other keys of an experiment."""
+
+UNCERTIFIED = "allow_uncertified"
+"""Parameter of the controller's node, not of its core."""
 
 ConfigT = TypeVar("ConfigT")
 
@@ -54,15 +58,34 @@ def check_parameters(experiment: Experiment) -> None:
     """
     simulator_config(experiment)
     scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
-    load_library(library_path(experiment))
+    load_gaits(experiment)
     _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
-    _config(ControllerConfig, experiment.parameters["controller"], "controller")
+    _controller_config(experiment)
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
 
 
 def library_path(experiment: Experiment) -> Path:
     """File of the experiment's gait library."""
     return Path(experiment.gait_library) if experiment.gait_library else default_library_path()
+
+
+def load_gaits(experiment: Experiment) -> GaitLibrary:
+    """The experiment's gait library, certified unless `controller.allow_uncertified` is true.
+
+    Raises:
+        CassieError: as `load_certified`.
+        ExperimentError: if `allow_uncertified` is neither true nor false.
+    """
+    allow = experiment.parameters["controller"].get(UNCERTIFIED, False)
+    if not isinstance(allow, bool):
+        raise ExperimentError(f"controller.{UNCERTIFIED} is {allow!r}, expected true or false")
+    return load_certified(library_path(experiment), allow_uncertified=allow)
+
+
+def _controller_config(experiment: Experiment) -> ControllerConfig:
+    section = experiment.parameters["controller"]
+    given = {name: value for name, value in section.items() if name != UNCERTIFIED}
+    return _config(ControllerConfig, given, "controller")
 
 
 @dataclass(frozen=True)
@@ -90,8 +113,8 @@ def make_cores(experiment: Experiment) -> Cores:
         Plant(config, experiment.scenario),
         make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
         GaitController(
-            _config(ControllerConfig, parameters["controller"], "controller"),
-            load_library(library_path(experiment)),
+            _controller_config(experiment),
+            load_gaits(experiment),
             period,
         ),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),

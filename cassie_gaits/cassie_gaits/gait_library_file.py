@@ -45,7 +45,7 @@ _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"}
 
 def default_library_path() -> Path:
     """The library that comes with this package."""
-    return Path(__file__).parent / "libraries" / "provisional.json"
+    return Path(__file__).parent / "libraries" / "optimized.json"
 
 
 def load_library(path: str | Path) -> GaitLibrary:

@@ -146,4 +146,4 @@ def test_number_too_large_for_a_float_is_refused(tmp_path, number):
 
 
 def test_library_of_the_package_loads():
-    assert load_library(default_library_path()).kind == "provisional"
+    assert load_library(default_library_path()).kind == "optimized"

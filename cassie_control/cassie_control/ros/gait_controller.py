@@ -22,7 +22,7 @@ from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
 from cassie_control.silence import Silence
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.parameters import declare, on_change
@@ -36,6 +36,11 @@ class GaitControllerConfig(LaneConfig):
 
     gait_library: str = tunable(
         "", description="Gait library file (JSON); empty is the one that is installed", live=False
+    )
+    allow_uncertified: bool = tunable(
+        False,
+        description="Whether gaits without a certificate, as imported ones, will do",
+        live=False,
     )
 
 
@@ -124,7 +129,8 @@ class GaitControllerNode(Node):
         self.get_logger().info(f"episode {episode}")
 
     def _load(self, path: str) -> GaitLibrary:
-        return load_library(path or default_library_path())
+        allow = self._lane.allow_uncertified
+        return load_certified(path or default_library_path(), allow_uncertified=allow)
 
     def _set_config(self, config: ControllerConfig) -> None:
         self._config = self._changed = config
