@@ -101,6 +101,10 @@ class WalkConfig:
     )
     integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
+    hold_gain: float = tunable(
+        0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"
+    )
+    hold_speed: float = tunable(0.1, "m/s", 0.0, 0.3, "Bound of that speed")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")

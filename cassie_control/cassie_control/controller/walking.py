@@ -21,6 +21,7 @@ from cassie_control.controller.outputs import (
     YAW_SW,
     measure,
 )
+from cassie_control.controller.position_hold import PositionHold
 from cassie_control.controller.readings import HIP_X, HIP_Z, LegReadings, Readings
 from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
 from cassie_control.controller.step_timing import LEFT, StepTiming
@@ -35,13 +36,32 @@ FloatArray = npt.NDArray[np.float64]
 _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
 
 
+def _least_effort() -> FloatArray:
+    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
+
+    They give the least integral of the squared second derivative.
+    """
+    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
+    ends = bends[:, (0, 1, 4, 5)]
+    result: FloatArray = -np.linalg.lstsq(bends[:, 2:4], ends, rcond=None)[0]
+    return result
+
+
+_LEAST_EFFORT = _least_effort()
+
+
 class WalkingController:
     """The nine outputs of eq:h0, driven to a gait from the library.
 
     Desired outputs are Bezier polynomials in phase, interpolated over the filtered sagittal
     velocity, whose first two coefficients are reset at each touchdown so that position and
-    velocity continue. Swing leg pitch and roll get what leg-angle adjustment
+    velocity continue. Swing leg pitch, roll and length get what leg-angle adjustment
     (`foot_placement`) asks for, faded in over the step; hip yaws turn towards the heading.
+
+    Beside the paper, and left out under its own law: the swing leg's angles go the way of least
+    effort between their ends, torques accelerate it (`swing_inertia`), and the stance leg's length
+    lets the hip travel level (`level`), which takes the bounce out of fast walking. While no
+    velocity is commanded, `position_hold` leads back to the place.
 
     Actuated joints follow eq:IK and eq:hdtilde (`walking_drives`). Torso roll and pitch act
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
@@ -76,6 +96,7 @@ class WalkingController:
         self._start_rates = np.zeros(9)
         self._wish = Wish()
         self._ahead = StepAhead()
+        self._hold = PositionHold(period)
         self._heading = 0.0
         self._placement: Placement = placement(config)
         self.config = config
@@ -89,6 +110,7 @@ class WalkingController:
         self.timing.configure(config)
         self.config = config
         own = config.law != "paper"
+        self._straight = own
         self._level = config.level if own else 0.0
         self._inertia = config.swing_inertia if own else 0.0
 
@@ -102,6 +124,7 @@ class WalkingController:
         """Begin with a step on a stance leg."""
         self.timing.start(stance)
         self._heading = readings.yaw
+        self._hold.release()
         self._placement.reset()
         self._begin_step(readings)
 
@@ -115,6 +138,10 @@ class WalkingController:
         """
         timing, wish = self.timing, self._wish
         wish.vx, wish.vy = float(mode.vx), float(mode.vy)
+        if wish.vx == wish.vy == float(mode.yaw_rate) == 0.0:
+            wish.vx, wish.vy = self._hold.velocity(self.config, readings)
+        else:
+            self._hold.release()
         wish.spread = spread
         wish.pitch_trim, wish.roll_trim = float(mode.trims[0]), float(mode.trims[1])
         self._turn(readings.yaw, float(mode.yaw_rate))
@@ -161,6 +188,9 @@ class WalkingController:
         gait[:, 0] = self._start
         gait[:, 1] = self._start + self._start_rates * (step_time / bezier.DEGREE)
         gait[ROLL : PITCH + 1 : 2, :2] = torso
+        if self._straight:
+            for row in (ROLL_SW, PITCH_SW):
+                gait[row, 2:4] = _LEAST_EFFORT @ gait[row, (0, 1, 4, 5)]
         phase = min(1.0, timing.phase)
         values = gait @ bezier.basis(phase)
         self.desired[:] = values[:, 0]

@@ -11,10 +11,10 @@ from cassie_msgs.tunables import tunable
 class SupervisorConfig:
     """Which set-points are let through, how fast they change, and when a mode may begin."""
 
-    vx_forward: float = tunable(1.0, "m/s", 0.0, 2.0, "Largest speed forward")
-    vx_backward: float = tunable(0.5, "m/s", 0.0, 1.5, "Largest speed backward")
+    vx_forward: float = tunable(1.2, "m/s", 0.0, 2.0, "Largest speed forward")
+    vx_backward: float = tunable(0.7, "m/s", 0.0, 1.5, "Largest speed backward")
     vy_limit: float = tunable(0.3, "m/s", 0.0, 0.6, "Largest speed sideways")
-    yaw_rate_limit: float = tunable(0.6, "rad/s", 0.0, 1.5, "Largest turn rate")
+    yaw_rate_limit: float = tunable(0.8, "rad/s", 0.0, 1.5, "Largest turn rate")
     height_low: float = tunable(0.39, "m", 0.38, 0.9, "Lowest pelvis height")
     height_high: float = tunable(1.01, "m", 0.8, 1.05, "Largest pelvis height")
     com_x_limit: float = tunable(0.05, "m", 0.0, 0.07, "Largest CoM shift fore and aft")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 from cassie_control.finite import fault
@@ -59,10 +60,11 @@ def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
     """An operator's command within the limits."""
     c = config
     trims = command.trims.tolist()
+    vx, vy, yaw_rate = _walkable(float(command.vx), float(command.vy), float(command.yaw_rate), c)
     return SetPoints(
-        vx=_bounded(float(command.vx), -c.vx_backward, c.vx_forward),
-        vy=_bounded(float(command.vy), -c.vy_limit, c.vy_limit),
-        yaw_rate=_bounded(float(command.yaw_rate), -c.yaw_rate_limit, c.yaw_rate_limit),
+        vx=vx,
+        vy=vy,
+        yaw_rate=yaw_rate,
         height=_bounded(float(command.height), c.height_low, c.height_high),
         com_x=_bounded(float(command.com_x), -c.com_x_limit, c.com_x_limit),
         com_y=_bounded(float(command.com_y), -c.com_y_limit, c.com_y_limit),
@@ -96,6 +98,30 @@ def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: 
         _towards(a[2], b[2], step),
         _towards(a[3], b[3], step),
     )
+
+
+def _walkable(
+    vx: float, vy: float, yaw_rate: float, c: SupervisorConfig
+) -> tuple[float, float, float]:
+    """Speeds within their limits and, together, within an ellipsoid over those limits.
+
+    Each limit can be used up alone; what is asked for at once is scaled down as a whole, so that
+    the robot turns and sidesteps less while it walks fast.
+    """
+    vx = _bounded(vx, -c.vx_backward, c.vx_forward)
+    vy = _bounded(vy, -c.vy_limit, c.vy_limit)
+    yaw_rate = _bounded(yaw_rate, -c.yaw_rate_limit, c.yaw_rate_limit)
+    shares = (
+        _share(vx, c.vx_forward if vx > 0.0 else c.vx_backward),
+        _share(vy, c.vy_limit),
+        _share(yaw_rate, c.yaw_rate_limit),
+    )
+    scale = 1.0 / max(1.0, math.hypot(*shares))
+    return scale * vx, scale * vy, scale * yaw_rate
+
+
+def _share(value: float, limit: float) -> float:
+    return value / limit if limit > 0.0 else 0.0
 
 
 def _bounded(value: float, low: float, high: float) -> float:

@@ -1,0 +1,48 @@
+"""Stepping in place without wandering off, by the robot's own estimate of its position."""
+
+from __future__ import annotations
+
+import math
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.readings import Readings
+
+_SETTLING = 1.2  # s without a commanded velocity until a place is kept
+
+
+class PositionHold:
+    """A velocity that leads back to the place where walking was last stopped.
+
+    Once no velocity has been commanded for a while, the pelvis's estimated position is kept:
+    velocity = hold_gain * (place - position), at most hold_speed. The estimate itself drifts by a
+    few per cent of the distance walked, which nothing here can see.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.release()
+
+    def release(self) -> None:
+        """Forget the place."""
+        self._still = 0.0
+        self._place: tuple[float, float] | None = None
+
+    def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
+        """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
+        self._still += self._period
+        if config.hold_gain <= 0.0 or self._still < _SETTLING:
+            return 0.0, 0.0
+        x, y = float(readings.state.q[0]), float(readings.state.q[1])
+        if self._place is None:
+            self._place = (x, y)
+        east, north = self._place[0] - x, self._place[1] - y
+        c, s = math.cos(readings.yaw), math.sin(readings.yaw)
+        vx, vy = (
+            config.hold_gain * (c * east + s * north),
+            config.hold_gain * (c * north - s * east),
+        )
+        scale = config.hold_speed / max(config.hold_speed, math.hypot(vx, vy), 1e-9)
+        return scale * vx, scale * vy
