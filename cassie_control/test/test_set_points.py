@@ -106,3 +106,12 @@ def test_an_unknown_mode_is_refused(walking):
     assert walking.mode is WALK
     assert float(mode.vx) == 0.0
     assert walking.core.status.faults == ("operator command refused: mode is 9, must be 0 .. 4",)
+
+
+def test_what_is_asked_for_at_once_is_scaled_down_as_a_whole(walking):
+    walking.wish(vx=CONFIG.vx_forward, vy=CONFIG.vy_limit, yaw_rate=-CONFIG.yaw_rate_limit)
+    mode = walking.run(12.0)
+    share = 1.0 / math.sqrt(3.0)
+    assert mode.vx == pytest.approx(share * CONFIG.vx_forward)
+    assert mode.vy == pytest.approx(share * CONFIG.vy_limit)
+    assert mode.yaw_rate == pytest.approx(-share * CONFIG.yaw_rate_limit)

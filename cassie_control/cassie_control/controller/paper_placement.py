@@ -22,7 +22,7 @@ class PaperPlacement:
     with d = 1 in left stance and -1 in right stance: the swing foot lands further in.
 
     The defaults are the authors' figures but for the offset, which they trim by hand. They were
-    found for gaits that their optimizer made; with the provisional library Cassie steps in place
+    found for gaits that their optimizer made; with this project's, Cassie steps in place
     but drifts by 5 to 20 cm/s, and runs ahead of a commanded speed or falls.
 
     Source:
