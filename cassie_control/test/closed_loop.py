@@ -14,8 +14,8 @@ from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
-from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_gaits.names import LEGS
+from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.scenario import Scenario
@@ -56,7 +56,7 @@ class Robot:
         self.plant = Plant(PlantConfig(sensors=sensors), scenario)
         self.estimator = make_estimator(EstimatorConfig(), PERIOD)
         self.controller = GaitController(
-            config or ControllerConfig(), load_library(default_library_path()), PERIOD
+            config or ControllerConfig(), provisional_library(), PERIOD
         )
         self.supervisor = ModeSupervisor(SupervisorConfig(), PERIOD)
         self.operator = OperatorCommand()
