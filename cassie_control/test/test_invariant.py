@@ -9,6 +9,7 @@ import pytest
 from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
+from cassie_control.controller.config import ControllerConfig, WalkConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
@@ -28,15 +29,16 @@ def replay(moments, **figures):
 
 @pytest.fixture(scope="module")
 def on_ice():
-    """Steps in place on ice, pushed so that the feet slide."""
+    """Steps in place on ice with wide feet, pushed so that they slide."""
     scenario = Scenario.from_mapping(
         {
             "start": "standing",
             "scene_parameters": {"friction": 0.25},
-            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, -30.0, 0.0]} for t in (3.8, 5.0)],
+            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 30.0, 0.0]} for t in (3.8, 5.0)],
         }
     )
-    robot = Robot(scenario, "faithful", record=True)
+    config = ControllerConfig(walk=WalkConfig(foot_spread=0.04))
+    robot = Robot(scenario, "faithful", config, record=True)
     robot.wish(height=0.98)
     robot.run(1.8)
     robot.wish(mode=int(RobotMode.WALK))
