@@ -29,7 +29,7 @@ MODES = ("standing", "walking")
 BEFORE = {"standing": 2.5, "walking": 8.0}
 """Robot time at which the sensor fails. In s."""
 
-AFTER = 6.0
+AFTER = 9.0
 """Robot time that is watched from then on. In s."""
 
 BOUNDS = {"position": 0.03, "velocity": 0.3, "orientation": 0.03, "acceleration": 3.0}
