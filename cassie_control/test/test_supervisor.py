@@ -77,11 +77,44 @@ def test_walking_needs_standing_still_for_a_while(scene):
     assert scene.mode is WALK
 
 
-def test_riding_a_segway_is_refused(standing):
-    standing.wish(mode=int(SEGWAY))
-    standing.run(2.0)
+def test_riding_begins_and_ends_crouched_and_at_rest(standing):
+    standing.wish(mode=int(SEGWAY), height=1.0)
+    standing.run(3.0)
     assert standing.mode is STAND
-    assert standing.readiness == "there is no Segway under the feet"
+    assert "crouch" in standing.readiness
+    assert float(standing.run().height) == pytest.approx(CONFIG.ride_height)
+    standing.state.q[2] = CONFIG.ride_height
+    standing.state.com_velocity[0] = 0.3
+    standing.run(2.0)
+    assert "standing still" in standing.readiness
+    standing.state.com_velocity[0] = 0.0
+    standing.run(CONFIG.stand_time + 0.1)
+    assert standing.mode is SEGWAY
+    standing.wish(mode=int(WALK))
+    standing.run(2.0)
+    assert (standing.mode, standing.readiness) == (SEGWAY, "stand first")
+    standing.wish(mode=int(STAND))
+    standing.run()
+    assert standing.mode is STAND
+
+
+def test_riding_is_refused_with_a_foot_in_the_air(standing):
+    standing.state.q[2] = CONFIG.ride_height
+    standing.state.foot_force[:] = (300.0, 0.0)
+    standing.state.contact_probability[:] = (1.0, 0.0)
+    standing.wish(mode=int(SEGWAY), height=0.6)
+    standing.run(3.0)
+    assert "let her down" in standing.readiness
+
+
+def test_a_rider_without_operator_rides_on(standing):
+    standing.state.q[2] = CONFIG.ride_height
+    standing.wish(mode=int(SEGWAY), height=0.6, com_x=0.03)
+    standing.run(2.0)
+    standing.operator = None
+    mode = standing.run(2.0)
+    assert standing.mode is SEGWAY
+    assert float(mode.com_x) == 0.0
 
 
 def test_walking_ends_after_stepping_in_place(walking):

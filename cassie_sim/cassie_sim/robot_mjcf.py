@@ -153,8 +153,8 @@ def _add_joint(body: mujoco.MjsBody, link: robot.Link, leg: str) -> None:
         type=mujoco.mjtJoint.mjJNT_BALL if ball else mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, 0.0, 1.0],
     )
-    added.damping = _as_field(added.damping, joint.damping)
-    added.stiffness = _as_field(added.stiffness, joint.stiffness)
+    added.damping = as_field(added.damping, joint.damping)
+    added.stiffness = as_field(added.stiffness, joint.stiffness)
     added.armature = joint.armature
     if ball:
         return
@@ -164,7 +164,7 @@ def _add_joint(body: mujoco.MjsBody, link: robot.Link, leg: str) -> None:
         added.range = joint.limits
 
 
-def _as_field(present: npt.ArrayLike, value: float) -> float | FloatArray:
+def as_field(present: npt.ArrayLike, value: float) -> float | FloatArray:
     """The value in the shape that this version of MuJoCo gives the field (scalar or polynomial)."""
     if np.ndim(present) == 0:
         return value

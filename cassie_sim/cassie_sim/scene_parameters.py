@@ -137,6 +137,13 @@ class Tilting(Flat):
     rate_deg: float = tunable(1.0, "deg/s", 0.01, 30.0, "Of the larger of the two")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Segway(Flat):
+    """Level ground with a Segway below the robot."""
+
+    softness: float = tunable(1.0, "", 0.2, 5.0, "How much its balance gives way to a tilt")
+
+
 @dataclass(frozen=True)
 class Course:
     """Stretches of ground one behind the other, and pillars.

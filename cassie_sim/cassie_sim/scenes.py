@@ -25,6 +25,7 @@ from cassie_sim.scene_parameters import (
     Pillar,
     Rough,
     Sand,
+    Segway,
     Slope,
     Snow,
     Step,
@@ -32,6 +33,7 @@ from cassie_sim.scene_parameters import (
     WaxedFloor,
     read_course,
 )
+from cassie_sim.segway import SegwayDrive, add_segway
 from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches
 
 SoftT = TypeVar("SoftT", Sand, Stretch)
@@ -86,7 +88,7 @@ def scene_spec(
     return spec
 
 
-def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | None:
+def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | SegwayDrive | None:
     """How a scene's ground moves by itself, or None if it does not.
 
     Raises:
@@ -100,6 +102,8 @@ def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | 
         ahead, left = math.radians(settings.rise_deg), math.radians(settings.side_deg)
         most = max(abs(settings.rise_deg), abs(settings.side_deg))
         return GroundMotion(_MOVING, settings.start, ahead, left, 0.0, most / settings.rate_deg)
+    if isinstance(settings, Segway):
+        return SegwayDrive(settings)
     return None
 
 
@@ -195,6 +199,11 @@ def _block(spec: mujoco.MjSpec, settings: Block) -> None:
     _add_box(body, spec, _BLOCK_SIZE, Surface(settings.friction, 0.0, (0.75, 0.55, 0.4, 1.0)))
 
 
+def _segway(spec: mujoco.MjSpec, settings: Segway) -> None:
+    add_plane(spec, Surface(settings.friction), "ground")
+    add_segway(spec)
+
+
 def _tilting(spec: mujoco.MjSpec, settings: Tilting) -> None:
     body = spec.worldbody.add_body(name=_MOVING, mocap=True)
     _add_box(body, spec, (10.0, 10.0, 0.5), Surface(settings.friction))
@@ -274,6 +283,7 @@ SCENES: dict[str, tuple[type[Any], Callable[..., None]]] = {
     "pillar": (Pillar, _pillar),
     "course": (Course, _course),
     "block": (Block, _block),
+    "segway": (Segway, _segway),
     "tilting": (Tilting, _tilting),
 }
 """Parameters and builder of each scene by its name."""

@@ -205,4 +205,5 @@ class ControllerConfig:
 
     walk: WalkConfig = field(default_factory=WalkConfig)
     stand: StandConfig = field(default_factory=StandConfig)
+    segway: StandConfig = field(default_factory=lambda: StandConfig(kp_com_x=200.0, kd_com_x=80.0))
     transition: TransitionConfig = field(default_factory=TransitionConfig)

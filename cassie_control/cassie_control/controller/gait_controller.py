@@ -31,6 +31,7 @@ class Activity(enum.Enum):
     STANDING = "standing"
     LEANING = "leaning"
     WALKING = "walking"
+    RIDING = "riding"
 
 
 class GaitController:
@@ -38,7 +39,8 @@ class GaitController:
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
     walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
-    the supervisor asks for it when Cassie steps in place. After each change the set-points are
+    the supervisor asks for it when Cassie steps in place. Riding a Segway is standing with gains of
+    its own. After each change the set-points are
     blended over a moment.
 
     Args:
@@ -51,6 +53,7 @@ class GaitController:
         self._period = period
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
+        self.riding = StandingController(config.segway, period)
         self.walking = WalkingController(config.walk, library, period)
         self._status = ControllerStatus()
         self._state = RobotState()
@@ -66,6 +69,7 @@ class GaitController:
         """Take over new gains at once."""
         self.config = config
         self.standing.config = config.stand
+        self.riding.config = config.segway
         self.walking.configure(config.walk)
 
     def reset(self) -> None:
@@ -116,6 +120,9 @@ class GaitController:
             if self.activity is not Activity.STANDING:
                 self._enter(Activity.STANDING)
                 self.standing.start(self.readings)
+        elif mode == RobotMode.SEGWAY and self.activity is not Activity.RIDING:
+            self._enter(Activity.RIDING)
+            self.riding.start(self.readings)
         elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
@@ -142,6 +149,8 @@ class GaitController:
             command.kd[:] = DAMPING
         elif self.activity is Activity.STANDING:
             self.standing.step(self.readings, mode, command, 0.0)
+        elif self.activity is Activity.RIDING:
+            self.riding.step(self.readings, mode, command, 0.0)
         elif self.activity is Activity.LEANING:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)
@@ -172,7 +181,7 @@ class GaitController:
 
     def _blend_in(self) -> None:
         """Go over from the last set-points to the new ones, torques and gains alike."""
-        steady = (Activity.STANDING, Activity.LEANING)
+        steady = (Activity.STANDING, Activity.LEANING, Activity.RIDING)
         if self._blend <= 0.0 or self.activity not in steady:
             return
         self._blend -= self._period

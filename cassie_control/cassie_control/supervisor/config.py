@@ -32,6 +32,7 @@ class SupervisorConfig:
     height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
     still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
+    ride_height: float = tunable(0.75, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
     weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
     stop_speed: float = tunable(0.15, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
     stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")

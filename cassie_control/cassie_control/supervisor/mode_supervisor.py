@@ -72,7 +72,10 @@ class ModeSupervisor:
       touchdown.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - No command from the operator, a bad link, or a sensor that fails: stop and stand.
+    - Segway: from standing, crouched, on both feet and at rest; so is the way back. It changes the
+      gains, not what she does, so that she also stands on plain ground with it.
+    - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
+      hold still on it.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
       holds, without its speeds.
     - After damping with feet on the ground, standing begins from the height the pelvis has.
@@ -97,6 +100,7 @@ class ModeSupervisor:
         self._wish = SetPoints()
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
+        self._linked = False
         self._since = 0.0
         self._still = 0.0
         self._upright = 0.0
@@ -129,7 +133,8 @@ class ModeSupervisor:
         self._observe(state)
         linked = operator is not None and bool(operator.link)
         failed = int(state.sensor_faults)
-        refused = self._hear(operator if linked and not failed else None)
+        self._linked = linked and not failed
+        refused = self._hear(operator if self._linked else None)
         powered = float(state.power) > 0.5
         reasons = self._reasons(state, powered, controller_lost)
         previous = self._current
@@ -169,7 +174,7 @@ class ModeSupervisor:
         self._height = float(state.q[2])
         self._grounded = float(state.foot_force.max()) > _GROUNDED
         self._low = self._grounded and self._height < c.fall_height
-        moving = self._current in (RobotMode.STAND, RobotMode.WALK)
+        moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
         upright = tilt < c.upright_tilt and not self._low
         self._upright = self._upright + self._period if upright else 0.0
         if tilt > c.fall_tilt or (self._low and moving):
@@ -203,11 +208,14 @@ class ModeSupervisor:
         return {
             RobotMode.STAND: common or self._why_not_stand(),
             RobotMode.WALK: common or self._why_not_walk(state),
-            RobotMode.SEGWAY: common or "there is no Segway under the feet",
+            RobotMode.SEGWAY: common or self._why_not_ride(state),
         }
 
     def _why_not_stand(self) -> str:
         c = self.config
+        if self._current is RobotMode.SEGWAY:
+            # With the gains of standing a Segway shakes: only who sees it rest may leave.
+            return self._restless() if self._linked else "riding on without the operator"
         if self._current is not RobotMode.WALK:
             return ""
         if self._slow >= c.stop_time:
@@ -223,14 +231,37 @@ class ModeSupervisor:
             return ""
         if self._current is not RobotMode.STAND:
             return "stand first"
-        carried = float(state.foot_force.sum())
-        if carried < c.weight_share * _WEIGHT or float(state.contact_probability.min()) < 0.5:
-            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let her down"
+        if unloaded := self._unloaded(state):
+            return unloaded
         if abs(self._height - c.walk_height) > c.height_tolerance:
             return f"walking begins at {c.walk_height:g} m, pelvis at {self._height:.2f} m"
-        if min(self._still, self._since) < c.stand_time:
-            return f"standing still for {min(self._still, self._since):.1f} s of {c.stand_time:g} s"
+        return self._restless()
+
+    def _why_not_ride(self, state: RobotState) -> str:
+        """Riding begins at rest, crouched, on both feet; what is below them she cannot know."""
+        c = self.config
+        if self._current is RobotMode.SEGWAY:
+            return ""
+        if self._current is not RobotMode.STAND:
+            return "stand first"
+        if unloaded := self._unloaded(state):
+            return unloaded
+        if self._height > c.ride_height + c.height_tolerance:
+            return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {self._height:.2f} m"
+        return self._restless()
+
+    def _unloaded(self, state: RobotState) -> str:
+        carried = float(state.foot_force.sum())
+        if (
+            carried < self.config.weight_share * _WEIGHT
+            or float(state.contact_probability.min()) < 0.5
+        ):
+            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let her down"
         return ""
+
+    def _restless(self) -> str:
+        still, needed = min(self._still, self._since), self.config.stand_time
+        return f"standing still for {still:.1f} s of {needed:g} s" if still < needed else ""
 
     def _next(
         self, reasons: dict[RobotMode, str], powered: bool, controller_lost: bool
@@ -251,6 +282,8 @@ class ModeSupervisor:
             self._set_points = SetPoints(height=height if self._grounded else wish.height)
         if self._current is not RobotMode.WALK or requested is not RobotMode.WALK:
             wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+        if RobotMode.SEGWAY in (requested, self._current):
+            wish = replace(wish, height=min(wish.height, c.ride_height))
         if requested is RobotMode.WALK or self._current is RobotMode.WALK:
             wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
         approach(self._set_points, wish, c, self._period)

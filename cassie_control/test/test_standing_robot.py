@@ -1,0 +1,45 @@
+"""A simulated Cassie stands: pushed, with late commands, from a crouch in the harness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_loop import Robot
+
+from cassie_sim.scenario import Scenario
+
+
+def stood(height: float, duration: float, **scenario) -> Robot:
+    """Stands for so long with faithful sensors; every tick is recorded."""
+    robot = Robot(Scenario.from_mapping({"start": "standing", **scenario}), "faithful", record=True)
+    robot.wish(height=height)
+    robot.run(duration)
+    return robot
+
+
+@pytest.mark.parametrize("force", [(90.0, 0.0, 0.0), (-80.0, 0.0, 0.0), (0.0, 150.0, 0.0)])
+def test_pushes_are_stood_without_a_step(force):
+    robot = stood(0.75, 6.0, pushes=[{"t": 4.0, "duration": 0.1, "force": force}])
+    assert not robot.fallen
+    assert abs(robot.moments[-1].velocity).max() < 0.05
+
+
+def test_late_torques_and_set_points_do_not_shake_her():
+    robot = stood(0.9, 4.0, delays={"torque": 0.002, "set_point": 0.015})
+    late = [m.velocity for m in robot.moments if m.time > 3.0]
+    assert not robot.fallen
+    assert np.abs(late).max() < 0.02
+
+
+def test_she_stands_up_from_a_crouch_in_the_harness():
+    moves = [
+        {"t": 0.1, "action": "hold", "height": 0.5, "speed": 1.0},
+        {"t": 2.0, "action": "lower", "height": 0.4},
+    ]
+    robot = Robot(Scenario.from_mapping({"gantry": moves}), "faithful", record=True)
+    robot.wish(power=False)
+    robot.run(1.0)
+    robot.wish(power=True, height=0.85)
+    robot.run(5.0)
+    assert not robot.fallen
+    assert robot.moments[-1].position[2] == pytest.approx(0.85, abs=0.01)
