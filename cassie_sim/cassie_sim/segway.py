@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 
 from cassie_gaits import robot
+from cassie_sim.ground import GROUND_GROUP
 from cassie_sim.robot_mjcf import as_field
 from cassie_sim.scene_parameters import Segway
 
@@ -71,6 +72,7 @@ def add_segway(spec: mujoco.MjSpec) -> None:
         conaffinity=14,
         rgba=[0.15, 0.15, 0.17, 1.0],
     )
+    platform.group = GROUND_GROUP
     platform.priority = 1
     platform.friction = [1.0, 0.005, 0.0001]
     platform.condim = 3

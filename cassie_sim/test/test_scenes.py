@@ -101,6 +101,7 @@ EVERY_SCENE = [
     ("rough", {}),
     ("pillar", {}),
     ("block", {"side": "right"}),
+    ("segway", {"softness": 2.0}),
     ("tilting", {}),
     (
         "course",
