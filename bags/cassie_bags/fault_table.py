@@ -19,6 +19,7 @@ from cassie_bags.cores import make_cores
 from cassie_bags.experiment_file import Experiment, read_experiment
 from cassie_bags.in_process import Loop
 from cassie_bags.resolve import resolve
+from cassie_bags.workers import obey_parent
 from cassie_control.estimator.channels import CHANNELS
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_sim.events import ActiveFault
@@ -232,7 +233,7 @@ def run_table(
         global _rehearsal
         _rehearsal = Rehearsal(mode, seed)
         jobs = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
-        with fork.Pool(workers, maxtasksperchild=1) as pool:
+        with fork.Pool(workers, obey_parent, maxtasksperchild=1) as pool:
             yield from pool.imap(_one, jobs, chunksize=1)
 
 

@@ -145,9 +145,15 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _begin() -> None:
-    """A worker leaves Ctrl-C to its parent and the machine to others."""
+def obey_parent() -> None:
+    """A worker leaves Ctrl-C to its parent, and ends when that one ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _begin() -> None:
+    """A worker leaves the machine to others."""
+    obey_parent()
     os.nice(_NICENESS)
 
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,6 +104,58 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path, capsys, monkeypatch):
     assert printed.count("iterations") == 2
     assert [gait.vx for gait in load_certified(out).gaits] == [0.0, 0.1]
     assert not partial.exists()
+
+
+def children(pid):
+    """Processes whose parent is `pid`."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def is_alive(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def wait_for(condition, seconds):
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+    return condition()
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_a_run_that_is_ended_leaves_no_process_behind(tmp_path, kind):
+    out = tmp_path / "gaits.json"
+    speeds = [f"{0.02 * i:g}" for i in range(40)]
+    command = [sys.executable, "-m", "cassie_gaits.ros.optimize_gaits", "--out", str(out)]
+    run = subprocess.Popen(
+        [*command, "--speeds", *speeds],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    partial = tmp_path / "gaits.json.partial"
+    assert wait_for(lambda: partial.exists() and partial.read_text().count("\n") > 2, 60.0)
+    workers = children(run.pid)
+    assert workers
+    run.send_signal(kind)
+    _, error = run.communicate(timeout=10.0)
+    if kind != signal.SIGKILL:
+        assert run.returncode == 130
+        assert error == "optimize_gaits: stopped; --resume goes on from here\n"
+    assert wait_for(lambda: not any(map(is_alive, workers)), 3.0)
+    for line in partial.read_text().splitlines():
+        assert json.loads(line)
+    assert not out.exists()
 
 
 def fails_at_a_tenth(request, near=None):

@@ -10,11 +10,14 @@ file is written; 1 when not, with the file left as it was; 2 for an impossible r
 from __future__ import annotations
 
 import argparse
+import contextlib
+import ctypes
 import datetime
 import multiprocessing
+import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
@@ -47,6 +50,7 @@ SETTINGS = (
 """Options that every gait of a run has in common."""
 
 _VERSION = "2"
+_PARENT_DIES = 1  # PR_SET_PDEATHSIG
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given = given[: given.index("--ros-args")]
     options = _parser().parse_args(given)
     start = time.monotonic()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return _run(options, start)
     except (CassieError, OSError) as error:
@@ -64,6 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("optimize_gaits: stopped; --resume goes on from here", file=sys.stderr)
         return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -178,14 +185,35 @@ def _search(
             print(f"[{len(found)}/{len(requests)}{ahead}] {_line(result)}", flush=True)
 
 
-def _executor(options: argparse.Namespace, forms: set[bool]) -> Executor:
+@contextlib.contextmanager
+def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executor]:
+    """A cluster, or local processes, which end with this one even when it is stopped."""
     if options.scheduler:
-        return _cluster(options.scheduler)
+        with _cluster(options.scheduler) as cluster:
+            yield cluster
+        return
     # Forked processes share the programs, which take a second or two to set up.
     for symmetric in forms:
         prepare(symmetric=symmetric)
     context = multiprocessing.get_context("fork")
-    return ProcessPoolExecutor(options.jobs, mp_context=context)
+    pool = ProcessPoolExecutor(options.jobs, mp_context=context, initializer=_begin_worker)
+    try:
+        yield pool
+    except BaseException:
+        # What they are at can take a minute and nobody waits for it.
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin_worker() -> None:
+    """A worker leaves Ctrl-C to its parent, which ends it, and ends when that one is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with contextlib.suppress(OSError, AttributeError):  # not on Linux
+        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
 
 
 def _cluster(address: str) -> Executor:

@@ -1,0 +1,131 @@
+"""A linear map of two steps fitted to deviations from steady walking, and how fast they decay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+ABOVE_NOISE = 3.0
+"""Deviations of at least this many times the noise take part in the fit."""
+
+FEWEST = 12
+"""Pairs of deviations without which there is no map: twice the length of a state."""
+
+GAIT = 4
+"""Entries of a state that are of the gait; the others say where the robot is."""
+
+DECAYED = 0.1
+"""Share of the first deviation from which on a push counts as forgotten."""
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """What one push did, touchdown by touchdown.
+
+    Attributes:
+        impulse: Of the push, forward and to the left. In N s.
+        delay: From the left foot's touchdown to the push. In s.
+        values: Differences of states to the run without a push. Shape (n, 6), see
+            `return_map.Touchdowns`.
+    """
+
+    impulse: tuple[float, float]
+    delay: float
+    values: FloatArray
+
+    @property
+    def size(self) -> FloatArray:
+        """Norm at each touchdown. Shape (n,), in m/s."""
+        return size_of(self.values)
+
+
+@dataclass(frozen=True)
+class ReturnMap:
+    """d[k + 2] = A d[k] by least squares.
+
+    Attributes:
+        matrix: A. Shape (6, 6).
+        eigenvalues: Magnitudes, falling. Shape (6,).
+        spread: Lowest and highest of the largest magnitude when one run at a time is left out.
+        residual: Norm of what the map does not explain by the norm of what it should, over
+            the gait's part of the state.
+        pairs: Pairs of deviations that it is fitted to.
+    """
+
+    matrix: FloatArray
+    eigenvalues: FloatArray
+    spread: tuple[float, float]
+    residual: float
+    pairs: int
+
+
+def size_of(values: FloatArray) -> FloatArray:
+    """Norm of the gait's part of deviations. Shape (n, 6) to (n,), in m/s."""
+    size: FloatArray = np.linalg.norm(values[:, :GAIT], axis=1)
+    return size
+
+
+def fit(runs: Sequence[Deviations], noise: float) -> ReturnMap | None:
+    """The map of two steps, from the pairs that begin above the noise; None if they are too few.
+
+    Noise in d[k] makes eigenvalues come out smaller; `ABOVE_NOISE` bounds this to about a tenth.
+
+    Args:
+        runs: All of the same gait.
+        noise: Size of deviations that mean nothing. In m/s.
+    """
+    least = ABOVE_NOISE * noise
+    pairs = [_pairs(run, least) for run in runs]
+    solution = _solve(pairs)
+    if solution is None:
+        return None
+    matrix, residual = solution
+    others = (_solve(pairs[:i] + pairs[i + 1 :]) for i in range(len(pairs)))
+    largest = [_magnitudes(other[0])[0] for other in others if other is not None]
+    magnitudes = _magnitudes(matrix)
+    spread = (min(largest), max(largest)) if largest else (magnitudes[0], magnitudes[0])
+    count = sum(len(before) for before, _ in pairs)
+    return ReturnMap(matrix, magnitudes, (float(spread[0]), float(spread[1])), residual, count)
+
+
+def decay(runs: Sequence[Deviations]) -> FloatArray:
+    """Median over the runs of each deviation by the first one. Shape (n,)."""
+    steps = min(len(run.size) for run in runs)
+    ratios: FloatArray = np.median([run.size[:steps] / run.size[0] for run in runs], axis=0)
+    return ratios
+
+
+def steps_to_decay(runs: Sequence[Deviations]) -> int | None:
+    """Steps until the median deviation stays below `DECAYED`; None if it does not."""
+    above = np.flatnonzero(decay(runs) >= DECAYED)
+    steps = int(above[-1]) + 1
+    return steps if steps < len(decay(runs)) else None
+
+
+def _pairs(run: Deviations, least: float) -> tuple[FloatArray, FloatArray]:
+    """States and those two steps later, from the first one up to where the noise begins."""
+    small = np.flatnonzero(run.size[:-2] < least)
+    count = int(small[0]) if len(small) else len(run.size) - 2
+    return run.values[:count], run.values[2 : count + 2]
+
+
+def _solve(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, float] | None:
+    if sum(len(before) for before, _ in pairs) < FEWEST:
+        return None
+    before = np.concatenate([pair[0] for pair in pairs])
+    after = np.concatenate([pair[1] for pair in pairs])
+    transposed, _, rank, _ = np.linalg.lstsq(before, after, rcond=None)
+    if rank < before.shape[1]:
+        return None
+    left = np.linalg.norm(size_of(after - before @ transposed)) / np.linalg.norm(size_of(after))
+    return transposed.T, float(left)
+
+
+def _magnitudes(matrix: FloatArray) -> FloatArray:
+    magnitudes: FloatArray = np.sort(np.abs(np.linalg.eigvals(matrix)))[::-1]
+    return magnitudes
