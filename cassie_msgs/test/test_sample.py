@@ -52,12 +52,9 @@ def test_padding_of_the_transport_is_dropped():
     assert len(sample.to_bytes()) == RobotState.SIZE
 
 
-SIZE = len(RobotState().to_bytes())
-
-
 @pytest.mark.parametrize("raw", [b"", b"\x00\x01\x00\x00", Sensors().to_bytes(), bytes(576)])
 def test_bytes_of_another_message_are_refused_with_both_sizes(raw):
-    with pytest.raises(LayoutError, match=f"has {SIZE} bytes, received {len(raw)}"):
+    with pytest.raises(LayoutError, match=f"has {RobotState.SIZE} bytes, received {len(raw)}"):
         RobotState().load(raw)
 
 
