@@ -53,12 +53,12 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["apart_at_speed"] = 0.001
     normal["apart_at_speed"][_JOINT] = 0.0045  # also where no filter delays the velocity
     normal["apart_at_speed"][_IMU] = 0.002
-    normal["spike"][_DRIVE] = np.tile([0.3, 0.3, 0.6, 1.2, 4.0], 2)
-    normal["spike"][_JOINT], normal["spike"][_IMU] = 0.9, 0.25
+    normal["spike"][_DRIVE] = np.tile([0.3, 0.3, 0.6, 1.2, 5.5], 2)
+    normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 2.0], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
-    normal["acceleration"], normal["acceleration_spike"] = 300.0, 3.0
+    normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
     # Up and down the feet are less sure: on soft ground they sink.
     normal["pulled"], normal["late_pull"] = (0.008, 0.01, 0.01), (0.0045, 0.0048, 0.006)
     return record
