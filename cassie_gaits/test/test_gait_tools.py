@@ -11,7 +11,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from distributed import LocalCluster
 
 import cassie_gaits
 from cassie_gaits.certificate.certify import certify
@@ -104,6 +106,25 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path, capsys, monkeypatch):
     assert printed.count("iterations") == 2
     assert [gait.vx for gait in load_certified(out).gaits] == [0.0, 0.1]
     assert not partial.exists()
+
+
+@pytest.mark.timeout(120)
+def test_a_cluster_finds_the_same_gaits(tmp_path, capsys, monkeypatch):
+    local, remote = tmp_path / "local.json", tmp_path / "remote.json"
+    arguments = ["--speeds", "0", "0.1", "--jobs", "1", "--out"]
+    assert optimize_gaits.main([*arguments, str(local)]) == 0
+    kind = {"processes": False, "threads_per_worker": 1, "dashboard_address": None}
+    with LocalCluster(n_workers=1, **kind) as cluster:
+        scheduler = ["--scheduler", cluster.scheduler_address]
+        assert optimize_gaits.main([*arguments, str(remote), *scheduler]) == 0
+    for one, other in zip(load_certified(local).gaits, load_certified(remote).gaits, strict=True):
+        assert one.vx == other.vx
+        np.testing.assert_allclose(one.coefficients, other.coefficients, rtol=0.0, atol=1e-9)
+    monkeypatch.setattr(optimize_gaits, "CONNECT_TIMEOUT", 0.5)
+    with LocalCluster(n_workers=0, **kind) as cluster:
+        scheduler = ["--scheduler", cluster.scheduler_address]
+        assert optimize_gaits.main([*arguments, str(remote), *scheduler]) == 2
+    assert "no worker within 0.5 s" in capsys.readouterr().err
 
 
 def children(pid):

@@ -49,6 +49,9 @@ SETTINGS = (
 )
 """Options that every gait of a run has in common."""
 
+CONNECT_TIMEOUT = 10.0
+"""Time in which a scheduler must answer and have a worker. In s."""
+
 _VERSION = "2"
 _PARENT_DIES = 1  # PR_SET_PDEATHSIG
 
@@ -216,16 +219,29 @@ def _begin_worker() -> None:
         ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
 
 
-def _cluster(address: str) -> Executor:
+@contextlib.contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    """A Dask cluster; it runs on when this command ends."""
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError:
         raise GaitLibraryError("--scheduler needs the package distributed (Dask)") from None
     try:
-        executor: Executor = Client(address, timeout=10.0).get_executor(pure=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError) as error:
         raise GaitLibraryError(f"--scheduler {address}: {error}") from error
-    return executor
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_TIMEOUT)
+        except TimeoutError:
+            raise GaitLibraryError(
+                f"--scheduler {address}: no worker within {CONNECT_TIMEOUT:g} s"
+            ) from None
+        try:
+            with client.get_executor(pure=False) as executor:
+                yield executor
+        except KilledWorker as error:
+            raise GaitLibraryError(f"--scheduler {address}: {error}") from None
 
 
 def _line(result: Result) -> str:
