@@ -78,10 +78,9 @@ class LocalProcesses:
 
     def close(self) -> None:
         """End the processes; what they are at is lost."""
-        processes = list((self._pool._processes or {}).values())
+        for process in list((self._pool._processes or {}).values()):
+            process.kill()  # first, so that none is left that writes to a closed pipe
         self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            process.terminate()
 
 
 class DaskCluster:

@@ -203,7 +203,7 @@ def sweep(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
-    budget = ["--seeds", "1", "--seconds", "2", "--jobs", "1"]
+    budget = ["--seeds", "1", "--seconds", "6", "--jobs", "1"]
     process = sweep("speed.+0", *budget, "--no-compare", "--out", str(tmp_path))
     assert process.returncode == 0, process.stderr
     assert "speed error at 0 m/s" in process.stdout
