@@ -66,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
             found.append(one)
     if options.out is not None and any(one.deviations for one in found):
         print(_draw(found, options.out / "return_map.png"))
-    print(f"{len(speeds) - failed} of {len(speeds)} gaits forget a push")
+    print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return GROWS if failed else DECAYS
 
 
@@ -145,7 +145,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "velocity and in its place over the stance foot (times sqrt(g/h)); the table has its "
         "median over the pushes by what it was at the first touchdown, and the eigenvalues' "
         "magnitudes of the map of two steps that fits the deviations.",
-        epilog="Exit codes: 0 every gait forgets its pushes, 1 one does not, 2 wrong arguments, "
+        epilog="Exit codes: 0 the last d of every gait is below 1 and no push made her fall or lose step, 1 "
+        "this is not so of one, 2 wrong arguments, "
         "130 stopped.",
     )
     add = parser.add_argument
