@@ -145,9 +145,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "velocity and in its place over the stance foot (times sqrt(g/h)); the table has its "
         "median over the pushes by what it was at the first touchdown, and the eigenvalues' "
         "magnitudes of the map of two steps that fits the deviations.",
-        epilog="Exit codes: 0 the last d of every gait is below 1 and no push made her fall or lose step, 1 "
-        "this is not so of one, 2 wrong arguments, "
-        "130 stopped.",
+        epilog="Exit codes: 0 the last d of every gait is below 1 and no push made her fall or "
+        "lose step, 1 this is not so of one, 2 wrong arguments, 130 stopped.",
     )
     add = parser.add_argument
     add("file", nargs="?", type=Path, metavar="FILE", help="gait library (default: the package's)")
