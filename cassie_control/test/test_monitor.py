@@ -53,11 +53,11 @@ def spoil(rows, channel, kind, start):
     return np.flatnonzero(~(error <= LIMITS[what]))
 
 
-def reports(rows):
-    """First row of each reported channel by its name."""
+def reports(rows, come=None):
+    """First row of each reported channel by its name, of the rows that come."""
     core, sample, first = monitored(), Sensors(), {}
     raw, size = rows.tobytes(), Sensors.SIZE
-    for k in range(len(rows)):
+    for k in range(len(rows)) if come is None else np.flatnonzero(come):
         sample.load(raw[k * size : (k + 1) * size])
         core.step(sample)
         for name in core.faults:
@@ -68,6 +68,22 @@ def reports(rows):
 def test_healthy_sensors_raise_no_alarm(walked_faithful, walked):
     assert reports(samples(walked_faithful, 0)) == {}
     assert reports(samples(walked, 0)) == {}
+
+
+@pytest.mark.parametrize("missing", [1, 3, 10])
+def test_missing_samples_are_no_failure(walked_faithful, missing):
+    rows = samples(walked_faithful, 1250)
+    come = np.arange(len(rows)) % (17 + missing) < 17
+    assert reports(rows, come) == {}
+
+
+def test_what_fails_is_named_although_samples_are_missing(walked_faithful):
+    rows = samples(walked_faithful, 1250)
+    bad = spoil(rows, "drive_position.8", "nan", 200)
+    come = np.arange(len(rows)) % 20 < 17
+    first = reports(rows, come)
+    assert first["drive_position.8"] <= bad[0] + IN_TIME
+    assert set(first) == {"drive_position.8"}
 
 
 @pytest.mark.parametrize("kind", ["off", "stuck", "nan", "spike"])

@@ -92,6 +92,8 @@ class SensorMonitor:
         self._bad_acceleration: FloatArray = self._watch[0]["bad_acceleration"]
         self._trusted: FloatArray = self._watch[0]["trusted"]
         self._repaired = Sensors()
+        self._seq = -1
+        self._trusted[:] = math.nan
         self.mask = 0
         """Channels that are not believed, see `channels`."""
         self.lost = 0
@@ -100,7 +102,18 @@ class SensorMonitor:
     def reset(self) -> None:
         """Believe everything."""
         self._watch[:] = np.zeros(1, WATCH_TYPE)
+        self._trusted[:] = math.nan  # nothing to go on with yet
+        self._seq = -1
         self.mask = self.lost = 0
+
+    def _start_over(self) -> None:
+        """Samples are missing: compare from this one on; what is not believed stays so."""
+        watch = self._watch[0]
+        kept = ("bad", "bad_acceleration", "trusted", "orientation")
+        values = [watch[name].copy() for name in kept]
+        self._watch[:] = np.zeros(1, WATCH_TYPE)
+        for name, value in zip(kept, values, strict=True):
+            watch[name] = value
 
     def step(
         self, sensors: Sensors, rotation: FloatArray, pull: FloatArray, footing: float
@@ -113,6 +126,10 @@ class SensorMonitor:
             pull: How the feet corrected the velocity in the world at the last sample. (3,), m/s.
             footing: How firmly a foot stands, 0..1.
         """
+        seq = int(sensors.seq)
+        if seq != self._seq + 1:
+            self._start_over()
+        self._seq = seq
         arrange(
             sensors.orientation,
             sensors.angular_velocity,

@@ -104,7 +104,10 @@ def look(
         for i in range(PAIRS):
             watch.last_position[i] = watch.position[i]
             watch.last_velocity[:, i] = watch.velocity[i]
-            watch.trusted[_P, i], watch.trusted[_V, i] = watch.position[i], watch.velocity[i]
+            if watch.bad[_P, i] == 0.0 and math.isfinite(watch.position[i]):
+                watch.trusted[_P, i] = watch.position[i]
+            if watch.bad[_V, i] == 0.0 and math.isfinite(watch.velocity[i]):
+                watch.trusted[_V, i] = watch.velocity[i]
         watch.acceleration[1:] = watch.acceleration[0]
     for i in range(PAIRS):
         _look_at_pair(watch, limit, i)
