@@ -16,7 +16,8 @@ from cassie_control.controller.outputs import (
     ROLL_SW,
     measure,
 )
-from cassie_control.controller.readings import HIP_X, HIP_Y, HIP_Z
+from cassie_control.controller.pendulum import HIP_Y
+from cassie_control.controller.readings import HIP_X, HIP_Z
 from cassie_gaits.gait_library import OUTPUTS
 
 

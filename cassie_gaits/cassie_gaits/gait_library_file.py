@@ -1,6 +1,6 @@
 """The gait library's file: JSON, written whole or not at all, refused unless it is right.
 
-    {"schema_version": 1, "kind": "provisional", "robot": "cassie", "model_hash": "...",
+    {"schema_version": 1, "kind": "optimized", "robot": "cassie", "model_hash": "...",
      "provenance": {"tool": "...", "version": "...", "date": "2025-01-31", "settings": {...}},
      "outputs": ["torso_roll", ...],
      "gaits": [{"vx": 0.5, "vy": 0.0, "yaw_rate": 0.0, "step_time": 0.4,

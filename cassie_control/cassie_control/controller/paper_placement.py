@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.pendulum import fallen
+from cassie_control.controller.pendulum import GRAVITY, Fall, fallen
 from cassie_control.controller.readings import HIP_TO_PELVIS, LegReadings, Readings
-from cassie_control.controller.step_ahead import StepAhead, SwingEnd, Wish, pendulum_now
+from cassie_control.controller.step_ahead import StepAhead, SwingEnd, Wish
 
 
 class PaperPlacement:
@@ -63,7 +63,7 @@ class PaperPlacement:
         reach = ahead.length + HIP_TO_PELVIS
         uy = swing.hip_y + reach * math.sin(roll) - readings.com[1]
         velocity = (readings.com_velocity[0], readings.com_velocity[1])
-        fall = pendulum_now(readings, stance, ahead, c.double_support, velocity)
+        fall = _pendulum_now(readings, stance, ahead, c.double_support, velocity)
         y_end = fallen(fall, ahead.remaining)[1]
         missing = c.least_foot_distance - swing.side * (y_end + uy)
         if missing > 0.0:
@@ -71,3 +71,22 @@ class PaperPlacement:
             roll = math.asin(max(-0.4, min(0.4, from_hip / reach)))
         pitch += ahead.pitch + c.paper_offset + wish.pitch_trim
         return SwingEnd(pitch, roll, ahead.length, ahead.remaining)
+
+
+def _pendulum_now(
+    readings: Readings,
+    stance: LegReadings,
+    ahead: StepAhead,
+    coast: float,
+    velocity: tuple[float, float],
+) -> Fall:
+    """The CoM as a pendulum on the stance toe joint. `coast` is in s, `velocity` in m/s."""
+    com, ankle = readings.com, stance.ankle
+    return Fall(
+        com[0] - ankle[0],
+        com[1] - ankle[1],
+        velocity[0],
+        velocity[1],
+        math.sqrt(GRAVITY / max(0.4, com[2] - ankle[2])),
+        max(0.0, coast - ahead.elapsed),
+    )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.controller.kernels import holding_torques, set_tilt, turned
+from cassie_control.controller.pendulum import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegChain, LegState
 from cassie_gaits.names import LEGS
@@ -15,9 +16,8 @@ from cassie_msgs.layout import RobotState
 
 FloatArray = npt.NDArray[np.float64]
 
-HIP_X = 0.021 - 0.07
-HIP_Y = 0.135
-HIP_Z = -0.09
+HIP_X = HIP_ROLL_X - HIP_BACK
+HIP_Z = -HIP_DOWN
 """Hip pitch axis in the pelvis frame with hip roll and yaw at zero; left, y mirrored. In m."""
 
 ANKLE_HEIGHT = 0.0570

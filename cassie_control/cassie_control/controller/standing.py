@@ -6,11 +6,11 @@ import math
 
 from cassie_control.controller.balance import Balance
 from cassie_control.controller.config import StandConfig
+from cassie_control.controller.pendulum import HIP_Y
 from cassie_control.controller.readings import (
     ANKLE_HEIGHT,
     HIP_TO_PELVIS,
     HIP_X,
-    HIP_Y,
     WEIGHT,
     LegReadings,
     Readings,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.pendulum import GRAVITY, Fall
 from cassie_control.controller.readings import LegReadings, Readings
 
 
@@ -111,22 +109,3 @@ class Placement(Protocol):
             wish: Commanded velocity.
             ahead: The present step.
         """
-
-
-def pendulum_now(
-    readings: Readings,
-    stance: LegReadings,
-    ahead: StepAhead,
-    coast: float,
-    velocity: tuple[float, float],
-) -> Fall:
-    """The CoM as a pendulum on the stance toe joint. `coast` is in s, `velocity` in m/s."""
-    com, ankle = readings.com, stance.ankle
-    return Fall(
-        com[0] - ankle[0],
-        com[1] - ankle[1],
-        velocity[0],
-        velocity[1],
-        math.sqrt(GRAVITY / max(0.4, com[2] - ankle[2])),
-        max(0.0, coast - ahead.elapsed),
-    )

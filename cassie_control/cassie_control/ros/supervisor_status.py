@@ -7,7 +7,7 @@ import time
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from cassie_control.supervisor.mode_supervisor import SupervisorStatus
+from cassie_control.supervisor.status import SupervisorStatus
 from cassie_msgs.layout import RobotState
 from cassie_msgs.msg import SupervisorStatus as SupervisorStatusMessage
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cassie_control.errors import ControlError
 from cassie_control.estimator.channels import names
@@ -16,6 +16,7 @@ from cassie_control.supervisor.set_points import (
     requested_mode,
     wishes,
 )
+from cassie_control.supervisor.status import SupervisorStatus
 from cassie_gaits import robot
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 
@@ -25,41 +26,6 @@ PERIOD_TICKS = 10
 _WEIGHT = robot.total_mass() * 9.81
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
 _SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
-
-
-@dataclass(frozen=True)
-class SupervisorStatus:
-    """What the supervisor tells people.
-
-    Attributes:
-        mode: In force from `effective_seq` of the last answer on.
-        requested: By the operator.
-        stand, walk, segway: Why that mode is refused now; empty when it would be entered.
-        faults: What is wrong, in words.
-        fallen: Whether Cassie fell and has not been set upright since.
-        link: Whether the operator's commands arrive over a good link.
-    """
-
-    mode: RobotMode = RobotMode.OFF
-    requested: RobotMode = RobotMode.STAND
-    stand: str = ""
-    walk: str = ""
-    segway: str = ""
-    faults: tuple[str, ...] = ()
-    fallen: bool = False
-    link: bool = False
-
-    @property
-    def readiness(self) -> str:
-        """Why the requested mode is not in force; empty when it is."""
-        if self.mode == self.requested:
-            return ""
-        reasons = {
-            RobotMode.STAND: self.stand,
-            RobotMode.WALK: self.walk,
-            RobotMode.SEGWAY: self.segway,
-        }
-        return reasons.get(self.requested, "")
 
 
 class ModeSupervisor:
