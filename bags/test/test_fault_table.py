@@ -7,8 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from cassie_bags.cores import connect, make_cores
 from cassie_bags.fault_table import FAULT_KINDS, MODES, Cell, describe, error_of, run_table, table
-from cassie_msgs.layout import Sensors
+from cassie_bags.sweeps.course import Budget, walk
+from cassie_bags.trial import experiment_of
+from cassie_msgs.layout import RobotMode, Sensors
 
 CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")
 
@@ -24,6 +27,16 @@ def test_no_fault_makes_her_fall_and_each_is_reported(mode):
     assert {cell.outcome for cell in cells} == {"stands"}
     assert all(cell.safe for cell in cells), [describe(cell) for cell in cells]
     assert all(cell.others == () for cell in cells)
+
+
+@pytest.mark.timeout(200)
+def test_the_hard_touchdowns_of_a_fast_walk_are_no_faults():
+    cores = make_cores(experiment_of(walk(Budget(), 2, (8.0, 13.0), vx=1.3)))
+    loop = connect(cores, lambda *_: None)
+    for _ in range(6500):
+        loop.tick()
+        assert cores.estimator.faults == ()
+    assert cores.supervisor.status.mode == RobotMode.WALK
 
 
 @pytest.mark.timeout(200)
