@@ -1,5 +1,6 @@
 """Nodes as processes: how they end, and how they refuse to start."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -79,7 +80,8 @@ def test_a_node_beside_the_loop_gives_way_as_a_session_too():
     try:
         assert process.stdout.readline().startswith("ready")
         group = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
-        assert group.split()[-2:] == ["nice", str(BESIDE_THE_LOOP)]
+        niceness = min(19, os.nice(0) + BESIDE_THE_LOOP)  # these tests may be nice themselves
+        assert group.split()[-2:] == ["nice", str(niceness)]
     finally:
         process.terminate()
         process.wait(timeout=10)
