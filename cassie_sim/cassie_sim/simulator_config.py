@@ -65,6 +65,11 @@ class SimulatorConfig(PlantConfig):
         1000.0,
         "Robot time per wall time, at most; 0 is as fast as it goes (realtime: at most 1)",
     )
+    keep_awake: bool = tunable(
+        True,
+        description="Keep processors from sleeping while robot time runs as fast as it goes, "
+        "where the system permits",
+    )
     command_timeout: float = tunable(
         5.0, "s", 0.1, 1e6, "Wall time without a command after which the drives damp"
     )
@@ -81,6 +86,11 @@ class SimulatorConfig(PlantConfig):
     duration: float = tunable(
         0.0, "s", 0.0, 1e9, "Robot time after which the simulator ends; 0 is never", live=False
     )
+
+    @property
+    def hurries(self) -> bool:
+        """Whether processors are to stay awake, because robot time runs as fast as it goes."""
+        return self.keep_awake and self.max_rate == 0.0 and self.pacing != "realtime"
 
 
 def scenario_of(config: SimulatorConfig) -> Scenario:

@@ -25,6 +25,7 @@ from cassie_sim.ground_truth import TOPIC as GROUND_TRUTH_TOPIC
 from cassie_sim.ground_truth import GroundTruth
 from cassie_sim.lane import Report
 from cassie_sim.plant import Plant
+from cassie_sim.ros.awake import Awake
 from cassie_sim.ros.joint_states import JointStates
 
 STANDARD_RATE = 100
@@ -36,6 +37,9 @@ _CLOCK_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 class SimulatorLane:
     """`cassie_sim.lane.Lane` over DDS.
+
+    Attributes:
+        keep_awake: Whether processors are kept from sleeping while samples are answered.
 
     Args:
         node: Node that the topics belong to.
@@ -59,6 +63,8 @@ class SimulatorLane:
         self.command_key = (-1, -1)
         self.on_operator: Callable[[OperatorCommand], None] = _ignore
         self._operator_command = OperatorCommand()
+        self._awake = Awake()
+        self.keep_awake = False
         self._report = report
         self._watch = watch
         self._ground_truth = GroundTruth()
@@ -76,10 +82,12 @@ class SimulatorLane:
             self._last_clock = _CLOCK.pack(b"\x00\x01\x00\x00", seconds, nanoseconds)
             self._clock.publish(self._last_clock)
             self._joint_states.publish(sample)
+            self._awake.hold(self.keep_awake)
         self._watch(plant)
 
     def repeat(self) -> None:
-        """Publish the last sample, truth and clock again."""
+        """Publish the last sample, truth and clock again; whoever waits that long may sleep."""
+        self._awake.hold(False)
         self._sensors.publish_raw(self._last_sample)
         self._truth.publish(self._last_truth)
         self._clock.publish(self._last_clock)

@@ -42,6 +42,7 @@ class Simulator(Node):
         self._diagnostics = Diagnostics(self)
         lane = SimulatorLane(self, self._config.control_rate, self._report, self._watch)
         self._lane = lane
+        lane.keep_awake = self._config.hurries
         self._loop = Loop(plant, lane, self._config, self._report)
         self._loop.requests.wake = lane.wake
         self._stop = stop
@@ -112,6 +113,7 @@ class Simulator(Node):
 
     def _set_config(self, config: SimulatorConfig) -> None:
         self._loop.config = config
+        self._lane.keep_awake = config.hurries
 
     def _end_loop(self) -> None:
         self._loop.stop()

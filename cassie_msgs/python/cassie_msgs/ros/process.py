@@ -92,10 +92,17 @@ def _give_way(niceness: int) -> None:
     """Have other processes come first.
 
     Linux shares the processors among sessions, and niceness counts inside of each only. A process
-    that leads its own session, as a launcher starts it, sets that of the session as well.
+    that leads its own session, as a launcher starts it, sets that of the session as well. As a
+    batch job it takes no processor from whoever has just sent it something: one state goes to
+    several nodes, and the one in the chain must not get it last.
     """
     total = os.nice(niceness)
-    if niceness and os.getsid(0) == os.getpid():
+    if not niceness:
+        return
+    if hasattr(os, "SCHED_BATCH"):
+        with contextlib.suppress(OSError):  # a container may forbid it
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    if os.getsid(0) == os.getpid():
         with contextlib.suppress(OSError):  # no such groups, or changed a moment ago
             Path("/proc/self/autogroup").write_text(str(total), encoding="ascii")
 
