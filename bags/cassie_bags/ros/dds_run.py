@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from cassie_bags.ros.processes import (
 )
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.spectator import Spectator
+from cassie_sim.simulator_config import SimulatorConfig
 
 START_PATIENCE = 30.0
 """Wall time in which every node must take part. In s."""
@@ -96,10 +98,30 @@ def start_nodes(
     scenario = folder / "experiment.yaml"
     write_resolved(experiment, scenario)
     parameters = node_parameters(experiment, scenario)
+    places = processors_of(simulator_config(experiment), os.sched_getaffinity(0))
     for name, (package, _) in NODES.items():
         words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
         command = (programs or {}).get(name) or [executable(package, name)]
-        processes.start(name, [*command, *words])
+        processes.start(name, [*command, *words], places.get(name, ()))
+
+
+def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[str, set[int]]:
+    """Which processors a node keeps to; those not named run anywhere.
+
+    In lock-step estimator and controller take turns, and the physics is made meanwhile. Where there
+    are just two processors, whoever is woken on one that is busy, or about to sleep, waits for an
+    interrupt from the other; so these three keep to places where that does not happen. Only where
+    robot time runs as fast as it goes, and no film, which would share the simulator's place, is
+    made.
+
+    Args:
+        config: Of the simulator.
+        available: Processors that this process may use.
+    """
+    if len(available) != 2 or config.video or config.max_rate or config.pacing == "realtime":
+        return {}
+    first, second = sorted(available)
+    return {"simulator": {first}, "state_estimator": {second}, "gait_controller": {second}}
 
 
 def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[str, Any]]:

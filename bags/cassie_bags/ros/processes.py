@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -94,8 +94,22 @@ class Processes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         logs.mkdir(parents=True, exist_ok=True)
 
-    def start(self, name: str, command: Sequence[str | Path]) -> None:
-        """Start a process, in a session of its own so that Ctrl-C reaches it through us."""
+    def start(
+        self, name: str, command: Sequence[str | Path], processors: Collection[int] = ()
+    ) -> None:
+        """Start a process, in a session of its own so that Ctrl-C reaches it through us.
+
+        Args:
+            name: For its log, and to speak of it later.
+            command: Program and arguments.
+            processors: Those it may run on; any, if none is named.
+        """
+
+        def prepare() -> None:
+            _die_with_parent()
+            if processors:
+                os.sched_setaffinity(0, processors)
+
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 [str(word) for word in command],
@@ -104,7 +118,7 @@ class Processes:
                 stderr=subprocess.STDOUT,
                 env=self._env,
                 start_new_session=True,
-                preexec_fn=_die_with_parent,
+                preexec_fn=prepare,
             )
 
     def log(self, name: str) -> Path:

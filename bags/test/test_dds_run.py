@@ -1,0 +1,48 @@
+"""Where the nodes of a run may be: apart on two processors, anywhere else on more."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from cassie_bags.ros.dds_run import processors_of
+from cassie_bags.ros.processes import Processes
+from cassie_sim.simulator_config import SimulatorConfig
+
+
+def test_on_two_processors_the_physics_has_one_and_the_chain_the_other():
+    places = processors_of(SimulatorConfig(max_rate=0.0), {3, 5})
+    assert places["simulator"] == {3}
+    assert places["state_estimator"] == places["gait_controller"] == {5}
+    assert set(places) == {"simulator", "state_estimator", "gait_controller"}
+
+
+@pytest.mark.parametrize(
+    ("config", "available"),
+    [
+        ({"max_rate": 0.0}, {0}),
+        ({"max_rate": 0.0}, {0, 1, 2}),
+        ({"max_rate": 1.0}, {0, 1}),
+        ({"max_rate": 0.0, "pacing": "realtime"}, {0, 1}),
+        ({"max_rate": 0.0, "video": "film.mp4"}, {0, 1}),
+    ],
+)
+def test_elsewhere_the_system_decides(config, available):
+    assert processors_of(SimulatorConfig(**config), available) == {}
+
+
+def test_a_process_keeps_to_the_processors_it_is_given(tmp_path: Path):
+    say = "import os; print(sorted(os.sched_getaffinity(0)))"
+    mine = os.sched_getaffinity(0)
+    with Processes(os.environ, tmp_path) as processes:
+        processes.start("one", [sys.executable, "-c", say], {min(mine)})
+        processes.start("any", [sys.executable, "-c", say])
+        while processes.running("one") or processes.running("any"):
+            pass
+    assert processes.printed("one", f"[{min(mine)}]\n")
+    assert processes.printed("any", f"{sorted(mine)}\n")
