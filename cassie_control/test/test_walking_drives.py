@@ -48,7 +48,7 @@ def test_outputs_are_zero_if_and_only_if_the_joints_are_at_their_set_points(stan
     """The remark below eq:hdtilde."""
     state = random_state(seed, roll=0.08, pitch=-0.06)
     state.v[:] = state.com_velocity[:] = 0.0
-    state.foot_load[stance] = 1.0
+    state.foot_load[stance], state.foot_load[1 - stance] = 1.0, 0.0
     state.foot_force[1 - stance] = 0.0
     mode = mode_of(roll=0.08, pitch=-0.06)
     # The paper's law does not look at the pose, so the desired outputs hold still meanwhile.
@@ -97,6 +97,7 @@ def test_swing_velocities_are_the_derivatives_of_the_set_points(stance):
     config = replace(CONFIG, law="paper", heading_gain=0.0, paper_narrowing=0.0, **still)
     state = random_state(7, roll=0.05, pitch=0.1)
     state.v[:3] = state.com_velocity[:] = 0.0
+    state.foot_load[1 - stance] = state.foot_force[1 - stance] = 0.0
     core = walking(stance, period=dt, config=config, state=random_state(8))
     core.timing.phase = 0.4
     swing = slice(5 * (1 - stance), 5 * (1 - stance) + 5)
@@ -136,6 +137,42 @@ def test_torso_errors_act_through_the_loaded_stance_hip(stance):
     assert command.position[5 * stance + 2] == pytest.approx(joints[2])
 
 
+@STANCES
+def test_a_swing_leg_that_still_carries_weight_holds_the_torso_instead_of_swinging(stance):
+    """The drives' torque is that of the torso's law by the leg's share of the weight."""
+    core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    core.timing.phase = 0.3
+    state.q[4:6] = (0.1, 0.07)
+    readings = readings_of(state)
+    core.step(readings, mode_of(), command)
+    at = 5 * (1 - stance)
+    joints = np.array(readings.legs[1 - stance].joints)[[0, 2]]
+    drives = [at, at + 2]
+    swung = command.kp[drives] * (command.position[drives] - joints)
+    state.foot_load[1 - stance], state.foot_force[1 - stance] = 1.0, 200.0
+    core.step(readings_of(state), mode_of(), command)
+    torque = command.kp[drives] * (command.position[drives] - joints)
+    torso = np.array([CONFIG.kp_torso_roll * 0.07, -CONFIG.kp_torso_pitch * 0.1])
+    assert np.abs(swung).max() > 5.0
+    assert torque == pytest.approx(0.5 * torso, abs=1e-3)
+
+
+@STANCES
+def test_the_stance_hip_takes_to_the_ground_what_swinging_does_to_the_torso(stance):
+    state = swinging(stance)
+    commands = []
+    for share in (0.0, 1.0):
+        core = walking(stance, config=replace(CONFIG, swing_inertia=share), state=random_state(3))
+        core.timing.phase = 0.3
+        command = MotorCommand()
+        core.step(readings_of(state), mode_of(), command)
+        commands.append(command.torque.copy())
+    added = (commands[1] - commands[0]).reshape(2, 5)
+    assert np.abs(added[1 - stance, 2]) > 1.0  # Nm
+    for joint in (0, 2):
+        assert added[stance, joint] == pytest.approx(-added[1 - stance, joint])
+
+
 def test_weight_is_fed_forward_to_the_leg_that_carries_it():
     core, command = walking(config=replace(CONFIG, swing_inertia=0.0)), MotorCommand()
     core.step(readings_of(swinging(LEFT)), mode_of(), command)
@@ -147,7 +184,8 @@ def test_weight_is_fed_forward_to_the_leg_that_carries_it():
 @STANCES
 def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
     """Virtual work: turning a hip moves the foot against that force."""
-    core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    core, command = walking(stance, config=replace(CONFIG, swing_inertia=0.0)), MotorCommand()
+    state = swinging(stance)
     state.com_velocity[:2] = (0.3, 0.2)
     readings = readings_of(state)
     core.step(readings, mode_of(), command)

@@ -12,14 +12,14 @@ class JointGains:
     """Position and velocity gains of one leg's drives while walking."""
 
     kp_hip_roll: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
-    kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
+    kp_hip_yaw: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
     kp_hip_pitch: float = tunable(700.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
     kp_knee: float = tunable(800.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kp_toe: float = tunable(20.0, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
     kd_hip_roll: float = tunable(22.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
-    kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(35.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
-    kd_knee: float = tunable(28.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_hip_yaw: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
+    kd_hip_pitch: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
+    kd_knee: float = tunable(14.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
 
 

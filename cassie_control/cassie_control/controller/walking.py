@@ -156,7 +156,7 @@ class WalkingController:
         at, to = 5 * timing.stance, 5 * (1 - timing.stance)
         drive_stance(self.config, readings, stance, desired, rates, command, at)
         drive_swing(self.config, readings, swing, desired, rates, command, to)
-        self._push_swing(swing, command, to)
+        self._push_swing(stance, swing, command, to)
         return ended
 
     def _turn(self, yaw: float, yaw_rate: float) -> None:
@@ -262,8 +262,13 @@ class WalkingController:
         rate = x * readings.velocity[0] / length
         self.desired_rates[LENGTH_ST] += share * (rate - self.desired_rates[LENGTH_ST])
 
-    def _push_swing(self, swing: LegReadings, command: MotorCommand, base: int) -> None:
-        """Add the torques that accelerate the swing leg, as far as it is off the ground."""
+    def _push_swing(
+        self, stance: LegReadings, swing: LegReadings, command: MotorCommand, base: int
+    ) -> None:
+        """Add the torques that accelerate the swing leg, as far as it is off the ground.
+
+        The stance hip takes what they do to the torso to the ground.
+        """
         share = self._inertia * (1.0 - swing.load)
         length = virtual_leg.clamp_length(float(self.desired[LENGTH_SW]), 0.45, 0.95)
         rates, accelerations = self.desired_rates, self._accelerations
@@ -278,4 +283,7 @@ class WalkingController:
         )
         command.torque[base] += share * roll
         command.torque[base + 2] += share * pitch
+        carried = share * stance.load
+        command.torque[5 - base] -= carried * roll
+        command.torque[7 - base] -= carried * pitch
         command.torque[base + 3] += share * knee

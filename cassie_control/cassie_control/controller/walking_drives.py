@@ -23,6 +23,7 @@ from cassie_gaits import virtual_leg
 from cassie_msgs.layout import MotorCommand
 
 _SHORTEST, _LONGEST = 0.4, 0.97  # m, of the leg lengths that are set
+_LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and until it does not
 
 
 def drive_stance(
@@ -73,29 +74,76 @@ def drive_swing(
     command: MotorCommand,
     base: int,
 ) -> None:
-    """Set-points of the swing leg: every joint tracks, the toe as far as the foot is unloaded."""
+    """Set-points of the swing leg: every joint tracks, the toe as far as the foot is unloaded.
+
+    As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
+    leg that swings against the ground would throw the torso over.
+    """
     j, free = config.joints, 1.0 - leg.load
+    held = leg.load / max(1.0, readings.legs[0].load + readings.legs[1].load)
+    lifted = 1.0 - min(1.0, max(0.0, (leg.force - _LIFTED) / _LIFTING))
     knee, knee_rate = _knee(desired[LENGTH_SW], rates[LENGTH_SW])
     length = virtual_leg.clamp_length(desired[LENGTH_SW], _SHORTEST, _LONGEST)
+    q, v = leg.joints, leg.rates
+    roll_kp, roll_position, roll_kd, roll_rate = _shared(
+        lifted,
+        held,
+        (j.kp_hip_roll, desired[ROLL_SW] - readings.roll),
+        (config.kp_torso_roll, q[0] - desired[ROLL] + readings.roll),
+        (j.kd_hip_roll, rates[ROLL_SW] - readings.roll_rate),
+        (config.kd_torso_roll, v[0] + readings.roll_rate),
+    )
+    pitch_rate = virtual_leg.hip_pitch_rate(knee, rates[PITCH_SW], readings.pitch_rate, knee_rate)
+    pitch_kp, pitch_position, pitch_kd, pitch_rate = _shared(
+        lifted,
+        held,
+        (j.kp_hip_pitch, virtual_leg.hip_pitch_angle(desired[PITCH_SW], readings.pitch, length)),
+        (config.kp_torso_pitch, q[2] + desired[PITCH] - readings.pitch),
+        (j.kd_hip_pitch, pitch_rate),
+        (config.kd_torso_pitch, v[2] - readings.pitch_rate),
+    )
     command.position[base : base + 5] = (
-        desired[ROLL_SW] - readings.roll,
+        roll_position,
         desired[YAW_SW],
-        virtual_leg.hip_pitch_angle(desired[PITCH_SW], readings.pitch, length),
+        pitch_position,
         knee,
-        virtual_leg.toe_angle(desired[FOOT_SW], readings.pitch, leg.joints[2]),
+        virtual_leg.toe_angle(desired[FOOT_SW], readings.pitch, q[2]),
     )
     command.velocity[base : base + 5] = (
-        rates[ROLL_SW] - readings.roll_rate,
+        roll_rate,
         rates[YAW_SW],
-        virtual_leg.hip_pitch_rate(knee, rates[PITCH_SW], readings.pitch_rate, knee_rate),
+        pitch_rate,
         knee_rate,
-        rates[FOOT_SW] + readings.pitch_rate - leg.rates[2],
+        rates[FOOT_SW] + readings.pitch_rate - v[2],
     )
-    roll, yaw, pitch = j.kp_hip_roll, j.kp_hip_yaw, j.kp_hip_pitch
-    command.kp[base : base + 5] = (roll, yaw, pitch, j.kp_knee, j.kp_toe * free)
-    roll, yaw, pitch = j.kd_hip_roll, j.kd_hip_yaw, j.kd_hip_pitch
-    command.kd[base : base + 5] = (roll, yaw, pitch, j.kd_knee, j.kd_toe * free)
+    command.kp[base : base + 5] = (roll_kp, j.kp_hip_yaw, pitch_kp, j.kp_knee, j.kp_toe * free)
+    command.kd[base : base + 5] = (roll_kd, j.kd_hip_yaw, pitch_kd, j.kd_knee, j.kd_toe * free)
     _feed_forward(config, readings, leg, command, base)
+
+
+def _shared(
+    own: float,
+    share: float,
+    position: tuple[float, float],
+    other_position: tuple[float, float],
+    rate: tuple[float, float],
+    other_rate: tuple[float, float],
+) -> tuple[float, float, float, float]:
+    """One drive between two laws: gain and set-point of each, first for position, then for rate.
+
+    Returns:
+        Gains and set-points at which the drive gives `own` of the first law's torque and `share`
+        of the other one's: kp, position, kd, rate.
+    """
+    kp, kd = own * position[0], own * rate[0]
+    more_kp, more_kd = share * other_position[0], share * other_rate[0]
+    total_kp, total_kd = max(1e-6, kp + more_kp), max(1e-6, kd + more_kd)
+    return (
+        total_kp,
+        (kp * position[1] + more_kp * other_position[1]) / total_kp,
+        total_kd,
+        (kd * rate[1] + more_kd * other_rate[1]) / total_kd,
+    )
 
 
 def _knee(length: float, length_rate: float) -> tuple[float, float]:
