@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +30,8 @@ from cassie_control.controller.outputs import (
     YAW_SW,
 )
 from cassie_control.controller.step_timing import LEFT, RIGHT
+from cassie_control.controller.walking import WalkingController
+from cassie_gaits.gait_library import Gait
 from cassie_msgs.layout import MotorCommand
 
 STANCES = pytest.mark.parametrize("stance", [LEFT, RIGHT])
@@ -81,6 +84,31 @@ def test_desired_outputs_reach_the_gaits_end(stance):
     gait = LIBRARY.interpolate(core.gait_speed)[0 if stance == RIGHT else 1]
     rows = [LENGTH_ST, LENGTH_SW, FOOT_SW]
     assert core.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
+
+
+def grid_library():
+    """A gait for each corner of a grid of speeds, told apart by its stance leg's length."""
+    gaits = []
+    for i, speeds in enumerate(itertools.product((0.0, 0.4), (-0.2, 0.2), (-0.6, 0.6))):
+        alpha = LIBRARY.gaits[2].coefficients.copy()
+        alpha[:, LENGTH_ST] = 0.8 + 0.01 * i
+        gaits.append(Gait(*speeds, 0.4, alpha))
+    return replace(LIBRARY, gaits=tuple(gaits))
+
+
+def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
+    library = grid_library()
+    command, readings = MotorCommand(), readings_of(swinging(LEFT))
+    core = WalkingController(replace(CONFIG, law="paper"), library, 0.002)
+    core.start(readings, LEFT)
+    readings.velocity = (0.1, -0.1, 0.0)
+    mode = mode_of(vx=0.1, yaw_rate=0.3)
+    while not core.step(readings, mode, command):  # the mean is of whole steps
+        assert core.timing.steps == 0
+    core.timing.phase = 1.0
+    core.step(readings_of(swinging(RIGHT)), mode, command)
+    expected = library.interpolate(core.gait_speed, None, -0.1, 0.3)[0][LENGTH_ST, 5]
+    assert core.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
 
 
 @STANCES

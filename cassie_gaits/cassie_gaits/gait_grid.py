@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -82,14 +81,8 @@ class GaitGrid:
         self._fill(owner)
         self._rows = np.ascontiguousarray(rows[owner.ravel()])
 
-    def read(self, at: Sequence[float], out: FloatArray) -> None:
-        """Write the row at a point.
-
-        Args:
-            at: The point; finite.
-            out: Where to write. Shape (m,).
-        """
-        x, y, z = (float(value) for value in at)
+    def read(self, x: float, y: float, z: float, out: FloatArray) -> None:
+        """Write the row at a point, all finite, to `out` of shape (m,)."""
         _read(self._axes, self._lengths, self._rows, x, y, z, out)
 
     def _fill(self, owner: npt.NDArray[np.int64]) -> None:

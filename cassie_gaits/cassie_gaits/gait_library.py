@@ -208,10 +208,9 @@ class GaitLibrary:
             raise GaitLibraryError(
                 f"gait speed is {speed}, {vy} m/s, {yaw_rate} rad/s, expected finite numbers"
             )
-        row = self._row
-        self._grid.read((speed, vy, yaw_rate), row)
-        out[:] = row[:-1].reshape(out.shape)
-        return out[0], out[1], 1.0 / float(row[-1])
+        self._grid.read(float(speed), float(vy), float(yaw_rate), self._row)
+        out[:] = self._row[:-1].reshape(out.shape)
+        return out[0], out[1], 1.0 / float(self._row[-1])
 
 
 def mirror(coefficients: FloatArray) -> FloatArray:

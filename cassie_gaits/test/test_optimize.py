@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import replace
 
 import casadi as ca
@@ -9,13 +10,14 @@ import numpy as np
 import pytest
 
 from cassie_gaits.certificate.certify import certify
+from cassie_gaits.certificate.table import speed_rows
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_library import OUTPUTS, mirror
-from cassie_gaits.optimize import solution
+from cassie_gaits.gait_library import OUTPUTS, Gait, mirror
+from cassie_gaits.optimize.conflicts import conflict
 from cassie_gaits.optimize.library import neighbours
-from cassie_gaits.optimize.problem import Problem, problem
+from cassie_gaits.optimize.problem import problem
 from cassie_gaits.optimize.request import TABLE_ONLY, Request, parameters
-from cassie_gaits.optimize.solution import solve
+from cassie_gaits.optimize.solution import exchanged, solve
 
 REQUEST = Request(vx=0.5)
 
@@ -94,19 +96,45 @@ def test_a_gait_without_torques_cannot_be_checked(outcome):
         certify(replace(outcome.gait, torques=None))
 
 
-def test_an_impossible_request_names_the_constraints_in_conflict(monkeypatch):
-    hasty = Problem(symmetric=True, lean=True, max_iterations=12)
-    monkeypatch.setattr(solution, "problem", lambda **_: hasty)
-    found = solve(Request(vx=5.0))
+@pytest.mark.parametrize(
+    ("asked", "missed", "against"),
+    [
+        ({"clearance": 0.6}, "mid-step swing foot clearance", "range of swing leg length"),
+        ({"step_time": 0.1}, "mid-step swing foot clearance", "torque at speed of swing knee"),
+        ({"slope": 0.698}, "friction cone", "average sagittal velocity"),
+    ],
+)
+def test_an_impossible_request_names_what_it_misses_and_what_stands_against_it(
+    asked, missed, against
+):
+    request = Request(**asked)
+    found = solve(request)
     assert found.gait is None
-    assert found.conflicts
+    reasons = conflict(request, found.unknowns)
+    assert reasons.missed[0].startswith(f"{missed} (by ")
+    assert against in reasons.against
+    assert not any(name in " ".join(reasons.missed) for name in reasons.against)
+
+
+def test_what_is_missed_is_no_more_than_it_must_be():
+    asked = Request(clearance=0.6)
+    missed = conflict(asked, solve(asked).unknowns).missed[0]
+    by = float(missed.partition("(by ")[2].split()[0])
+    assert solve(replace(asked, clearance=0.6 - by - 0.01)).gait is not None
+    assert solve(replace(asked, clearance=0.6 - by + 0.01)).gait is None
+
+
+def test_a_gait_that_is_found_misses_nothing(outcome):
+    reasons = conflict(REQUEST, outcome.unknowns)
+    assert reasons.missed == ()
+    assert "distance between feet" in reasons.against
 
 
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
         ({"vx": float("nan")}, "vx is nan"),
-        ({"step_time": 0.0}, "step_time is 0.0, expected 0.15"),
+        ({"step_time": 0.0}, "step_time is 0.0, expected 0.05"),
         ({"vy": 0.1}, "neither goes sideways nor turns"),
     ],
 )
@@ -154,6 +182,48 @@ def test_its_two_steps_differ(turning):
     assert np.abs(left - mirror(right)).max() > 0.01
 
 
+def test_the_mirror_image_of_a_gait_is_one_of_the_mirrored_robot(turning):
+    program = problem(symmetric=False, lean=False)
+    other = replace(turning.request, vy=-turning.request.vy, yaw_rate=-turning.request.yaw_rate)
+    mirrored_robot = [*parameters(other)[:-1], -1.0]
+    x = exchanged(turning.point).unknowns
+    cost, rows = program.values(turning.unknowns, parameters(turning.request))
+    cost_m, rows_m = program.values(x, mirrored_robot)
+    assert float(cost_m) == pytest.approx(float(cost), rel=1e-9)
+    travel = [name.startswith("average") for name in program.names]
+    np.testing.assert_allclose(np.array(rows_m).ravel()[travel], 0.0, atol=1e-6)
+    parts, parts_m = (np.array(g).ravel()[~np.array(travel)].reshape(2, -1) for g in (rows, rows_m))
+    np.testing.assert_allclose(parts_m, parts[::-1], atol=1e-9)
+
+
+def test_from_its_mirror_image_a_gait_takes_few_iterations(turning):
+    other = replace(turning.request, vy=-turning.request.vy, yaw_rate=-turning.request.yaw_rate)
+    found = solve(other, exchanged(turning.point))
+    assert found.iterations < 6
+    assert found.cost == pytest.approx(turning.cost, rel=2e-3)
+    assert certify(found.gait).met
+
+
+@pytest.mark.parametrize("turn", [0.9, -0.9])
+def test_speed_on_an_arc_is_that_of_the_middle_between_the_feet(turn):
+    speed, half, time = 0.6, 0.14, 0.4
+    centre, step = 1j * speed / turn, cmath.exp(1j * turn * time)
+
+    def foot(side, angle):
+        return centre + (1j * half * side - centre) * angle
+
+    def travel(start, end):  # the standing foot's heading is that of the arc
+        way = foot(*end) - foot(*start)
+        return (way / start[1]).real, (way / start[1]).imag, cmath.phase(end[1] / start[1])
+
+    first = travel((-1, 1.0), (1, step))
+    second = travel((1, step), (-1, step**2))
+    gait = Gait(speed, 0.0, turn, time, np.zeros((2, 9, 6)))
+    assert [row.worst for row in speed_rows(gait, first, second)] == pytest.approx(
+        [speed, 0.0, turn], abs=1e-12
+    )
+
+
 def test_neighbours_are_one_step_nearer_to_rest_in_turning_first():
     straight = [Request(vx=v) for v in (-0.5, 0.0, 0.25, 0.5)]
     near = neighbours(straight)
@@ -166,3 +236,12 @@ def test_neighbours_are_one_step_nearer_to_rest_in_turning_first():
     turn = Request(vx=0.25, yaw_rate=0.3, symmetric=False)
     slower = Request(yaw_rate=0.3, symmetric=False)
     assert neighbours([*straight, turn, slower])[turn] == [straight[2], slower]
+
+
+def test_a_gait_to_the_right_starts_from_its_mirror_image():
+    left = Request(vx=0.25, vy=0.1, yaw_rate=0.3, symmetric=False)
+    right = Request(vx=0.25, vy=-0.1, yaw_rate=-0.3, symmetric=False)
+    straight = Request(vx=0.25, vy=-0.1, symmetric=False)
+    near = neighbours([Request(vx=0.25), left, right, straight])
+    assert near[right] == [left, straight]
+    assert near[left] == []

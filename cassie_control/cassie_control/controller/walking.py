@@ -54,8 +54,9 @@ class WalkingController:
     """The nine outputs of eq:h0, driven to a gait from the library.
 
     Desired outputs are Bezier polynomials in phase, interpolated over the filtered sagittal
-    velocity, whose first two coefficients are reset at each touchdown so that position and
-    velocity continue. Swing leg pitch, roll and length get what leg-angle adjustment
+    velocity and, in a library that has them, the mean velocity to the side of the last two steps
+    and the commanded turning rate. Their first two coefficients are reset at each touchdown so that
+    position and velocity continue. Swing leg pitch, roll and length get what leg-angle adjustment
     (`foot_placement`) asks for, faded in over the step; hip yaws turn towards the heading.
 
     Beside the paper, and left out under its own law: the swing leg's angles go the way of least
@@ -98,6 +99,7 @@ class WalkingController:
         self._ahead = StepAhead()
         self._hold = PositionHold(period)
         self._heading = 0.0
+        self._sideways = 0.0
         self._placement: Placement = placement(config)
         self.config = config
         self.configure(config)
@@ -124,6 +126,7 @@ class WalkingController:
         """Begin with a step on a stance leg."""
         self.timing.start(stance)
         self._heading = readings.yaw
+        self._sideways = 0.0
         self._hold.release()
         self._placement.reset()
         self._begin_step(readings)
@@ -148,6 +151,7 @@ class WalkingController:
         ended = timing.advance(readings)
         if ended:
             mean_velocity = timing.end_step()
+            self._sideways = mean_velocity[1]
             self._placement.touchdown(mean_velocity, timing.velocity, wish)
             self._begin_step(readings)
         self._desire(readings, mode)
@@ -181,7 +185,9 @@ class WalkingController:
     def _desire(self, readings: Readings, mode: Mode) -> None:
         """Desired outputs, rates and accelerations at this phase."""
         timing = self.timing
-        right, left, step_time = self.library.interpolate(self.gait_speed, self._buffer)
+        right, left, step_time = self.library.interpolate(
+            self.gait_speed, self._buffer, self._sideways, float(mode.yaw_rate)
+        )
         timing.step_time = step_time
         gait = left if timing.stance == LEFT else right
         torso = gait[ROLL : PITCH + 1 : 2, :2].copy()  # the gait's own is continuous

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -176,16 +177,19 @@ def speed_rows(gait: Gait, first: tuple[float, ...], second: tuple[float, ...]) 
         first: `travel` of the step on the right leg.
         second: Of the step on the left leg.
 
-    The torso's heading lies evenly between the feet's; a gait that turns goes along an arc.
+    The heading lies evenly between the feet's, and the velocity is the mean of theirs: on an arc
+    the outer foot has the longer way. The right foot goes from where it stands to where the second
+    step puts it, the left foot from where it stood before to where the first step does.
     """
-    x1, y1, yaw1 = first
-    x2, y2, yaw2 = second
-    time = 2.0 * gait.step_time
-    turn = yaw1 + yaw2
-    way = complex(x1, y1) + complex(math.cos(yaw1), math.sin(yaw1)) * complex(x2, y2)
-    heading = 0.5 * (yaw1 + 0.5 * turn)
+    yaw1, yaw2 = first[2], second[2]
+    turn, time = yaw1 + yaw2, 2.0 * gait.step_time
+    one, other = complex(*first[:2]), complex(*second[:2])
+    ways = (
+        (one + cmath.rect(1.0, yaw1) * other, 0.5 * (yaw1 + 0.5 * turn)),
+        (one + cmath.rect(1.0, -yaw2) * other, 0.5 * (yaw1 - 0.5 * turn)),
+    )
     chord = time * float(np.sinc(0.5 * turn / math.pi))
-    speed = way * complex(math.cos(heading), -math.sin(heading)) / chord
+    speed = sum(way * cmath.rect(1.0, -heading) for way, heading in ways) / (2.0 * chord)
     return [
         row(name, unit, want - SPEED_TOLERANCE, want + SPEED_TOLERANCE, value)
         for name, unit, want, value in (

@@ -37,6 +37,8 @@ class Row:
         value: Symbol of the value.
         low, high: Bounds; equal for an equation.
         scale: The program sees value / scale.
+        unit: Of the value; empty for a share.
+        law: Whether no robot can do without: a law of motion, which is never what to give up.
     """
 
     name: str
@@ -44,6 +46,8 @@ class Row:
     low: float
     high: float
     scale: float = 1.0
+    unit: str = ""
+    law: bool = False
 
 
 class Block:
@@ -94,9 +98,9 @@ class Block:
         """Number of constraints."""
         return len(self.rows) * self.count
 
-    def names(self) -> list[str]:
-        """Of every constraint."""
-        return [row.name for row in self.rows] * self.count
+    def repeated_rows(self) -> list[Row]:
+        """The row of every constraint."""
+        return self.rows * self.count
 
     def value(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraints and cost."""

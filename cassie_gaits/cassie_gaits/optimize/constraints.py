@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -101,9 +102,10 @@ def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
     along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")
+    law: dict[str, Any] = {"low": 0.0, "high": 0.0, "scale": 10.0, "unit": "Nm", "law": True}
     return [
-        Row("dynamics of the stance foot's roll", at["roll_moment"], 0.0, 0.0, 10.0),
-        Row("torque for stance foot pitch", at["torque"][toe], 0.0, 0.0, 10.0),
+        Row("dynamics of the stance foot's roll", at["roll_moment"], **law),
+        Row("torque for stance foot pitch", at["torque"][toe], **law),
         Row("friction cone", cone / weight**2, 0.0, INF),
         Row("ground pushes", across / weight, 0.05, INF),
         *_drive_rows(at["torque"], at.get("rate"), limits),
@@ -150,11 +152,12 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
             ca.norm_2(pelvis),
             limits.pelvis_low + margin,
             limits.pelvis_high - margin,
+            unit="m",
         ),
-        Row(APART, foot[1], limits.feet_apart + margin, INF),
-        Row(AHEAD, foot[0] - stride, -INF, 0.0),
-        Row(BEHIND, foot[0] + stride, 0.0, INF),
-        Row("absolute swing foot pitch", tilt, -limits.foot_pitch, limits.foot_pitch),
+        Row(APART, foot[1], limits.feet_apart + margin, INF, unit="m"),
+        Row(AHEAD, foot[0] - stride, -INF, 0.0, unit="m"),
+        Row(BEHIND, foot[0] + stride, 0.0, INF, unit="m"),
+        Row("absolute swing foot pitch", tilt, -limits.foot_pitch, limits.foot_pitch, unit="rad"),
     ]
     if not lean:
         rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
@@ -167,7 +170,8 @@ def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
     rows = []
     for i, joint in enumerate(RIGID_JOINTS):
         low, high = _stops(LEGS[side], joint)
-        rows.append(Row(f"stops of {side} {joint.replace('_', ' ')}", joints[i], low, high))
+        name = f"stops of {side} {joint.replace('_', ' ')}"
+        rows.append(Row(name, joints[i], low, high, unit="rad"))
     return rows
 
 
@@ -190,12 +194,11 @@ def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block
     height = ca.cos(slope) * foot[2] - ca.sin(slope) * foot[0]
     if middle:
         phases = [0.5]
-        row = Row(
-            "mid-step swing foot clearance", height - by_name["clearance"], limits.margin, INF
-        )
+        above = height - by_name["clearance"]
+        row = Row("mid-step swing foot clearance", above, limits.margin, INF, unit="m")
     else:
         phases = list(np.linspace(0.0, 1.0, GRID)[1:-1])
-        row = Row("swing foot above the ground", height, 0.0, INF)
+        row = Row("swing foot above the ground", height, 0.0, INF, unit="m")
     maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
     return Block("clearance" if middle else "height", y, p, [row], maps)
 
@@ -221,16 +224,17 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
     )
     c, s = ca.cos(slope), ca.sin(slope)
     along, across = c * velocity[0] + s * velocity[2], c * velocity[2] - s * velocity[0]
-    rows = [Row("same posture after the change of legs", same[i], 0.0, 0.0) for i in range(12)]
-    rows += [Row("impact map", impulse[i], 0.0, 0.0) for i in range(11)]
+    law: dict[str, Any] = {"low": 0.0, "high": 0.0, "law": True}
+    rows = [Row("same posture after the change of legs", same[i], **law) for i in range(12)]
+    rows += [Row("impact map", impulse[i], **law) for i in range(11)]
     fast = limits.landing_speed - 1e-3
     rows += [
-        Row("swing foot lands", c * foot[2] - s * foot[0], 0.0, 0.0),
-        Row("swing foot velocity on impact (x)", along, 0.0, 0.0),
-        Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0),
-        Row(LANDING, across, -fast, -limits.definite),
-        Row("swing foot lifts off", c * lift[2] - s * lift[0], limits.definite, INF),
-        Row(STRAIGHT, yaw, -1.0, 1.0),
+        Row("swing foot lands", c * foot[2] - s * foot[0], **law),
+        Row("swing foot velocity on impact (x)", along, 0.0, 0.0, unit="m/s"),
+        Row("swing foot velocity on impact (y)", velocity[1], 0.0, 0.0, unit="m/s"),
+        Row(LANDING, across, -fast, -limits.definite, unit="m/s"),
+        Row("swing foot lifts off", c * lift[2] - s * lift[0], limits.definite, INF, unit="m/s"),
+        Row(STRAIGHT, yaw, -1.0, 1.0, unit="rad"),
     ]
     ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start
     return Block("landing", z, p, rows, [np.vstack([ends, starts])])
@@ -244,7 +248,8 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
         second: The same for the left leg, mirrored; None for a symmetric gait.
 
     The feet may be turned out: the heading lies evenly between theirs. A symmetric gait goes
-    straight along it; otherwise the torso's path is an arc that the two steps must span.
+    straight along it. Otherwise the robot goes along an arc, on which one foot has the longer way:
+    its velocity is the mean of both feet's, each over two steps and seen from the heading halfway.
     """
     p, by_name = parameter_symbols()
     count = 1 if second is None else 2
@@ -256,23 +261,30 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
     ahead = foot[0] / ca.cos(slope)
     if second is None:
         advance = ahead * ca.cos(yaw / 2.0) + foot[1] * ca.sin(yaw / 2.0)
-        rows = [Row("average sagittal velocity", advance / time - by_name["vx"], 0.0, 0.0)]
+        miss = advance / time - by_name["vx"]
+        rows = [Row("average sagittal velocity", miss, 0.0, 0.0, unit="m/s")]
         maps = [grid.coordinates_at(1.0, 0) @ first]
         return Block("travel", z, p, rows, maps)
     other, other_yaw = place(z[SIZE:], slope)
     turn, yaw2 = by_name["yaw_rate"], -other_yaw
-    x2, y2 = other[0] / ca.cos(slope), -other[1]
-    dx = ahead + ca.cos(yaw) * x2 - ca.sin(yaw) * y2
-    dy = foot[1] + ca.sin(yaw) * x2 + ca.cos(yaw) * y2
+    step = ca.vertcat(ahead, foot[1])
+    next_step = ca.vertcat(other[0] / ca.cos(slope), -other[1])
     # The chord of an arc is shorter than the way along it by sin(a) / a, even in a.
     bend = turn * time
     chord = 2.0 * time * (1.0 - bend**2 / 6.0 + bend**4 / 120.0 - bend**6 / 5040.0)
-    heading = 0.5 * (yaw + bend)
-    c, s = ca.cos(heading), ca.sin(heading)
+    right = _turned(step + _turned(next_step, yaw), -0.5 * (yaw + bend))
+    left = _turned(step + _turned(next_step, -yaw2), -0.5 * (yaw - bend))
+    mean, turned = 0.5 * (right + left) / chord, yaw + yaw2
     rows = [
-        Row("average sagittal velocity", (c * dx + s * dy) / chord - by_name["vx"], 0.0, 0.0),
-        Row("average lateral velocity", (c * dy - s * dx) / chord - by_name["vy"], 0.0, 0.0),
-        Row("average turning rate", (yaw + yaw2) / (2.0 * time) - turn, 0.0, 0.0),
+        Row("average sagittal velocity", mean[0] - by_name["vx"], 0.0, 0.0, unit="m/s"),
+        Row("average lateral velocity", mean[1] - by_name["vy"], 0.0, 0.0, unit="m/s"),
+        Row("average turning rate", turned / (2.0 * time) - turn, 0.0, 0.0, unit="rad/s"),
     ]
     ends = [grid.coordinates_at(1.0, 0) @ part for part in (first, second)]
     return Block("travel", z, p, rows, [np.vstack(ends)])
+
+
+def _turned(way: ca.SX, angle: ca.SX) -> ca.SX:
+    """A way over the ground, turned to the left."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(c * way[0] - s * way[1], s * way[0] + c * way[1])

@@ -10,8 +10,9 @@ from typing import Any
 from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
+from cassie_gaits.optimize.conflicts import Conflict, conflict
 from cassie_gaits.optimize.request import Request
-from cassie_gaits.optimize.solution import Outcome, Point, point_of, solve
+from cassie_gaits.optimize.solution import Outcome, Point, exchanged, point_of, solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,13 @@ class _Work:
     waiting: list[Request]
     solving: dict[Future[Outcome], tuple[Request, list[Request]]] = field(default_factory=dict)
     checking: dict[Future[Certificate], Outcome] = field(default_factory=dict)
+    explaining: dict[Future[Conflict], tuple[Outcome, str]] = field(default_factory=dict)
     points: dict[Request, Point | None] = field(default_factory=dict)
+
+    @property
+    def pending(self) -> list[Future[Any]]:
+        """Everything that an executor has."""
+        return [*self.solving, *self.checking, *self.explaining]
 
 
 def find(
@@ -47,8 +54,10 @@ def find(
 ) -> Iterator[Result]:
     """Solve and certify every request; results come as they are ready.
 
-    A gait starts from its neighbour nearer to rest, which makes neighbours alike and the solver
-    quick; where that fails it starts from another one, at last from the constant guess.
+    A gait starts from its mirror image if that is wanted too, else from its neighbour nearer to
+    rest, which makes neighbours alike and the solver quick; where that fails it starts from another
+    one, at last from the constant guess. Mirror images differ by the pelvis's asymmetry alone, so
+    the second takes a few iterations; it has its own certificate.
 
     Args:
         requests: What is wanted, all different.
@@ -59,21 +68,24 @@ def find(
     for request, gait in done.items():
         work.points[request] = None if gait is None else point_of(gait)
     try:
-        while work.waiting or work.solving or work.checking:
+        while work.waiting or work.pending:
             _start_ready(work, executor)
-            pending: list[Future[Any]] = [*work.solving, *work.checking]
+            pending = work.pending
             for finished in wait(pending, return_when=FIRST_COMPLETED).done:
                 result = _finished(work, executor, finished)
                 if result is not None:
                     yield result
     finally:
-        left: list[Future[Any]] = [*work.solving, *work.checking]
-        for future in left:
+        for future in work.pending:
             future.cancel()
 
 
 def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
-    """Of each request those one step nearer to rest: in turning, then to the side, then ahead."""
+    """Of each request those to start from, best first.
+
+    One that goes to the right starts from its mirror image, which goes to the left; otherwise a
+    gait one step nearer to rest does: in turning, then to the side, then ahead.
+    """
     names = ("yaw_rate", "vy", "vx")
     by_speeds = {tuple(getattr(r, name) for name in names): r for r in requests}
     axes = [sorted({speeds[i] for speeds in by_speeds}, key=abs) for i in range(len(names))]
@@ -85,7 +97,16 @@ def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
             if nearer:
                 found.append((*speeds[:i], nearer[-1], *speeds[i + 1 :]))
         result[request] = [by_speeds[speeds] for speeds in found if speeds in by_speeds]
+        twin = by_speeds.get(_mirrored(speeds))
+        if twin is not None and _mirrored(speeds) > speeds:
+            result[request].insert(0, twin)
     return result
+
+
+def _mirrored(speeds: tuple[float, ...]) -> tuple[float, ...]:
+    """Turning rate, speed to the side and ahead with left and right exchanged."""
+    yaw_rate, vy, vx = speeds
+    return -yaw_rate, -vy, vx
 
 
 def _start_ready(work: _Work, executor: Executor) -> None:
@@ -102,44 +123,57 @@ def _start_ready(work: _Work, executor: Executor) -> None:
 def _solve(work: _Work, executor: Executor, request: Request, nearer: list[Request]) -> None:
     """From the first of `nearer` that has a point; the others are left to try."""
     near = next((i for i, other in enumerate(nearer) if work.points.get(other)), None)
-    point = None if near is None else work.points[nearer[near]]
+    point = None if near is None else _start(request, nearer[near], work.points[nearer[near]])
     left = [] if near is None else nearer[near + 1 :]
     future = executor.submit(solve, request, point)
     work.solving[future] = (request, left if point is not None else [request])
 
 
+def _start(request: Request, other: Request, point: Point | None) -> Point | None:
+    """Where to begin for a request, from the point of another one."""
+    mirrored = (other.vx, -other.vy, -other.yaw_rate) == (request.vx, request.vy, request.yaw_rate)
+    if point is None or request.symmetric or not mirrored:
+        return point
+    return exchanged(point)
+
+
 def _finished(work: _Work, executor: Executor, future: Future[Any]) -> Result | None:
-    for solved in [f for f in work.solving if f is future]:
-        request, left = work.solving.pop(solved)
-        outcome = solved.result()
+    if future in work.solving:
+        request, left = work.solving.pop(future)
+        outcome = future.result()
         if outcome.gait is None and left != [request]:
             _solve(work, executor, request, left)
             return None
         work.points[request] = outcome.point
         if outcome.gait is None:
-            return Result(request, None, outcome, _why(outcome))
-        work.checking[executor.submit(certify, outcome.gait)] = outcome
+            _explain(work, executor, outcome, outcome.status)
+        else:
+            work.checking[executor.submit(certify, outcome.gait)] = outcome
         return None
-    checked = next(f for f in work.checking if f is future)
-    return _checked(work.checking.pop(checked), checked)
+    if future in work.explaining:
+        outcome, failure = work.explaining.pop(future)
+        return Result(outcome.request, None, outcome, f"{failure}; {future.result()}")
+    return _checked(work, executor, future)
 
 
-def _checked(outcome: Outcome, future: Future[Certificate]) -> Result:
+def _checked(work: _Work, executor: Executor, future: Future[Certificate]) -> Result | None:
+    outcome = work.checking.pop(future)
     try:
         certificate = future.result()
     except GaitLibraryError as error:
         return Result(outcome.request, None, outcome, f"not certified: {error}")
-    if outcome.gait is None or not certificate.met:
-        missed = ", ".join(
-            f"{row.name} is {row.worst:.4g} {row.unit}, allowed {row.low:.4g} .. {row.high:.4g}"
-            for row in certificate.rows
-            if not row.met
-        )
-        return Result(outcome.request, None, outcome, f"not certified: {missed}")
-    gait = replace(outcome.gait, certificate=certificate.as_document())
-    return Result(outcome.request, gait, outcome)
+    if outcome.gait is not None and certificate.met:
+        gait = replace(outcome.gait, certificate=certificate.as_document())
+        return Result(outcome.request, gait, outcome)
+    missed = ", ".join(
+        f"{row.name} is {row.worst:.4g} {row.unit}, allowed {row.low:.4g} .. {row.high:.4g}"
+        for row in certificate.rows
+        if not row.met
+    )
+    _explain(work, executor, outcome, f"not certified: {missed}")
+    return None
 
 
-def _why(outcome: Outcome) -> str:
-    conflicts = ", ".join(outcome.conflicts) or "none, the solver gave up"
-    return f"{outcome.status}; constraints in conflict at the best point found: {conflicts}"
+def _explain(work: _Work, executor: Executor, outcome: Outcome, failure: str) -> None:
+    found = executor.submit(conflict, outcome.request, outcome.unknowns)
+    work.explaining[found] = (outcome, failure)

@@ -84,6 +84,8 @@ def _parsed(line: str, index: int, path: Path) -> dict[str, Any]:
 
 
 def _key(document: object) -> str:
+    if isinstance(document, dict):  # -0.0 is 0.0
+        document = {k: v + 0.0 if isinstance(v, float) else v for k, v in document.items()}
     return json.dumps(document, sort_keys=True)
 
 

@@ -94,7 +94,9 @@ class Problem:
         self.blocks.append(constraints.travel_block(places[0], second))
         self.lower = np.concatenate([block.lower for block in self.blocks])
         self.upper = np.concatenate([block.upper for block in self.blocks])
-        self.names = [name for block in self.blocks for name in block.names()]
+        self.rows = [row for block in self.blocks for row in block.repeated_rows()]
+        self.names = [row.name for row in self.rows]
+        self.parameters = len(constraints.PARAMETERS)
         self.x_lower, self.x_upper = self._bounds()
         self._max_iterations = max_iterations
 
@@ -135,28 +137,26 @@ class Problem:
         return np.tile(lower, self.steps), np.tile(upper, self.steps)
 
     def _symbols(self) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-        x, p = ca.MX.sym("x", self.unknowns), ca.MX.sym("p", len(constraints.PARAMETERS))
+        x, p = ca.MX.sym("x", self.unknowns), ca.MX.sym("p", self.parameters)
         values = [block.value(x, p) for block in self.blocks]
         g = ca.vertcat(*(value for value, _ in values))
         return x, p, COST_SCALE * _total([cost for _, cost in values]), g
 
     def _ipopt(self, extra: dict[str, Any]) -> ca.Function:
-        program, derivatives = self._program
+        x, p, f, g = self._symbols()
         options: dict[str, Any] = {
             "ipopt": {**_IPOPT, "max_iter": self._max_iterations, **extra},
             "print_time": False,
             "error_on_fail": False,
             "calc_lam_p": False,
-            **derivatives,
+            **self.derivatives,
         }
-        return ca.nlpsol("gait", "ipopt", program, options)
+        return ca.nlpsol("gait", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
 
     @cached_property
-    def _program(self) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
-        x, p, f, g = self._symbols()
-        return {"x": x, "p": p, "f": f, "g": g}, self._derivatives(x, p)
-
-    def _derivatives(self, x: ca.MX, p: ca.MX) -> dict[str, ca.Function]:
+    def derivatives(self) -> dict[str, ca.Function]:
+        """Of the cost, of the rows and of the Lagrangian, as IPOPT's interface takes them."""
+        x, p, *_ = self._symbols()
         slopes = [block.slope(x, p) for block in self.blocks]
         g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 1))
         prices = [block.cost_slope(x, p) for block in self.blocks]

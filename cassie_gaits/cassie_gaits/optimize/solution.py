@@ -10,14 +10,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
-from cassie_gaits.optimize.constraints import AHEAD, APART, BEHIND, LANDING, PELVIS, STRAIGHT
-from cassie_gaits.optimize.posture import COORDINATES
+from cassie_gaits.optimize.bounds import row_bounds, unknown_bounds
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
-from cassie_gaits.optimize.request import Limits, Request, as_document, parameters
+from cassie_gaits.optimize.request import Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
 
 FloatArray = npt.NDArray[np.float64]
@@ -25,14 +23,11 @@ FloatArray = npt.NDArray[np.float64]
 TORQUE_DEGREE = 28
 """Of the polynomials that stand for the torques in the file."""
 
-DIGITS = (11, 11, 8)
+DIGITS = (9, 9, 6)
 """Decimals of outputs, passive motion and torques in the file; the certificate is of those."""
 
-OUTER_WAY = 0.3
-"""How much further the outer foot goes by the turn of a step, and as much for the detour. In m."""
-
-TOLERANCE = 1e-6
-"""Scaled violation from which a constraint counts as in conflict."""
+TRAVEL_ROWS = 3
+"""Mean speeds, the last rows of a program of two steps."""
 
 LEEWAY = 1e-4
 """Largest scaled violation in a solved gait: half of the margin that the limits keep."""
@@ -65,7 +60,7 @@ class Outcome:
         iterations: Of the solver.
         cost: Of both steps.
         violation: Largest scaled violation.
-        conflicts: Constraints that are not met at that point, worst first, with how far.
+        unknowns: Where the solver ended, with a gait or without.
         seconds: CPU time.
     """
 
@@ -76,7 +71,7 @@ class Outcome:
     iterations: int
     cost: float
     violation: float
-    conflicts: tuple[str, ...]
+    unknowns: FloatArray
     seconds: float
 
 
@@ -119,7 +114,7 @@ def solve(request: Request, near: Point | None = None) -> Outcome:
         iterations,
         found.cost,
         found.violation,
-        () if solved else _conflicts(judge, violations),
+        x,
         seconds,
     )
 
@@ -147,6 +142,24 @@ def point_of(gait: Gait) -> Point:
     return Point(np.concatenate(right if symmetric else [*right, *left]))
 
 
+def exchanged(point: Point) -> Point:
+    """The point of a gait of two steps with left and right exchanged.
+
+    Each step is held as one on the right leg, so they change places.
+    """
+    x = _swapped(point.unknowns)
+    if point.bound_prices is None or point.row_prices is None:
+        return Point(x)
+    rows = _swapped(point.row_prices[:-TRAVEL_ROWS])
+    travel = point.row_prices[-TRAVEL_ROWS:] * (1.0, -1.0, -1.0)  # ahead, to the left, turning
+    return Point(x, _swapped(point.bound_prices), np.concatenate([rows, travel]))
+
+
+def _swapped(values: FloatArray) -> FloatArray:
+    result: FloatArray = np.roll(values, len(values) // 2)
+    return result
+
+
 def _twice(near: Point, program: Problem) -> Point:
     """A symmetric gait's point for a program of two steps."""
     if len(near.unknowns) == program.unknowns:
@@ -157,8 +170,8 @@ def _twice(near: Point, program: Problem) -> Point:
 def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
     if near is not None:
         near = _twice(near, program)
-    lower, upper = _bounds(program, request)
-    x_lower, x_upper = _unknown_bounds(program, request)
+    lower, upper = row_bounds(program, request)
+    x_lower, x_upper = unknown_bounds(program, request)
     bounds = {"lbx": x_lower, "ubx": x_upper, "lbg": lower, "ubg": upper}
     if near is None:
         solver, start = program.solver, {"x0": program.guess()}
@@ -174,51 +187,11 @@ def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point,
     return point, str(stats["return_status"]), int(stats["iter_count"])
 
 
-def _bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
-    lower, upper = program.lower.copy(), program.upper.copy()
-    names = np.array(program.names)
-    limits = Limits()
-    lower[names == APART] += request.feet_apart - limits.feet_apart
-    lower[names == LANDING] += limits.landing_speed - request.landing_speed
-    upper[names == PELVIS] += request.pelvis_distance - limits.pelvis_high
-    room = request.detour + OUTER_WAY * abs(request.yaw_rate) * request.step_time
-    upper[names == AHEAD], lower[names == BEHIND] = room, -room
-    if request.slope != 0.0:
-        lower[names == STRAIGHT] = upper[names == STRAIGHT] = 0.0
-    return lower, upper
-
-
-def _unknown_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
-    """Bounds of the coefficients; a Bezier polynomial stays within those of its own."""
-    turning = abs(request.yaw_rate) * request.step_time
-    narrow = {"torso_roll": request.torso_roll, "torso_pitch": request.torso_pitch}
-    narrow |= dict.fromkeys(("stance_hip_yaw", "swing_hip_yaw"), request.hip_yaw + turning)
-    bound = np.full(program.unknowns, np.inf)
-    parts = bound.reshape(-1, grid.STEP_UNKNOWNS)
-    for name, most in narrow.items():
-        first = COORDINATES.index(name) * COEFFICIENTS
-        parts[:, first : first + COEFFICIENTS] = most
-    lower, upper = np.maximum(program.x_lower, -bound), np.minimum(program.x_upper, bound)
-    first = COORDINATES.index("swing_foot_pitch") * COEFFICIENTS
-    for x in (lower, upper):  # the foot is level but for what lift-off and landing ask
-        x.reshape(-1, grid.STEP_UNKNOWNS)[:, first + 2 : first + 5] = request.slope
-    return lower, upper
-
-
 def _violations(program: Problem, request: Request, x: FloatArray) -> tuple[float, FloatArray]:
     f, g = program.values(x, parameters(request))
     values = np.array(g, dtype=np.float64).ravel()
-    lower, upper = _bounds(program, request)
+    lower, upper = row_bounds(program, request)
     return float(f) / COST_SCALE, np.maximum(np.maximum(lower - values, values - upper), 0.0)
-
-
-def _conflicts(program: Problem, violations: FloatArray) -> tuple[str, ...]:
-    worst: dict[str, float] = {}
-    for name, violation in zip(program.names, violations.tolist(), strict=True):
-        if violation > TOLERANCE or not np.isfinite(violation):
-            worst[name] = max(worst.get(name, 0.0), violation)
-    ordered = sorted(worst.items(), key=lambda item: -item[1])
-    return tuple(f"{name} ({by:.3g})" for name, by in ordered[:6])
 
 
 def _gait(found: _Found, seconds: float) -> Gait:

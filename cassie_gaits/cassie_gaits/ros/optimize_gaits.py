@@ -36,9 +36,9 @@ SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Of the seven gaits of the paper. In m/s."""
 
 DENSE = {
-    "speeds": [round(0.1 * i - 1.0, 1) for i in range(29)],
-    "lateral": [round(0.1 * i - 0.3, 1) for i in range(7)],
-    "yaw_rate": [round(0.3 * i - 0.9, 1) for i in range(7)],
+    "speeds": [round(0.1 * (i - 10), 1) for i in range(29)],
+    "lateral": [round(0.1 * (i - 3), 1) for i in range(7)],
+    "yaw_rate": [round(0.3 * (i - 3), 1) for i in range(7)],
     "holes": 0.03,
 }
 """What --grid stands for."""
@@ -192,7 +192,7 @@ def _search(
 def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executor]:
     """A cluster, or local processes, which end with this one even when it is stopped."""
     if options.scheduler:
-        with _cluster(options.scheduler) as cluster:
+        with _cluster(options.scheduler, forms) as cluster:
             yield cluster
         return
     # Forked processes share the programs, which take a second or two to set up.
@@ -220,8 +220,11 @@ def _begin_worker() -> None:
 
 
 @contextlib.contextmanager
-def _cluster(address: str) -> Iterator[Executor]:
-    """A Dask cluster; it runs on when this command ends."""
+def _cluster(address: str, forms: set[bool]) -> Iterator[Executor]:
+    """A Dask cluster; it runs on when this command ends.
+
+    All of its workers set up the programs at once, not each when its first gait comes.
+    """
     try:
         from distributed import Client, KilledWorker
     except ImportError:
@@ -238,8 +241,14 @@ def _cluster(address: str) -> Iterator[Executor]:
                 f"--scheduler {address}: no worker within {CONNECT_TIMEOUT:g} s"
             ) from None
         try:
+            begun = [
+                client.submit(prepare, symmetric=symmetric, workers=[worker], pure=False)
+                for symmetric in forms
+                for worker in client.nthreads()
+            ]
             with client.get_executor(pure=False) as executor:
                 yield executor
+            del begun  # Dask drops what nobody holds
         except KilledWorker as error:
             raise GaitLibraryError(f"--scheduler {address}: {error}") from None
 
