@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import Any, Protocol, TypeVar
 
@@ -62,25 +64,28 @@ class LocalProcesses:
     def __init__(self, count: int) -> None:
         self.count = count
         self._pool = ProcessPoolExecutor(count, get_context("spawn"), _begin)
+        self._starting = threading.Lock()
 
     def results(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[tuple[int, Result]]:
         """See `Workers.results`."""
-        futures: dict[Future[Result], int] = {
-            self._pool.submit(function, item): index for index, item in enumerate(items)
-        }
+        with self._starting, _no_ctrl_c():  # `close` does not know a process half started
+            futures: dict[Future[Result], int] = {
+                self._pool.submit(function, item): index for index, item in enumerate(items)
+            }
         try:
-            for future in as_completed(futures):
+            for future in completed(futures):
                 yield futures[future], future.result()
         finally:
             _cancel(futures)
 
     def close(self) -> None:
         """End the processes; what they are at is lost."""
-        for process in list((self._pool._processes or {}).values()):
-            process.kill()  # first, so that none is left that writes to a closed pipe
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        with self._starting:
+            for process in list((self._pool._processes or {}).values()):
+                process.kill()  # first, so that none is left that writes to a closed pipe
+            self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 class DaskCluster:
@@ -106,14 +111,14 @@ class DaskCluster:
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[tuple[int, Result]]:
         """See `Workers.results`."""
-        from distributed import as_completed as completed
+        from distributed import as_completed
 
         futures = {
             self._client.submit(function, item, pure=False): index
             for index, item in enumerate(items)
         }
         try:
-            for future in completed(futures):
+            for future in as_completed(futures):
                 yield futures[future], future.result()
         finally:
             _cancel(futures)
@@ -139,6 +144,17 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
     return ThisProcess() if jobs == 1 else LocalProcesses(jobs)
 
 
+def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
+    """Futures as they complete.
+
+    It looks up twice a second: a wait without an end can miss Ctrl-C that comes as it begins.
+    """
+    pending = set(futures)
+    while pending:
+        done, pending = wait(pending, 0.5, FIRST_COMPLETED)
+        yield from done
+
+
 def available_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0))
@@ -148,6 +164,24 @@ def obey_parent() -> None:
     """A worker leaves Ctrl-C to its parent, and ends when that one ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
+def _no_ctrl_c() -> Iterator[None]:
+    """Whatever would interrupt the block does so at its end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread is interrupted
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    came: list[int] = []
+    before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
+    try:
+        yield
+    finally:
+        for each, handler in zip(signals, before, strict=True):
+            signal.signal(each, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _begin() -> None:

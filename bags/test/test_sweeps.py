@@ -216,7 +216,8 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert again.stderr == ""  # nothing was measured anew
 
 
-def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path):
+@pytest.mark.parametrize("later", [0.0, 0.1, 1.0])  # while the workers start, and after it
+def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, later: float):
     words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
     with subprocess.Popen(
         [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
@@ -228,8 +229,8 @@ def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path):
     ) as process:
         group = process.pid
         while process.poll() is None and len(members(group)) < 3:
-            time.sleep(0.1)
-        time.sleep(1.0)
+            time.sleep(0.01)
+        time.sleep(later)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=30)
     assert process.returncode == 130, errors

@@ -8,7 +8,7 @@ import dataclasses
 import signal
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tqdm import tqdm
@@ -19,7 +19,7 @@ from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, cell, chosen_rows, load, save, table
 from cassie_bags.trial import experiment_of
-from cassie_bags.workers import Workers, workers
+from cassie_bags.workers import Workers, completed, workers
 
 MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -94,7 +94,7 @@ def _measured(
     with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
         futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
         try:
-            for future in as_completed(futures):
+            for future in completed(futures):
                 row, name, _ = futures[future]
                 yield row, name, future.result()
         finally:
