@@ -141,3 +141,16 @@ def mode_of(**set_points: float) -> Mode:
     for name, value in {"height": 0.9, **set_points}.items():
         getattr(mode, name)[...] = value
     return mode
+
+
+def put(readings: Readings, **figures: tuple[float, ...]) -> None:
+    """Have readings say something else, such as `velocity`; for Python and compiled functions."""
+    for name, values in figures.items():
+        setattr(readings, name, values)
+        readings.records[0][name] = values
+
+
+def put_ankle(readings: Readings, leg: int, ankle: tuple[float, float, float]) -> None:
+    """The same for the place of a leg's toe joint. In m."""
+    readings.legs[leg].ankle = ankle
+    readings.records[0]["ankle"][leg] = ankle

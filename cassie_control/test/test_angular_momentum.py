@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_states import leg_joints, random_state, readings_of, state_of
+from robot_states import leg_joints, put, put_ankle, random_state, readings_of, state_of
 
 from cassie_control.controller.angular_momentum import AngularMomentum
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
@@ -30,7 +30,7 @@ def test_it_is_that_of_the_rigid_bodies(seed):
 
 def test_a_pose_that_moves_as_a_whole_has_the_velocity_of_its_mass():
     readings = readings_of(state_of(leg_joints(), leg_joints()))
-    readings.velocity = readings.com_velocity = (0.7, -0.3, 0.0)
+    put(readings, velocity=(0.7, -0.3, 0.0), com_velocity=(0.7, -0.3, 0.0))
     found = AngularMomentum().velocity(readings, readings.legs[0])
     assert found == pytest.approx((0.7, -0.3), abs=1e-12)
 
@@ -38,8 +38,8 @@ def test_a_pose_that_moves_as_a_whole_has_the_velocity_of_its_mass():
 def test_it_says_the_same_about_any_foot_while_the_mass_does_not_rise():
     readings = readings_of(random_state(3))
     vx, vy, _ = readings.com_velocity
-    readings.com_velocity = (vx, vy, 0.0)
+    put(readings, com_velocity=(vx, vy, 0.0))
     momentum = AngularMomentum()
     left, right = readings.legs
-    right.ankle = (right.ankle[0], right.ankle[1], left.ankle[2])
+    put_ankle(readings, 1, (right.ankle[0], right.ankle[1], left.ankle[2]))
     assert momentum.velocity(readings, left) == pytest.approx(momentum.velocity(readings, right))

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from robot_states import leg_joints, readings_of, state_of
+from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.foot_placement import PendulumPlacement, placement
@@ -42,7 +42,7 @@ def foot_from_com(readings, swing, end):
 
 def moving(readings, vx, vy):
     """Let a pose move as a whole. In m/s."""
-    readings.velocity = readings.com_velocity = (vx, vy, 0.0)
+    put(readings, velocity=(vx, vy, 0.0), com_velocity=(vx, vy, 0.0))
 
 
 class Pendulum:
@@ -75,7 +75,7 @@ class Pendulum:
         stance, swing = readings.legs[self.stance], readings.legs[1 - self.stance]
         moving(readings, *self.velocity)
         ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
-        stance.ankle = (ankle[0], ankle[1], stance.ankle[2])
+        put_ankle(readings, self.stance, (ankle[0], ankle[1], stance.ankle[2]))
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
         end = self.law.swing_end(readings, stance, swing, self.wish, ahead)
         foot = foot_from_com(readings, swing, end)

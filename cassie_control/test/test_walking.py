@@ -13,6 +13,7 @@ from robot_states import (
     mirrored_mode,
     mirrored_state,
     mode_of,
+    put,
     random_state,
     readings_of,
     state_of,
@@ -78,7 +79,7 @@ def test_desired_outputs_reach_the_gaits_end(stance):
     core, command, state = walking(stance, config=paper), MotorCommand(), swinging(stance)
     core.timing.velocity = (0.4, 0.0)
     readings = readings_of(state)
-    readings.velocity = (0.4, 0.0, 0.0)
+    put(readings, velocity=(0.4, 0.0, 0.0))
     while core.timing.phase < 0.9999:
         core.step(readings, mode_of(), command)
     gait = LIBRARY.interpolate(core.gait_speed)[0 if stance == RIGHT else 1]
@@ -101,7 +102,7 @@ def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
     command, readings = MotorCommand(), readings_of(swinging(LEFT))
     core = WalkingController(replace(CONFIG, law="paper"), library, 0.002)
     core.start(readings, LEFT)
-    readings.velocity = (0.1, -0.1, 0.0)
+    put(readings, velocity=(0.1, -0.1, 0.0))
     mode = mode_of(vx=0.1, yaw_rate=0.3)
     while not core.step(readings, mode, command):  # the mean is of whole steps
         assert core.timing.steps == 0

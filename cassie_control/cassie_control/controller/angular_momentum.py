@@ -87,34 +87,44 @@ def _merge(
 
 
 @compiled
-def _add_up(
-    q: FloatArray,
-    v: FloatArray,
+def _about_pelvis(
+    joints: FloatArray,
+    rates: FloatArray,
     omega: FloatArray,
     pelvis: FloatArray,
     left: RecordArray,
     right: RecordArray,
     total: FloatArray,
 ) -> None:
+    """See `AngularMomentum.about_pelvis`; `pelvis` is its inertia about the origin. (3, 3)."""
     for k in range(3):
         total[k] = pelvis[k, 0] * omega[0] + pelvis[k, 1] * omega[1] + pelvis[k, 2] * omega[2]
-    _add_spin(q[:7], v[:7], omega, left, total)
-    _add_spin(q[7:], v[7:], omega, right, total)
+    _add_spin(joints[0], rates[0], omega, left, total)
+    _add_spin(joints[1], rates[1], omega, right, total)
 
 
 @compiled
 def _velocity(
-    tilt: FloatArray, about_pelvis: FloatArray, points: FloatArray, mass: float
+    robots: RecordArray,
+    stance: int,
+    omega: FloatArray,
+    pelvis: FloatArray,
+    left: RecordArray,
+    right: RecordArray,
+    mass: float,
 ) -> tuple[float, float]:
-    """See `AngularMomentum.velocity`; `points` holds CoM, its velocity, toe joint, velocity."""
+    """See `AngularMomentum.velocity`; `stance` is the number of that leg."""
+    robot = robots[0]
+    tilt, total = robot.tilt, np.empty(3)
+    _about_pelvis(robot.joints, robot.rates, omega, pelvis, left, right, total)
     hx = hy = 0.0
     for k in range(3):
-        hx += tilt[0, k] * about_pelvis[k]
-        hy += tilt[1, k] * about_pelvis[k]
-    x, y, z = points[0], points[1], points[2]
-    vx, vy, vz = points[3], points[4], points[5]
-    px, py, pz = points[6], points[7], points[8]
-    ux, uy, uz = points[9], points[10], points[11]
+        hx += tilt[0, k] * total[k]
+        hy += tilt[1, k] * total[k]
+    x, y, z = robot.com[0], robot.com[1], robot.com[2]
+    vx, vy, vz = robot.com_velocity[0], robot.com_velocity[1], robot.com_velocity[2]
+    px, py, pz = robot.ankle[stance, 0], robot.ankle[stance, 1], robot.ankle[stance, 2]
+    ux, uy, uz = robot.velocity[0], robot.velocity[1], robot.velocity[2]
     hx += mass * (y * uz - z * uy - py * vz + pz * vy)
     hy += mass * (z * ux - x * uz - pz * vx + px * vz)
     lever = mass * max(0.4, z - pz)
@@ -200,8 +210,6 @@ class AngularMomentum:
         com = np.array(pelvis.com)
         spread = com @ com * np.eye(3) - np.outer(com, com)
         self._pelvis = inertia_matrix(pelvis) + pelvis.mass * spread
-        self._total = np.zeros(3)
-        self._points = np.zeros(12)
         self._mass = robot.total_mass()
 
     def velocity(self, readings: Readings, stance: LegReadings) -> tuple[float, float]:
@@ -210,15 +218,10 @@ class AngularMomentum:
         Returns:
             Forward and to the left, heading frame. In m/s.
         """
-        state = readings.state
-        about = self.about_pelvis(state.q[6:], state.v[6:], state.angular_velocity)
-        self._points[:] = (
-            *readings.com,
-            *readings.com_velocity,
-            *stance.ankle,
-            *readings.velocity,
-        )
-        return _velocity(readings.tilt, about, self._points, self._mass)
+        omega = readings.state.angular_velocity
+        inertia = (self._pelvis, self._left, self._right, self._mass)
+        x, y = _velocity(readings.records, stance.number, omega, *inertia)
+        return x, y
 
     def about_pelvis(self, q: FloatArray, v: FloatArray, omega: FloatArray) -> FloatArray:
         """About the pelvis origin, with velocities against it, pelvis frame.
@@ -228,7 +231,8 @@ class AngularMomentum:
             omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
 
         Returns:
-            Shape (3,), in kg m^2/s; reused.
+            Shape (3,), in kg m^2/s.
         """
-        _add_up(q, v, omega, self._pelvis, self._left, self._right, self._total)
-        return self._total
+        total, legs = np.zeros(3), (self._left, self._right)
+        _about_pelvis(q.reshape(2, 7), v.reshape(2, 7), omega, self._pelvis, *legs, total)
+        return total

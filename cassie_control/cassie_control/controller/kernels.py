@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.records import RecordArray
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,22 +35,6 @@ def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, floa
 
 
 @compiled
-def holding_torques(
-    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
-) -> tuple[float, float, float, float]:
-    """See `LegReadings.weight_torques`; `jacobian` (3, 7) moves the toe joint, pelvis frame."""
-    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
-    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
-    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
-    roll = jacobian[0, 0] * x + jacobian[1, 0] * y + jacobian[2, 0] * z
-    yaw = jacobian[0, 1] * x + jacobian[1, 1] * y + jacobian[2, 1] * z
-    pitch = jacobian[0, 2] * x + jacobian[1, 2] * y + jacobian[2, 2] * z
-    knee = jacobian[0, 3] * x + jacobian[1, 3] * y + jacobian[2, 3] * z
-    tarsus = jacobian[0, 5] * x + jacobian[1, 5] * y + jacobian[2, 5] * z
-    return -roll, -yaw, -pitch, tarsus - knee
-
-
-@compiled
 def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
     """Clamp each value in place; the index of the first that is not finite, or -1.
 
@@ -61,3 +46,36 @@ def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
             return i
         values[i] = max(low[i], min(high[i], values[i]))
     return -1
+
+
+@compiled
+def read_robot(estimates: RecordArray, legs: RecordArray, robots: RecordArray) -> None:
+    """What the control laws read of a state estimate.
+
+    Args:
+        estimates: Of `records.ESTIMATE_TYPE`. Shape (1,).
+        legs: Kinematics of both legs, see `leg_chain.LegPair`. Shape (2,).
+        robots: Result, of `records.ROBOT_TYPE`. Shape (1,).
+    """
+    estimate, robot = estimates[0], robots[0]
+    q, v = estimate.q, estimate.v
+    robot.height, robot.yaw, robot.pitch, robot.roll = q[2], q[3], q[4], q[5]
+    robot.yaw_rate, robot.pitch_rate, robot.roll_rate = v[3], v[4], v[5]
+    set_tilt(q[4], q[5], robot.tilt)
+    for i in range(2):
+        for k in range(7):
+            robot.joints[i, k], robot.rates[i, k] = q[6 + 7 * i + k], v[6 + 7 * i + k]
+        robot.load[i], robot.force[i] = estimate.foot_load[i], estimate.foot_force[i]
+        robot.contact[i] = estimate.contact_probability[i]
+        ankle, foot = turned(robot.tilt, legs[i].ankle), turned(robot.tilt, legs[i].foot)
+        for k in range(3):
+            robot.ankle[i, k], robot.foot[i, k] = ankle[k], foot[k]
+    for k in range(3):
+        middle = 0.5 * (robot.foot[0, k] + robot.foot[1, k])
+        robot.com_from_feet[k] = estimate.com_position[k]
+        robot.com[k] = estimate.com_position[k] + middle
+        robot.com_velocity[k] = estimate.com_velocity[k]
+    c, s = math.cos(q[3]), math.sin(q[3])
+    robot.velocity[0] = c * v[0] + s * v[1]
+    robot.velocity[1] = c * v[1] - s * v[0]
+    robot.velocity[2] = v[2]

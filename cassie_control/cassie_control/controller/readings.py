@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.controller.kernels import holding_torques, set_tilt, turned
+from cassie_control.controller.drive_kernels import holding_torques
+from cassie_control.controller.kernels import read_robot
 from cassie_control.controller.pendulum import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y
+from cassie_control.controller.records import ESTIMATE_TYPE, ROBOT_TYPE, RecordArray
 from cassie_gaits import robot
-from cassie_gaits.leg_chain import LegChain, LegState
+from cassie_gaits.leg_chain import LegPair
 from cassie_gaits.names import LEGS
 from cassie_msgs.layout import RobotState
 
 FloatArray = npt.NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 HIP_X = HIP_ROLL_X - HIP_BACK
 HIP_Z = -HIP_DOWN
@@ -31,8 +32,9 @@ class LegReadings:
     """One leg: its joints and where its toe joint is.
 
     Attributes:
-        joints, rates: The seven joints. In rad and rad/s.
+        number: 0 for the left leg, 1 for the right.
         side: 1 for the left leg, -1 for the right.
+        joints, rates: The seven joints. In rad and rad/s.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
         foot: Middle of the sole from the pelvis origin, heading frame. In m.
         load: Share of the load threshold it carries, 0..1.
@@ -41,10 +43,11 @@ class LegReadings:
         hip_y: Sideways offset of the hip. In m.
     """
 
-    def __init__(self, leg: str) -> None:
-        self._chain = LegChain(leg)
-        self.hip_y = HIP_Y if leg == "left" else -HIP_Y
-        self.side = 1.0 if leg == "left" else -1.0
+    def __init__(self, number: int, ankle_jacobian: FloatArray) -> None:
+        self.number = number
+        self.side = 1.0 - 2.0 * number
+        self.hip_y = self.side * HIP_Y
+        self._ankle_jacobian = ankle_jacobian
         self.joints = [0.0] * 7
         self.rates = [0.0] * 7
         self.ankle = (0.0, 0.0, 0.0)
@@ -52,15 +55,17 @@ class LegReadings:
         self.load = 0.0
         self.force = 0.0
         self.contact = 0.0
-        self.chain: LegState = self._chain.state
 
-    def update(self, joints: FloatArray, rates: FloatArray, rotation: FloatArray) -> None:
-        """Take in joints (7,) and rates (7,), with the pelvis's tilt (3, 3)."""
-        self.joints = joints.tolist()
-        self.rates = rates.tolist()
-        self.chain = self._chain.update(joints, rates)
-        self.ankle = turned(rotation, self.chain.ankle)
-        self.foot = turned(rotation, self.chain.foot)
+    def take(self, values: list[float]) -> None:
+        """Take this leg's out of the figures of `records.ROBOT_TYPE`."""
+        i = self.number
+        self.load, self.force, self.contact = values[19 + i], values[21 + i], values[23 + i]
+        self.joints = values[25 + 7 * i : 32 + 7 * i]
+        self.rates = values[39 + 7 * i : 46 + 7 * i]
+        x, y, z = values[53 + 3 * i : 56 + 3 * i]
+        self.ankle = (x, y, z)
+        x, y, z = values[59 + 3 * i : 62 + 3 * i]
+        self.foot = (x, y, z)
 
     def weight_torques(
         self, tilt: FloatArray, force: float, lean_x: float, lean_y: float
@@ -78,7 +83,7 @@ class LegReadings:
         Source:
             u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
         """
-        return holding_torques(self.chain.ankle_jacobian, tilt, force, lean_x, lean_y)
+        return holding_torques(self._ankle_jacobian, tilt, force, lean_x, lean_y)
 
 
 class Readings:
@@ -95,44 +100,48 @@ class Readings:
         legs: Left and right.
         state: The estimate itself.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
+        records: Most of this for compiled functions, of `records.ROBOT_TYPE`. Shape (1,).
+        leg_states: Kinematics of both legs, see `leg_chain.LegPair`. Shape (2,).
     """
 
     def __init__(self) -> None:
-        self.legs = tuple(LegReadings(leg) for leg in LEGS)
-        self.tilt = np.eye(3)
+        self.records: RecordArray = np.zeros(1, ROBOT_TYPE)
+        self._values: FloatArray = self.records.view(np.float64)
+        self._legs = LegPair()
+        self._up, self._no_torques = np.array([0.0, 0.0, 1.0]), np.zeros(2)
+        self.leg_states = self._legs.states
+        self.legs = tuple(
+            LegReadings(i, self.leg_states[i]["ankle_jacobian"]) for i in range(len(LEGS))
+        )
+        self.tilt: FloatArray = self.records[0]["tilt"]
+        self.height = self.time = 0.0
         self.yaw = self.pitch = self.roll = 0.0
         self.yaw_rate = self.pitch_rate = self.roll_rate = 0.0
-        self.com = (0.0, 0.0, 0.0)
-        self.com_velocity = (0.0, 0.0, 0.0)
-        self.com_from_feet = (0.0, 0.0, 0.0)
-        self.velocity = (0.0, 0.0, 0.0)
-        self.height = 0.0
-        self.time = 0.0
-        self.state = RobotState()
+        self.com: Vector = (0.0, 0.0, 0.0)
+        self.com_from_feet: Vector = (0.0, 0.0, 0.0)
+        self.com_velocity: Vector = (0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)
+        self._look_at(RobotState())
+
+    def _look_at(self, state: RobotState) -> None:
+        """Find the parts of an estimate, which the next one usually comes in as well."""
+        self.state = state
+        self.estimate: RecordArray = state.floats.view(ESTIMATE_TYPE)
+        self._joints, self._rates = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7)
 
     def update(self, state: RobotState) -> None:
         """Take in a state estimate."""
-        self.state = state
-        q, v = state.q, state.v
+        if state is not self.state:
+            self._look_at(state)
         self.time = state.stamp_ns * 1e-9
-        self.height, self.yaw, self.pitch, self.roll = q[2:6].tolist()
-        self.yaw_rate, self.pitch_rate, self.roll_rate = v[3:6].tolist()
-        set_tilt(self.pitch, self.roll, self.tilt)
-        for i, leg in enumerate(self.legs):
-            leg.update(q[6 + 7 * i : 13 + 7 * i], v[6 + 7 * i : 13 + 7 * i], self.tilt)
-        left, right = self.legs
-        left.load, right.load = state.foot_load.tolist()
-        left.force, right.force = state.foot_force.tolist()
-        left.contact, right.contact = state.contact_probability.tolist()
-        x, y, z = state.com_position.tolist()
-        self.com_from_feet = (x, y, z)
-        self.com = (
-            x + 0.5 * (left.foot[0] + right.foot[0]),
-            y + 0.5 * (left.foot[1] + right.foot[1]),
-            z + 0.5 * (left.foot[2] + right.foot[2]),
-        )
-        x, y, z = state.com_velocity.tolist()
-        self.com_velocity = (x, y, z)
-        vx, vy, vz = v[:3].tolist()
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        self.velocity = (c * vx + s * vy, c * vy - s * vx, vz)
+        self._legs.update(self._joints, self._rates, self._no_torques, self._up)
+        read_robot(self.estimate, self.leg_states, self.records)
+        values = self._values.tolist()
+        self.height, self.yaw, self.pitch, self.roll = values[:4]
+        self.yaw_rate, self.pitch_rate, self.roll_rate = values[4:7]
+        self.com = (values[7], values[8], values[9])
+        self.com_from_feet = (values[10], values[11], values[12])
+        self.com_velocity = (values[13], values[14], values[15])
+        self.velocity = (values[16], values[17], values[18])
+        for leg in self.legs:
+            leg.take(values)

@@ -18,13 +18,11 @@ Source:
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.drive_kernels import inertia_torques
 from cassie_gaits import virtual_leg
-from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,7 +36,7 @@ INERTIA = np.array(
 )
 """Coefficients of A, B, C and R by rising power of the knee angle. In kg m^2."""
 
-_SIDES = np.array([virtual_leg.SHIN, virtual_leg.THIGH, virtual_leg.KNEE_OFFSET])
+_SIDES = (virtual_leg.SHIN, virtual_leg.THIGH, virtual_leg.KNEE_OFFSET)
 
 
 def swing_torques(
@@ -54,49 +52,4 @@ def swing_torques(
     Returns:
         In Nm.
     """
-    return _torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA, _SIDES)
-
-
-@compiled
-def _torques(
-    rates: tuple[float, float, float],
-    accelerations: tuple[float, float, float],
-    knee: float,
-    inertia: FloatArray,
-    sides: FloatArray,
-) -> tuple[float, float, float]:
-    shin, thigh, offset = sides[0], sides[1], sides[2]
-    bend = knee + offset
-    sine, cosine = math.sin(bend), math.cos(bend)
-    squares, product = shin * shin + thigh * thigh, shin * thigh
-    length = math.sqrt(squares + 2.0 * product * cosine)
-    # length(k) and hip pitch = leg pitch + lean(k), each differentiated twice by time.
-    slope = -product * sine / length
-    bow = (-product * cosine - slope * slope) / length
-    knee_rate = rates[2] / slope
-    knee_acceleration = (accelerations[2] - bow * knee_rate * knee_rate) / slope
-    share = shin * (shin + thigh * cosine) / (length * length)
-    share_slope = (-shin * thigh * sine - 2.0 * share * length * slope) / (length * length)
-    pitch_rate = rates[1] - share * knee_rate
-    pitch_acceleration = accelerations[1] - share * knee_acceleration
-    pitch_acceleration -= share_slope * knee_rate * knee_rate
-    a, a_slope = _cubic(inertia, 0, knee), _cubic_slope(inertia, 0, knee)
-    b, b_slope = _cubic(inertia, 1, knee), _cubic_slope(inertia, 1, knee)
-    c = _cubic(inertia, 2, knee)
-    r, r_slope = _cubic(inertia, 3, knee), _cubic_slope(inertia, 3, knee)
-    pitch = a * pitch_acceleration + b * knee_acceleration
-    pitch += a_slope * pitch_rate * knee_rate + b_slope * knee_rate * knee_rate
-    bending = b * pitch_acceleration + c * knee_acceleration - 0.5 * a_slope * pitch_rate**2
-    return r * accelerations[0] + r_slope * rates[0] * knee_rate, pitch, bending
-
-
-@compiled
-def _cubic(table: FloatArray, row: int, x: float) -> float:
-    value: float = table[row, 0] + x * (table[row, 1] + x * (table[row, 2] + x * table[row, 3]))
-    return value
-
-
-@compiled
-def _cubic_slope(table: FloatArray, row: int, x: float) -> float:
-    value: float = table[row, 1] + x * (2.0 * table[row, 2] + x * 3.0 * table[row, 3])
-    return value
+    return inertia_torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA, _SIDES)

@@ -1,0 +1,168 @@
+"""Desired outputs of a step of walking, compiled. See `walking` for the reasoning.
+
+Records are those of `records`, each an array of shape (1,); rows are those of `outputs`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.controller.records import RecordArray
+from cassie_gaits.compiled import compiled
+
+FloatArray = npt.NDArray[np.float64]
+
+ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW = range(8)
+_LONGEST = 0.95  # m, of a stance leg that travels level
+
+
+@compiled
+def desire(
+    figures: RecordArray, robots: RecordArray, gaits: FloatArray, steps: RecordArray
+) -> None:
+    """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
+
+    Args:
+        figures: Figures.
+        robots: The robot now.
+        gaits: Bezier coefficients in right stance and in left stance. Shape (2, 9, 6).
+        steps: The step; changed in place.
+    """
+    figure, robot, step = figures[0], robots[0], steps[0]
+    gait = step.gait
+    _begin(figure, gaits[1 - int(step.stance)], step)
+    basis = np.empty((6, 3))
+    _basis(min(1.0, step.phase), basis)
+    for i in range(9):
+        value = rate = acceleration = 0.0
+        for k in range(6):
+            value += gait[i, k] * basis[k, 0]
+            rate += gait[i, k] * basis[k, 1]
+            acceleration += gait[i, k] * basis[k, 2]
+        step.desired[i] = value
+        step.desired_rates[i] = rate * step.rate
+        step.accelerations[i] = acceleration * step.rate**2
+    step.turn = 0.5 * step.yaw_rate * step.step_time
+    yaw = step.turn + figure.heading_gain * (step.heading - robot.yaw)
+    step.yaw = max(-figure.yaw_limit, min(figure.yaw_limit, yaw))
+    step.rise = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
+    step.gait_pitch, step.gait_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
+    step.gait_length = gait[LENGTH_SW, 5]
+
+
+@compiled
+def _begin(figure: Any, library_gait: FloatArray, step: Any) -> None:
+    """The gait, begun where the legs were at touchdown; the torso's own is continuous."""
+    gait = step.gait
+    for i in range(9):
+        for k in range(6):
+            gait[i, k] = library_gait[i, k]
+        if i not in (ROLL, PITCH):
+            gait[i, 0] = step.start[i]
+            gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
+    if figure.straight > 0.0:
+        for i in (ROLL_SW, PITCH_SW):
+            for k in range(2):
+                a, b = figure.least_effort[k, 0], figure.least_effort[k, 1]
+                c, d = figure.least_effort[k, 2], figure.least_effort[k, 3]
+                gait[i, 2 + k] = a * gait[i, 0] + b * gait[i, 1] + c * gait[i, 4] + d * gait[i, 5]
+
+
+@compiled
+def adjust(figures: RecordArray, robots: RecordArray, steps: RecordArray) -> None:
+    """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
+
+    Args:
+        figures: Figures.
+        robots: The robot now.
+        steps: The step, with what adjustment answered; changed in place.
+    """
+    figure, robot, step = figures[0], robots[0], steps[0]
+    gait, rate = step.gait, step.new_rate
+    phase = min(1.0, step.phase)
+    landing_pitch, landing_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
+    if step.lead > 0.0:
+        basis = np.empty((6, 3))
+        _basis(1.0 - step.lead * rate, basis)
+        landing_pitch = landing_roll = 0.0
+        for k in range(6):
+            landing_pitch += gait[PITCH_SW, k] * basis[k, 0]
+            landing_roll += gait[ROLL_SW, k] * basis[k, 0]
+    _level_hips(figure, robot, step, phase)
+    _fade_in(step, PITCH_SW, step.pitch - landing_pitch, phase, rate)
+    _fade_in(step, ROLL_SW, step.roll - landing_roll, phase, rate)
+    _fade_in(step, LENGTH_SW, step.length - gait[LENGTH_SW, 5], phase, rate)
+    _fade_in(step, YAW_SW, step.yaw - gait[YAW_SW, 5], phase, rate)
+    _fade_in(step, YAW_ST, -step.turn - gait[YAW_ST, 5], phase, rate)
+    if step.phase > 1.0:
+        _reach_down(figure, step, rate)
+    step.desired[ROLL] += step.torso_roll
+    step.desired[PITCH] += step.torso_pitch
+
+
+@compiled
+def _fade_in(step: Any, row: int, change: float, phase: float, rate: float) -> None:
+    r = 1.0 - phase
+    step.desired[row] += _fade(phase) * change
+    step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * change
+    step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * change
+
+
+@compiled
+def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
+    """Let the stance leg grow and shrink so that its hip travels level, as far as wanted."""
+    back = max(0.0, min(1.0, -3.0 * step.speed))
+    share = figure.level * _fade(phase)
+    share *= 1.0 + back * (figure.level_back - 1.0)
+    height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
+    x = robot.tilt[0, 0] * figure.hip_x + robot.tilt[0, 2] * figure.hip_z
+    x -= robot.ankle[int(step.stance), 0]
+    length = min(_LONGEST, math.hypot(height, x))
+    step.desired[LENGTH_ST] += share * (length - step.desired[LENGTH_ST])
+    rate = x * robot.velocity[0] / length
+    step.desired_rates[LENGTH_ST] += share * (rate - step.desired_rates[LENGTH_ST])
+
+
+@compiled
+def _reach_down(figure: Any, step: Any, rate: float) -> None:
+    """The ground is later than planned: the swing leg grows until it finds it."""
+    for i in range(9):
+        step.desired_rates[i] = step.accelerations[i] = 0.0
+    grown = figure.late_speed * (step.phase - 1.0) / rate
+    step.desired[LENGTH_SW] += min(figure.late_reach, grown)
+    if grown < figure.late_reach:
+        step.desired_rates[LENGTH_SW] = figure.late_speed
+
+
+@compiled
+def _fade(phase: float) -> float:
+    """See `bezier.fade`; a phase in [0, 1]."""
+    r = 1.0 - phase
+    value: float = 1.0 - r * r * r * r * (5.0 - 4.0 * r)
+    return value
+
+
+@compiled
+def _basis(phase: float, out: FloatArray) -> None:
+    """See `bezier.basis`. Shape (6, 3)."""
+    s, r = phase, 1.0 - phase
+    b0, b1, b2, b3, b4 = (
+        r * r * r * r,
+        4.0 * r * r * r * s,
+        6.0 * r * r * s * s,
+        4.0 * r * s * s * s,
+        s * s * s * s,
+    )
+    c0, c1, c2, c3 = r * r * r, 3.0 * r * r * s, 3.0 * r * s * s, s * s * s
+    out[0, 0], out[0, 1], out[0, 2] = b0 * r, -5.0 * b0, 20.0 * c0
+    out[1, 0], out[1, 1], out[1, 2] = 5.0 * b0 * s, 5.0 * (b0 - b1), 20.0 * (c1 - 2.0 * c0)
+    out[2, 0], out[2, 1] = 10.0 * c0 * s * s, 5.0 * (b1 - b2)
+    out[2, 2] = 20.0 * (c2 - 2.0 * c1 + c0)
+    out[3, 0], out[3, 1] = 10.0 * r * r * c3, 5.0 * (b2 - b3)
+    out[3, 2] = 20.0 * (c3 - 2.0 * c2 + c1)
+    out[4, 0], out[4, 1], out[4, 2] = 5.0 * r * b4, 5.0 * (b3 - b4), 20.0 * (c2 - 2.0 * c3)
+    out[5, 0], out[5, 1], out[5, 2] = b4 * s, 5.0 * b4, 20.0 * c3

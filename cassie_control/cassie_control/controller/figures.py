@@ -1,0 +1,53 @@
+"""What the walking law takes for granted, as compiled functions read it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.readings import HIP_X, HIP_Z, WEIGHT
+from cassie_control.controller.records import FIGURES_TYPE, RecordArray
+from cassie_control.controller.swing_inertia import INERTIA
+from cassie_gaits import bezier, robot, virtual_leg
+from cassie_gaits.names import LEG_DRIVES
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def _least_effort() -> FloatArray:
+    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
+
+    They give the least integral of the squared second derivative.
+    """
+    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
+    ends = bends[:, (0, 1, 4, 5)]
+    result: FloatArray = -np.linalg.lstsq(bends[:, 2:4], ends, rcond=None)[0]
+    return result
+
+
+_LEAST_EFFORT = _least_effort()
+
+
+def figures(config: WalkConfig) -> RecordArray:
+    """Figures of a configuration and of the robot, of `records.FIGURES_TYPE`. Shape (1,).
+
+    What the walking law has beside the paper's is left out under the paper's own.
+    """
+    records = np.zeros(1, FIGURES_TYPE)
+    figure = records[0]
+    for name in FIGURES_TYPE.names or ():
+        if hasattr(config, name):
+            figure[name] = getattr(config, name)
+    figure["straight"] = 1.0
+    if config.law == "paper":
+        figure["straight"] = figure["level"] = figure["swing_inertia"] = 0.0
+    figure["weight"] = config.gravity * WEIGHT
+    figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
+    figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
+    figure["hip_x"], figure["hip_z"] = HIP_X, HIP_Z
+    figure["thigh"], figure["shin"] = virtual_leg.THIGH, virtual_leg.SHIN
+    figure["knee_offset"], figure["hip_offset"] = virtual_leg.KNEE_OFFSET, virtual_leg.HIP_OFFSET
+    figure["toe_offset"], figure["neutral_tarsus"] = virtual_leg.TOE_OFFSET, robot.NEUTRAL_TARSUS
+    figure["inertia"], figure["least_effort"] = INERTIA, _LEAST_EFFORT
+    return records
