@@ -55,7 +55,7 @@ SERVICES = {
     "gantry": Gantry,
 }
 
-PATIENCE = 30.0
+PATIENCE = 90.0
 """Wall time in which anything must happen that happens at all. In s."""
 
 STAND = ({"t": 0.0, "power": True, "mode": "stand", "height": 0.9},)

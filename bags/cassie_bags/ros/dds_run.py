@@ -28,10 +28,10 @@ from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.spectator import Spectator
 from cassie_sim.simulator_config import SimulatorConfig
 
-START_PATIENCE = 30.0
+START_PATIENCE = 90.0
 """Wall time in which every node must take part. In s."""
 
-STALL_PATIENCE = 30.0
+STALL_PATIENCE = 90.0
 """Wall time for which robot time may stand still. In s."""
 
 _LOOK = 0.1  # s between two looks at the processes
