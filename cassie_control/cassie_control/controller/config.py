@@ -101,6 +101,12 @@ class WalkConfig:
     )
     integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
+    slope_time: float = tunable(
+        0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
+    )
+    slope_share: float = tunable(
+        0.2, "", 0.0, 1.0, "Share of the slope to the side that one touchdown corrects"
+    )
     hold_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"
     )

@@ -16,7 +16,7 @@ from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 
-ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW = range(8)
+ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 _LONGEST = 0.95  # m, of a stance leg that travels level
 
 
@@ -97,6 +97,7 @@ def adjust(figures: RecordArray, robots: RecordArray, steps: RecordArray) -> Non
     _fade_in(step, ROLL_SW, step.roll - landing_roll, phase, rate)
     _fade_in(step, LENGTH_SW, step.length - gait[LENGTH_SW, 5], phase, rate)
     _fade_in(step, YAW_SW, step.yaw - gait[YAW_SW, 5], phase, rate)
+    _fade_in(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
     _fade_in(step, YAW_ST, -step.turn - gait[YAW_ST, 5], phase, rate)
     if step.phase > 1.0:
         _reach_down(figure, step, rate)
@@ -114,16 +115,21 @@ def _fade_in(step: Any, row: int, change: float, phase: float, rate: float) -> N
 
 @compiled
 def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
-    """Let the stance leg grow and shrink so that its hip travels level, as far as wanted."""
+    """Let the stance leg grow and shrink so that its hip travels level, as far as wanted.
+
+    On a slope the hip travels along it, at the height it has where the CoM is above the foot.
+    """
     back = max(0.0, min(1.0, -3.0 * step.speed))
     share = figure.level * _fade(phase)
     share *= 1.0 + back * (figure.level_back - 1.0)
     height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
     x = robot.tilt[0, 0] * figure.hip_x + robot.tilt[0, 2] * figure.hip_z
-    x -= robot.ankle[int(step.stance), 0]
+    i = int(step.stance)
+    x -= robot.ankle[i, 0]
+    height += step.slope_ahead * x + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
     length = min(_LONGEST, math.hypot(height, x))
     step.desired[LENGTH_ST] += share * (length - step.desired[LENGTH_ST])
-    rate = x * robot.velocity[0] / length
+    rate = (x + step.slope_ahead * height) * robot.velocity[0] / length
     step.desired_rates[LENGTH_ST] += share * (rate - step.desired_rates[LENGTH_ST])
 
 

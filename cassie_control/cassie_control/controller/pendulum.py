@@ -221,12 +221,16 @@ def landing(
     """
     law, now = law_record[0], now_record[0]
     side, lead = now.side, law.contact_lead
+    x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
+    # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
+    above = max(0.4, height - now.slope_x * x - now.slope_y * y)
+    faster = max(0.4, height) / above
     fall = Fall(
-        now.com_x - now.ankle_x,
-        now.com_y - now.ankle_y,
-        now.velocity_x,
-        now.velocity_y,
-        math.sqrt(GRAVITY / max(0.4, now.com_z - now.ankle_z)),
+        x,
+        y,
+        faster * now.velocity_x,
+        faster * now.velocity_y,
+        math.sqrt(GRAVITY / above),
         max(0.0, law.double_support - now.elapsed),
     )
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
@@ -256,7 +260,7 @@ def landing(
     # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
     spent = end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2
     sinking = (1.0 - law.level) * spent / (2.0 * down)
-    rise = now.slope_x * (end[0] + ux) + now.slope_y * (end[1] + uy)
+    rise = now.slope_x * (fall.x + ux) + now.slope_y * (fall.y + uy)
     roll, pitch, length = aim_leg(
         now.com_x + ux - hip_x,
         now.com_y + uy - hip_y,

@@ -74,6 +74,8 @@ STEP_TYPE = np.dtype(
         ("speed", float),  # low-passed, forward, m/s
         ("torso_roll", float),  # rad
         ("torso_pitch", float),
+        ("slope_ahead", float),  # rise of the ground over distance
+        ("slope_left", float),
         # Outputs of eq:h0, rad and m, in the order of `outputs`:
         ("start", float, 9),  # where this step began
         ("start_rates", float, 9),  # per s

@@ -10,6 +10,7 @@ from cassie_control.controller.desired_kernels import adjust, desire
 from cassie_control.controller.drive_kernels import drive
 from cassie_control.controller.figures import figures
 from cassie_control.controller.foot_placement import placement
+from cassie_control.controller.ground_slope import GroundSlope
 from cassie_control.controller.outputs import (
     FOOT_SW,
     LENGTH_ST,
@@ -42,7 +43,8 @@ class WalkingController:
 
     Beside the paper, and left out under its own law: the swing leg's angles go the way of least
     effort between their ends, torques accelerate it (`swing_inertia`), and the stance leg's length
-    lets the hip travel level (`level`), which takes the bounce out of fast walking. While no
+    lets the hip travel level (`level`), which takes the bounce out of fast walking, or along the
+    slope that the feet find (`ground_slope`). While no
     velocity is commanded, `position_hold` leads back to the place.
 
     Actuated joints follow eq:IK and eq:hdtilde (`drive_kernels`). Torso roll and pitch act
@@ -72,7 +74,7 @@ class WalkingController:
         self.rates = np.zeros(9)
         self._step: RecordArray = np.zeros(1, STEP_TYPE)
         values: FloatArray = self._step.view(np.float64)
-        self._before, self._asked, self._answer = values[:6], values[6:12], values[12:20]
+        self._before, self._asked, self._answer = values[:6], values[6:12], values[12:22]
         step = self._step[0]
         self.desired: FloatArray = step["desired"]
         self.desired_rates: FloatArray = step["desired_rates"]
@@ -83,6 +85,7 @@ class WalkingController:
         self._wish = Wish()
         self._ahead = StepAhead()
         self._hold = PositionHold(period)
+        self._slope = GroundSlope(period)
         self._heading = 0.0
         self._sideways = 0.0
         self._placement: Placement = placement(config)
@@ -115,6 +118,7 @@ class WalkingController:
         self._heading = readings.yaw
         self._sideways = 0.0
         self._hold.release()
+        self._slope.reset()
         self._placement.reset()
         self._begin_step(readings)
 
@@ -142,6 +146,7 @@ class WalkingController:
             self._sideways = mean_velocity[1]
             self._placement.touchdown(mean_velocity, timing.velocity, wish)
             self._begin_step(readings)
+        self._find_slope(readings, ended)
         self._desire(readings, yaw_rate, roll + trims[3], pitch + trims[2])
         if command is not self._command:
             self._look_at(command)
@@ -153,6 +158,15 @@ class WalkingController:
         lead = self._heading - yaw
         if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
             self._heading += yaw_rate * self._period
+
+    def _find_slope(self, readings: Readings, touchdown: bool) -> None:
+        """Follow the ground's slope; the paper's law takes it for level."""
+        if self.config.law == "paper":
+            return
+        stance, swing = readings.legs[self.timing.stance], readings.legs[1 - self.timing.stance]
+        if touchdown:
+            self._slope.touchdown(self.config, stance, swing)
+        self._slope.stand(self.config, readings, stance, self.timing.phase)
 
     def measure(self, readings: Readings) -> None:
         """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
@@ -188,11 +202,13 @@ class WalkingController:
         ahead.earliest = left * self.config.quickest_step
         ahead.velocity = timing.velocity
         ahead.yaw, _, ahead.rise, ahead.pitch, ahead.roll, ahead.length = self._asked.tolist()
+        ahead.slope = self._slope.ahead, self._slope.left
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
         end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
         timing.plan(end.remaining)
         self._answer[:] = (
             *(timing.rate, end.pitch, end.roll, end.length, end.lead),
             *(timing.velocity[0], roll, pitch),
+            *ahead.slope,
         )
         adjust(self._figures, readings.records, self._step)

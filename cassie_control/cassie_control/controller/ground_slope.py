@@ -1,0 +1,60 @@
+"""How the ground rises, as the feet find it while walking."""
+
+from __future__ import annotations
+
+import math
+
+from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.readings import LegReadings, Readings
+from cassie_gaits import virtual_leg
+
+_SETTLED = 0.25  # phase from which the stance foot lies flat
+_STEEPEST = 0.6  # of a slope that is believed
+
+
+class GroundSlope:
+    """Slope of the ground, ahead and to the left, from the stance foot and from touchdowns.
+
+    The stance toe gives no torque, so that its sole lies on the ground: its pitch is the slope
+    ahead. To the side it follows from the heights at which both feet stand at a touchdown,
+
+        (z_new - z_old - slope_x (x_new - x_old)) / (y_new - y_old).
+
+    Both are low-passed and bounded: the first over `slope_time` of standing on a foot, the second
+    over steps, and by as much less as the feet are close to each other.
+
+    Attributes:
+        ahead, left: Rise over distance, heading frame.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.reset()
+
+    def reset(self) -> None:
+        """Level ground."""
+        self.ahead = 0.0
+        self.left = 0.0
+
+    def stand(
+        self, config: WalkConfig, readings: Readings, stance: LegReadings, phase: float
+    ) -> None:
+        """Take in one tick on a stance leg."""
+        if stance.load < 1.0 or phase < _SETTLED or config.slope_time <= 0.0:
+            return
+        q = stance.joints
+        pitch = virtual_leg.foot_pitch(readings.pitch, q[2], q[6], q[3] + q[4] + q[5])
+        seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
+        self.ahead += self._period / config.slope_time * (seen - self.ahead)
+
+    def touchdown(self, config: WalkConfig, new: LegReadings, old: LegReadings) -> None:
+        """Take in a touchdown, with both feet on the ground."""
+        if config.slope_time <= 0.0:
+            return
+        x, y, z = (a - b for a, b in zip(new.ankle, old.ankle, strict=True))
+        error = z - self.ahead * x - self.left * y
+        self.left += config.slope_share * error * y / (y * y + 0.01)
+        self.left = max(-_STEEPEST, min(_STEEPEST, self.left))

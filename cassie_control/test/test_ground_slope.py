@@ -1,0 +1,87 @@
+"""The ground's slope as the feet find it, and walking along it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loop import Robot
+from robot_states import leg_joints, readings_of, state_of
+from walkers import CONFIG
+
+from cassie_control.controller.ground_slope import GroundSlope
+from cassie_gaits import virtual_leg
+from cassie_msgs.layout import RobotMode
+from cassie_sim.scenario import Scenario
+
+PERIOD = 0.002
+LEFT, RIGHT = 0, 1
+
+
+def standing_on(rise):
+    """A left foot flat on ground that rises ahead, the torso pitched."""
+    pitch = 0.07
+    flat = virtual_leg.toe_angle(np.arctan(rise), pitch, 0.5)
+    state = state_of(leg_joints(toe=flat), leg_joints(knee=-1.3), pitch=pitch, forces=(330.0, 0.0))
+    return readings_of(state)
+
+
+@pytest.mark.parametrize("rise", [-0.3, 0.0, 0.2])
+def test_the_sole_of_the_stance_foot_gives_the_slope_ahead(rise):
+    slope, readings = GroundSlope(PERIOD), standing_on(rise)
+    for _ in range(2000):
+        slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
+    assert slope.ahead == pytest.approx(rise, abs=1e-3)
+
+
+def test_a_foot_that_has_just_landed_or_carries_little_tells_nothing():
+    slope, readings = GroundSlope(PERIOD), standing_on(0.2)
+    slope.stand(CONFIG, readings, readings.legs[LEFT], 0.1)
+    slope.stand(CONFIG, readings, readings.legs[RIGHT], 0.5)
+    assert slope.ahead == 0.0
+
+
+def test_no_slope_is_believed_beyond_its_bound():
+    slope, readings = GroundSlope(PERIOD), standing_on(3.0)
+    for _ in range(5000):
+        slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
+    assert slope.ahead == pytest.approx(0.6, abs=1e-3)
+
+
+@pytest.mark.parametrize("side", [-0.15, 0.1])
+def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
+    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    legs = readings.legs
+    for step in range(60):
+        new, old = legs[step % 2], legs[1 - step % 2]
+        for leg in legs:
+            x, y, _ = leg.ankle
+            leg.ankle = (x, y, -0.8 + side * y)
+        slope.touchdown(CONFIG, new, old)
+    assert slope.left == pytest.approx(side, abs=1e-3)
+
+
+def test_it_can_be_switched_off():
+    slope, readings = GroundSlope(PERIOD), standing_on(0.2)
+    slope.stand(replace(CONFIG, slope_time=0.0), readings, readings.legs[LEFT], 0.5)
+    assert slope.ahead == 0.0
+
+
+def test_walks_down_a_slope_at_the_commanded_speed():
+    """Without the slope in the law she runs away to more than 1 m/s and falls."""
+    parameters = {"rise_deg": -12.0, "start": 0.5}
+    scenario = Scenario(scene="slope", scene_parameters=parameters, start="standing")
+    robot = Robot(scenario, record=True)
+    robot.wish(height=0.98)
+    robot.run(1.8)
+    robot.wish(mode=int(RobotMode.WALK))
+    robot.run(3.0)
+    robot.wish(vx=0.3)
+    robot.run(9.0)
+    assert not robot.fallen
+    position = robot.moments[-1].position
+    assert position[0] > 1.5
+    assert position[2] < 0.85
+    last = [moment.velocity[0] for moment in robot.moments[-1000:]]
+    assert np.mean(last) == pytest.approx(0.3, abs=0.06)
