@@ -19,6 +19,7 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import library_path as packaged_or_path
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec
@@ -66,7 +67,8 @@ def check_parameters(experiment: Experiment) -> None:
 
 def library_path(experiment: Experiment) -> Path:
     """File of the experiment's gait library."""
-    return Path(experiment.gait_library) if experiment.gait_library else default_library_path()
+    name = experiment.gait_library
+    return packaged_or_path(name) if name else default_library_path()
 
 
 def load_gaits(experiment: Experiment) -> GaitLibrary:

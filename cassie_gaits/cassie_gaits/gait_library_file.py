@@ -43,9 +43,20 @@ _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"}
 }
 
 
+PACKAGED = {"optimized": "optimized.json", "dense": "dense.json.gz"}
+"""Libraries that come with this package: the seven straight gaits, and the grid of 1419."""
+
+
 def default_library_path() -> Path:
-    """The library that comes with this package."""
-    return Path(__file__).parent / "libraries" / "optimized.json"
+    """The library that the controller walks on unless told otherwise."""
+    return library_path("optimized")
+
+
+def library_path(name: str) -> Path:
+    """The file of a library: one of `PACKAGED` by its name, anything else by its path."""
+    if name in PACKAGED:
+        return Path(__file__).parent / "libraries" / PACKAGED[name]
+    return Path(name)
 
 
 def load_library(path: str | Path) -> GaitLibrary:

@@ -38,43 +38,59 @@ _LIMIT, _DARK, _GREY, _NEAR, _FAR = "#d55e00", "#222222", "#9a9a9a", "#0072b2", 
 _PHASE = "phase of the step"
 
 
-class Speeds:
-    """Colours of sagittal speeds, and the bar that explains them."""
+SPEED_NAMES = {
+    "vx": "sagittal speed (m/s)",
+    "vy": "speed to the left (m/s)",
+    "yaw_rate": "turning rate to the left (rad/s)",
+}
+"""Of a gait's three speeds, for axes."""
 
-    def __init__(self, gaits: Sequence[Gait]) -> None:
-        speeds = [gait.vx for gait in gaits]
+
+class Speeds:
+    """Colours of one of the three speeds, and the bar that explains them."""
+
+    def __init__(self, gaits: Sequence[Gait], name: str = "vx") -> None:
+        self._name = name
+        speeds = [getattr(gait, name) for gait in gaits]
         low, high = min(speeds), max(speeds)
         norm = Normalize(low - 0.5, high + 0.5) if low == high else Normalize(low, high)
         self._map: Any = ScalarMappable(norm, matplotlib.colormaps["viridis"])
 
     def colour(self, gait: Gait) -> Any:
         """Of a gait."""
-        return self._map.to_rgba(gait.vx)
+        return self._map.to_rgba(getattr(gait, self._name))
 
     def bar(self, figure: Figure, axes: Any) -> None:
         """Draw the bar beside the panels."""
-        figure.colorbar(self._map, ax=axes, label="sagittal speed (m/s)", aspect=40, pad=0.02)
+        figure.colorbar(self._map, ax=axes, label=SPEED_NAMES[self._name], aspect=40, pad=0.02)
 
 
-def draw_outputs(gaits: Sequence[Gait], path: Path) -> None:
-    """The nine outputs over phase in right stance."""
+def draw_outputs(gaits: Sequence[Gait], path: Path, name: str = "vx", which: str = "") -> None:
+    """The nine outputs over phase in right stance.
+
+    Args:
+        gaits: To be told apart by one of their speeds.
+        path: Where to write.
+        name: Of that speed.
+        which: What the gaits have in common, for the title.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 7.0), layout="constrained")
-        panels, speeds = figure.subplots(3, 3, sharex=True), Speeds(gaits)
-        for i, (panel, name) in enumerate(zip(panels.flat, OUTPUTS, strict=True)):
-            length = name.endswith("length")
+        panels, speeds = figure.subplots(3, 3, sharex=True), Speeds(gaits, name)
+        for i, (panel, output) in enumerate(zip(panels.flat, OUTPUTS, strict=True)):
+            length = output.endswith("length")
             for gait in gaits:
                 alpha = gait.coefficients[0][i : i + 1]
                 curve = np.array([bezier.evaluate(alpha, phase)[0] for phase in _PHASES])
                 values = curve if length else np.degrees(curve)
                 panel.plot(_PHASES, values, color=speeds.colour(gait))
-            panel.set_title(name.replace("_", " "))
+            panel.set_title(output.replace("_", " "))
             panel.set_ylabel("m" if length else "degrees")
             _at_least(panel, 0.02 if length else 2.0)
         for panel in panels[-1]:
             panel.set_xlabel(_PHASE)
         speeds.bar(figure, panels)
-        figure.suptitle("Outputs, right leg in stance", x=0.01, ha="left")
+        figure.suptitle(f"Outputs, right leg in stance{which}", x=0.01, ha="left")
         figure.savefig(path)
 
 
@@ -159,7 +175,7 @@ def draw_clearance(motions: Sequence[Motion], path: Path) -> None:
         panels[0].annotate(
             f"at least {least:g} m",
             (0.5, least),
-            (0.0, -14.0),
+            (0.0, -70.0),
             color=_LIMIT,
             textcoords="offset points",
             ha="center",
@@ -246,30 +262,4 @@ def draw_transport(motions: Sequence[Motion], path: Path) -> None:
         )
         power.set(title="Mean mechanical power", xlabel="sagittal speed (m/s)", ylabel="W")
         power.set_ylim(0.0, None)
-        figure.savefig(path)
-
-
-def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
-    """Cost over speeds: to the side without turning, and turning without going sideways."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 3.8), layout="constrained")
-        panels = figure.subplots(1, 2)
-        costs = [gait.cost for gait in gaits if gait.cost is not None]
-        norm = Normalize(min(costs), max(costs))
-        for panel, across, still, label in (
-            (panels[0], "vy", "yaw_rate", "to the left (m/s)"),
-            (panels[1], "yaw_rate", "vy", "turning rate (rad/s)"),
-        ):
-            part = [g for g in gaits if getattr(g, still) == 0.0 and g.cost is not None]
-            mesh = panel.scatter(
-                [g.vx for g in part],
-                [getattr(g, across) for g in part],
-                c=[g.cost for g in part],
-                norm=norm,
-                marker="s",
-                s=60,
-            )
-            panel.set(xlabel="sagittal speed (m/s)", ylabel=label)
-        figure.colorbar(mesh, ax=panels, label="cost of two steps", aspect=30)
-        figure.suptitle("Cost of the gaits; a gap has none", x=0.01, ha="left")
         figure.savefig(path)

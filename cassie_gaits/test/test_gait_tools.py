@@ -18,7 +18,13 @@ from distributed import LocalCluster
 import cassie_gaits
 from cassie_gaits.certificate.certify import certify
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_library_file import default_library_path, load_certified, load_library
+from cassie_gaits.gait_library_file import (
+    default_library_path,
+    library_path,
+    load_certified,
+    load_library,
+    save_library,
+)
 from cassie_gaits.optimize import library, solution
 from cassie_gaits.optimize.problem import Problem
 from cassie_gaits.ros import check_gaits, optimize_gaits, plot_gaits
@@ -207,6 +213,16 @@ def test_plots_are_drawn_with_a_table(tmp_path, capsys):
     assert plot_gaits.main([str(tmp_path / "nothing.json")]) == 2
 
 
+def test_a_grid_gets_maps_and_slices(tmp_path):
+    dense = load_library(library_path("dense"))
+    few = [g for g in dense.gaits if g.vx in (0.0, 0.5) and abs(g.vy) < 0.2]
+    path = tmp_path / "few.json"
+    save_library(replace(dense, gaits=tuple(few)), path)
+    assert plot_gaits.main([str(path)]) == 0
+    drawn = {picture.stem for picture in (tmp_path / "few_pictures").glob("*.png")}
+    assert {"grid", "outputs_vy", "outputs_yaw_rate", "torques"} <= drawn
+
+
 @pytest.mark.parametrize(
     "arguments",
     [["--jobs", "0"], ["--speeds", "nan"], ["--slope", "0.1", "--yaw-rate", "0.2"]],
@@ -227,5 +243,34 @@ def test_check_prints_the_table_and_fails_on_a_miss(tmp_path, capsys):
     assert "friction cone" in printed
 
 
-def test_the_default_library_is_there():
-    assert default_library_path().exists()
+def test_the_dense_library_is_certified_and_nearly_full():
+    dense = load_certified(library_path("dense"))
+    sizes = [len(axis) for axis in dense.axes]
+    assert sizes == [len(optimize_gaits.DENSE[name]) for name in ("speeds", "lateral", "yaw_rate")]
+    assert dense.holes <= 0.03 * np.prod(sizes)
+    assert dense.axes[0][0] == -1.0
+    assert dense.axes[0][-1] == 1.8
+
+
+@pytest.mark.parametrize("at", [3, 501, 740, 1100, 1410])
+def test_gaits_of_the_dense_library_pass_the_check_again(at):
+    gait = load_library(library_path("dense")).gaits[at]
+    assert [row.name for row in certify(gait).rows if not row.met] == []
+
+
+def test_in_the_dense_library_left_and_right_are_alike():
+    dense = load_library(library_path("dense"))
+    by_speeds = {(gait.vx, gait.vy, gait.yaw_rate): gait.cost for gait in dense.gaits}
+    pairs = [
+        (cost, by_speeds[vx, -vy, -turn])
+        for (vx, vy, turn), cost in by_speeds.items()
+        if (vx, -vy, -turn) in by_speeds
+    ]
+    ratios = [max(pair) / min(pair) for pair in pairs]
+    assert np.median(ratios) < 1.002
+    assert np.quantile(ratios, 0.99) < 1.01
+
+
+def test_a_library_is_found_by_its_name_or_its_path():
+    assert library_path("optimized") == default_library_path() == OPTIMIZED
+    assert library_path("some/where.json") == Path("some/where.json")

@@ -22,7 +22,7 @@ from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
 from cassie_control.silence import Silence
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.parameters import declare, on_change
@@ -35,7 +35,7 @@ class GaitControllerConfig(LaneConfig):
     """Parameters of the node beside those of the controller."""
 
     gait_library: str = tunable(
-        "", description="Gait library file (JSON); empty is the one that is installed", live=False
+        "", description="Gait library: a file, optimized (empty, seven gaits) or dense", live=False
     )
     allow_uncertified: bool = tunable(
         False,
@@ -130,7 +130,8 @@ class GaitControllerNode(Node):
 
     def _load(self, path: str) -> GaitLibrary:
         allow = self._lane.allow_uncertified
-        return load_certified(path or default_library_path(), allow_uncertified=allow)
+        file = library_path(path) if path else default_library_path()
+        return load_certified(file, allow_uncertified=allow)
 
     def _set_config(self, config: ControllerConfig) -> None:
         self._config = self._changed = config

@@ -12,13 +12,12 @@ import multiprocessing
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.certificate.table import Row
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
-from cassie_gaits.gait_library_file import load_library
+from cassie_gaits.gait_library_file import PACKAGED, library_path, load_library
 from cassie_gaits.model_hash import model_hash
 
 
@@ -28,7 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "--ros-args" in given:
         given = given[: given.index("--ros-args")]
     parser = argparse.ArgumentParser(prog="check_gaits", description=__doc__)
-    parser.add_argument("file", type=Path, help="library to check")
+    named = f"library to check: a file, or one of {', '.join(PACKAGED)}"
+    parser.add_argument("file", type=library_path, metavar="FILE", help=named)
     parser.add_argument("--jobs", type=int, default=2, help="local processes")
     options = parser.parse_args(given)
     try:

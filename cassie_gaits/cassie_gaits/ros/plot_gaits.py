@@ -2,7 +2,8 @@
 
 Draws the nine outputs over phase, stick figures, torques against their limits, foot clearance,
 the ground force in the friction cone and the cost of transport over speed, of the gaits that go
-straight; of a grid also the cost over all speeds. Exit status: 0, or 2 for a file that cannot be
+straight; of a grid also maps of cost, friction and torque over all speeds, and the outputs over
+turning rate and lateral speed. Exit status: 0, or 2 for a file that cannot be
 read.
 """
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
-from cassie_gaits.gait_library_file import load_library
+from cassie_gaits.gait_library_file import PACKAGED, library_path, load_library
 from cassie_gaits.gait_motion import Motion, motion
 from cassie_gaits.names import LEG_DRIVES
 
@@ -31,11 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "--ros-args" in given:
         given = given[: given.index("--ros-args")]
     parser = argparse.ArgumentParser(prog="plot_gaits", description=__doc__)
-    parser.add_argument("file", type=Path, help="library to draw")
+    named = f"library to draw: a file, or one of {', '.join(PACKAGED)}"
+    parser.add_argument("file", type=Path, metavar="FILE", help=named)
     parser.add_argument("--out", type=Path, help="folder for the pictures; FILE's name if left out")
     options = parser.parse_args(given)
     try:
-        library = load_library(options.file)
+        library = load_library(library_path(str(options.file)))
         folder = options.out or options.file.with_name(
             options.file.name.split(".")[0] + "_pictures"
         )
@@ -71,7 +73,10 @@ def _draw(gaits: Sequence[Gait], folder: Path) -> None:
     else:
         print("the gaits have no torques: only their outputs are drawn")
     if len(straight) < len(gaits):
-        pictures.draw_grid(gaits, folder / "grid.png")
+        from cassie_gaits import grid_pictures
+
+        grid_pictures.draw_grid(gaits, folder / "grid.png")
+        grid_pictures.draw_slices(gaits, folder)
     print(f"pictures: {folder}")
 
 

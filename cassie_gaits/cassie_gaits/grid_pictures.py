@@ -1,0 +1,104 @@
+"""Pictures of a library over three speeds: maps of what gaits cost and ask, and slices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from cassie_gaits.gait_library import Gait
+from cassie_gaits.gait_pictures import SPEED_NAMES, STYLE, draw_outputs
+
+FloatArray = npt.NDArray[np.float64]
+
+SLICES = {"yaw_rate": 0.5, "vy": 0.0}
+"""Speeds that are drawn as lines, and the sagittal speed (m/s) at which."""
+
+_HOLE = "#f4e3e0"
+
+
+def _certified(name: str) -> Callable[[Gait], float]:
+    def value(gait: Gait) -> float:
+        worst = (gait.certificate or {}).get("worst", {})
+        return float(worst.get(name, np.nan))
+
+    return value
+
+
+MAPS: tuple[tuple[str, Callable[[Gait], float]], ...] = (
+    ("cost of two steps", lambda gait: np.nan if gait.cost is None else gait.cost),
+    ("friction, allowed 0.6", _certified("friction cone")),
+    ("torque by limit", _certified("torque of the drives, share of the limit")),
+    ("torque at speed by limit", _certified("torque at speed, share of the limit")),
+)
+"""What the maps show: its name, and its value for a gait."""
+
+
+def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
+    """Maps over sagittal and lateral speed, a column for each turning rate."""
+    axes = [sorted({getattr(gait, name) for gait in gaits}) for name in SPEED_NAMES]
+    with matplotlib.rc_context(STYLE):
+        size = (1.9 * len(axes[2]) + 1.6, 1.7 * len(MAPS) + 0.8)
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(len(MAPS), len(axes[2]), sharex=True, sharey=True, squeeze=False)
+        for row, (label, value) in zip(panels, MAPS, strict=True):
+            table = _table(gaits, axes, value)
+            for k, panel in enumerate(row):
+                mesh = _map(panel, axes, table[:, :, k], (np.nanmin(table), np.nanmax(table)))
+            figure.colorbar(mesh, ax=list(row), label=label, aspect=14, pad=0.01)
+            row[0].set_ylabel("to the left (m/s)")
+        for k, rate in enumerate(axes[2]):
+            panels[0, k].set_title(f"{rate:+g} rad/s")
+            panels[-1, k].set_xlabel("ahead (m/s)")
+        holes = int(np.prod([len(axis) for axis in axes])) - len(gaits)
+        missing = f"; pale: {holes} without a gait" if holes else ""
+        figure.suptitle(f"{len(gaits)} gaits by turning rate{missing}", x=0.01, ha="left")
+        figure.savefig(path)
+
+
+def draw_slices(gaits: Sequence[Gait], folder: Path) -> None:
+    """Outputs over one speed where there are several values of it, the other one zero."""
+    for name, speed in SLICES.items():
+        other = "vy" if name == "yaw_rate" else "yaw_rate"
+        part = [gait for gait in gaits if getattr(gait, other) == 0.0]
+        if len({getattr(gait, name) for gait in part}) < 2:
+            continue
+        nearest = min((gait.vx for gait in part), key=lambda vx: abs(vx - speed))
+        chosen = [gait for gait in part if gait.vx == nearest]
+        draw_outputs(chosen, folder / f"outputs_{name}.png", name, f", {nearest:g} m/s ahead")
+
+
+def _table(
+    gaits: Sequence[Gait], axes: list[list[float]], value: Callable[[Gait], float]
+) -> FloatArray:
+    """Values over the grid, not a number where there is no gait."""
+    table = np.full([len(axis) for axis in axes], np.nan)
+    for gait in gaits:
+        at = (gait.vx, gait.vy, gait.yaw_rate)
+        table[tuple(axis.index(x) for axis, x in zip(axes, at, strict=True))] = value(gait)
+    return table
+
+
+def _map(panel: Any, axes: list[list[float]], table: FloatArray, span: tuple[Any, Any]) -> Any:
+    panel.set_facecolor(_HOLE)
+    edges = [_edges(axis) for axis in axes[:2]]
+    for spine in panel.spines.values():
+        spine.set_visible(False)
+    return panel.pcolormesh(*edges, np.ma.masked_invalid(table.T), vmin=span[0], vmax=span[1])
+
+
+def _edges(axis: list[float]) -> FloatArray:
+    """Borders halfway between the values of an axis."""
+    values = np.array(axis)
+    if len(values) == 1:
+        return np.array([values[0] - 0.05, values[0] + 0.05])
+    middle = 0.5 * (values[1:] + values[:-1])
+    edges: FloatArray = np.concatenate(
+        [[2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]]
+    )
+    return edges
