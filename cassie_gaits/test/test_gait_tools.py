@@ -160,8 +160,9 @@ def wait_for(condition, seconds):
 
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_is_ended_leaves_no_process_behind(tmp_path, kind):
+def test_a_run_that_is_ended_leaves_its_findings_and_no_process(tmp_path, kind, capsys):
     out = tmp_path / "gaits.json"
+    out.write_bytes(OPTIMIZED.read_bytes())
     speeds = [f"{0.02 * i:g}" for i in range(40)]
     command = [sys.executable, "-m", "cassie_gaits.ros.optimize_gaits", "--out", str(out)]
     run = subprocess.Popen(
@@ -180,9 +181,13 @@ def test_a_run_that_is_ended_leaves_no_process_behind(tmp_path, kind):
         assert run.returncode == 130
         assert error == "optimize_gaits: stopped; --resume goes on from here\n"
     assert wait_for(lambda: not any(map(is_alive, workers)), 3.0)
-    for line in partial.read_text().splitlines():
-        assert json.loads(line)
-    assert not out.exists()
+    lines = [json.loads(line) for line in partial.read_text().splitlines()]
+    assert out.read_bytes() == OPTIMIZED.read_bytes()
+    found = [f"{line['request']['vx']:g}" for line in lines[1:]]
+    resume = ["--speeds", *found, "-0.02", "--resume", "--jobs", "1", "--out", str(out)]
+    assert optimize_gaits.main(resume) == 0
+    assert f"{len(found)} of {len(found) + 1} taken over" in capsys.readouterr().out
+    assert len(load_certified(out).gaits) == len(found) + 1
 
 
 def fails_at_a_tenth(request, near=None):
