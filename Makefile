@@ -7,7 +7,7 @@ build: ## environment and workspace; does nothing where nothing changed
 	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
 
 test: build ## lint, unit tests of each package, bring-up tests
-	@.workspace/test.sh
+	@. ./env.sh && python3 .workspace/test.py
 
 demo: build ## stand up, walk, turn, squat: each node a process; results in build/demo
 	@. ./env.sh && ros2 run cassie_bags experiment bags/experiments/demo.yaml --out build/demo

@@ -2,5 +2,6 @@
 
 import os
 
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+# Others run at the same time: packages have 1 to 36, whole robots 40 to 99.
+os.environ["ROS_DOMAIN_ID"] = str(19 + os.getpid() % 18)
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,3 +86,31 @@ class RateCheck:
                 f"control_rate = {self._rate} Hz, but samples come at {seq * 1e9 / stamp:.6g} Hz"
             )
             self._stop.request(exit_code=2)
+
+
+class Turns:
+    """Has one thread at a time answer a node's messages: the one that receives, or the main one.
+
+    Args:
+        answer: Takes and answers what has come, if anything. It is told whether it may wait for
+            other messages, and says whether it has left something to be answered.
+    """
+
+    def __init__(self, answer: Callable[[bool], bool]) -> None:
+        self._answer = answer
+        self._lock = threading.Lock()
+
+    def at_once(self) -> bool:
+        """For `LaneSubscription.served`; False if the main thread must go on."""
+        # It must not wait for the main thread, which may be taking messages.
+        if not self._lock.acquire(blocking=False):
+            return False
+        try:
+            return not self._answer(False)
+        finally:
+            self._lock.release()
+
+    def in_turn(self) -> None:
+        """For the main thread."""
+        with self._lock:
+            self._answer(True)

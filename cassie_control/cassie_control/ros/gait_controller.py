@@ -17,6 +17,7 @@ from cassie_control.ros.common import (
     Conditions,
     LaneConfig,
     RateCheck,
+    Turns,
 )
 from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
@@ -68,29 +69,42 @@ class GaitControllerNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = self._status_reply = b""
+        self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        self._left_over = False  # a state that is loaded, for the main thread to answer
 
     def loop(self) -> None:
-        """Answer states until stopped."""
-        silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
-        while not self._stop.requested:
-            if self._take():
-                self._answer()
-                silence.heard(time.monotonic())
-                continue
-            if silence.lost(time.monotonic()):
-                problem = "no states: are simulator and state_estimator running?"
-                self._conditions.set("state_estimator", problem)
-            self._waiter.wait(LOOK_PERIOD)
+        """Answer states until stopped, in the thread that receives them where that can be."""
+        turns = Turns(self._answer_newest)
+        with self._states.served(turns.at_once):
+            while not self._stop.requested:
+                turns.in_turn()
+                if self._silence.lost(time.monotonic()):
+                    problem = "no states: are simulator and state_estimator running?"
+                    self._conditions.set("state_estimator", problem)
+                self._waiter.wait(LOOK_PERIOD)
+
+    def _answer_newest(self, may_wait: bool) -> bool:
+        """Answer the newest state; one that needs a mode which has not come only if it may wait."""
+        while not self._stop.requested and self._take():
+            state = self._state
+            known = int(state.episode) == self._answered[0]
+            if not may_wait and not (known and self._modes.is_there(int(state.seq))):
+                self._left_over = True
+                return True
+            self._answer()
+            self._silence.heard(time.monotonic())
+        return False
 
     def _take(self) -> bool:
-        """Load the newest state; says whether there is one."""
+        """Load the newest state not answered yet; says whether there is one."""
         try:
             overtaking, self._modes.overtaking = self._modes.overtaking, None
+            left_over, self._left_over = self._left_over, False
             if self._states.take(self._state):
                 return True
             if overtaking is not None:
                 self._state.load(overtaking)
-            return overtaking is not None
+            return left_over or overtaking is not None
         except ValueError as error:
             self._conditions.set("state", str(error))
             return False

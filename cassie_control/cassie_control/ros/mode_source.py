@@ -64,6 +64,13 @@ class ModeSource:
         self._span = range(0)
         self._set_lost(False)
 
+    def is_there(self, tick: int) -> bool:
+        """Whether `at` answers without waiting."""
+        if tick in self._span:
+            return True
+        self._take()
+        return self.lost or not self._waited_for or self._table.may_begin(tick)
+
     def at(self, tick: int) -> Mode:
         """The mode for a tick; may wait for it."""
         if tick in self._span:

@@ -16,6 +16,7 @@ from cassie_control.ros.common import (
     Conditions,
     LaneConfig,
     RateCheck,
+    Turns,
 )
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
@@ -47,24 +48,29 @@ class StateEstimator(Node):
         self._answered = (-1, -1)
         self._told: tuple[str, ...] = ()
         self._reply = b""
+        self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
 
     def loop(self) -> None:
-        """Answer samples until stopped."""
-        silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
-        while not self._stop.requested:
-            self._waiter.wait(LOOK_PERIOD)
-            if self._take():
-                silence.heard(time.monotonic())
-                self._answer()
-            elif silence.lost(time.monotonic()):
-                self._conditions.set("simulator", "no sensor samples: is the simulator running?")
+        """Answer samples until stopped, in the thread that receives them."""
+        turns = Turns(self._answer_newest)
+        with self._samples.served(turns.at_once):
+            while not self._stop.requested:
+                turns.in_turn()
+                if self._silence.lost(time.monotonic()):
+                    problem = "no sensor samples: is the simulator running?"
+                    self._conditions.set("simulator", problem)
+                self._waiter.wait(LOOK_PERIOD)
 
-    def _take(self) -> bool:
+    def _answer_newest(self, _: bool) -> bool:
         try:
-            return self._samples.take(self._sample)
+            come = self._samples.take(self._sample)
         except ValueError as error:
             self._conditions.set("sensors", str(error))
-            return False
+        else:
+            if come:
+                self._answer()
+                self._silence.heard(time.monotonic())
+        return False
 
     def _answer(self) -> None:
         sample = self._sample

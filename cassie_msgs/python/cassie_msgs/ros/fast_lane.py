@@ -2,8 +2,9 @@
 
 A message object costs 40 to 50 us to take in Python and the executor adds 100 to 250 us
 to each; waiting for raw bytes and taking them as `inbox` does costs 10. A node that uses this
-has its loop on the main thread (wait, take, compute, publish) and everything slow, such as
-parameters, services and timers, on an executor in another thread.
+has its loop on the main thread (wait, take, compute, publish), or answers in the thread that
+receives, and everything slow, such as parameters, services and timers, is on an executor in
+another thread.
 
 Other nodes and tools see ordinary messages: it is the same topic and type.
 """
@@ -15,6 +16,7 @@ import select
 import time
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import Any, Generic, TypeVar
 
@@ -119,6 +121,13 @@ class RawSubscription:
         taken = self.inbox.take()
         return None if taken is None else bytes(taken)
 
+    def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
+        """Meanwhile, have messages answered where they are received: see `Inbox.served`.
+
+        What `answer` raises comes out of the next `LaneWaiter.wait`.
+        """
+        return self.inbox.served(answer)
+
     @property
     def matched(self) -> int:
         """Number of publishers that send to here."""
@@ -186,6 +195,9 @@ class LaneWaiter:
 
         Returns:
             True if a message has come.
+
+        Raises:
+            BaseException: what answering one raised where it was received.
         """
         ready, _, _ = select.select(self._descriptors, (), (), timeout_s)
         come = False

@@ -4,6 +4,7 @@ rclpy takes a message in 15 us and waits for one in 20 to 50, most of it to tell
 again and again which subscriptions it waits for. Below rclpy, ROS itself calls a C function
 when a message has come. Here that function is the C library's own `eventfd_write`, so that the
 thread which receives needs no Python to wake the one that waits, and a wait is one system call.
+Where even that is too long, the thread which receives answers itself: see `Inbox.served`.
 
 Source:
     rcl/subscription.h: `rcl_subscription_set_on_new_message_callback`,
@@ -15,7 +16,9 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import threading
 import weakref
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -51,12 +54,16 @@ class _Text(ctypes.Structure):
 
 
 # These calls return at once; giving up the interpreter for them would cost more than they do.
-_rcl = ctypes.PyDLL("librcl.so")
 _rcutils = ctypes.PyDLL("librcutils.so")
-_take = _rcl.rcl_take_serialized_message
+_take = ctypes.PyDLL("librcl.so").rcl_take_serialized_message
 _take.argtypes = (ctypes.c_void_p,) * 4
+# These may wait for the thread that receives, and that one for the interpreter.
+_rcl = ctypes.CDLL("librcl.so")
+_take_patiently = _rcl.rcl_take_serialized_message
+_take_patiently.argtypes = (ctypes.c_void_p,) * 4
 _call_on_message = _rcl.rcl_subscription_set_on_new_message_callback
 _call_on_message.argtypes = (ctypes.c_void_p,) * 3
+_Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)
 _rcutils.rcutils_get_default_allocator.restype = _Allocator
 _rcutils.rcutils_get_error_string.restype = _Text
 # It is called with what it was registered with and the number of messages: the descriptor and
@@ -88,14 +95,61 @@ class Inbox:
             )
         )
         self._capacity = 0
+        self._receiver = 0  # thread that answers; 0: none does, -1: not known yet
+        self._callback: Any = None
+        self._error: BaseException | None = None
         self._view = memoryview(b"")
         weakref.finalize(self, _close, handle, self.descriptor, self._bytes)
         _check(_call_on_message(self._pointer, _RING, self.descriptor))
 
+    @contextlib.contextmanager
+    def served(self, answer: Callable[[], bool]) -> Iterator[None]:
+        """Have messages answered by the thread that receives them, without waking another.
+
+        Args:
+            answer: Called in that thread when a message has come. If it returns False, or
+                raises, the descriptor becomes readable as usual. It must not wait for another
+                message: nobody else is there to receive it.
+        """
+        here = threading.get_ident()
+
+        def call(_: int | None, count: int) -> None:
+            # What came before is told by this thread, which holds what the other one waits for.
+            if threading.get_ident() == here or not self._answered(answer):
+                os.eventfd_write(self.descriptor, count)
+
+        self._callback = _Callback(call)
+        self._receiver = -1
+        with self._handle:
+            _check(_call_on_message(self._pointer, self._callback, None))
+        try:
+            yield
+        finally:
+            with contextlib.suppress(_rclpy.InvalidHandle), self._handle:
+                _call_on_message(self._pointer, _RING, self.descriptor)
+            self._receiver = 0
+
+    def _answered(self, answer: Callable[[], bool]) -> bool:
+        if self._receiver == -1:
+            ctypes.pythonapi.PyGILState_Ensure()  # Python keeps what it made for this thread
+            self._receiver = threading.get_ident()
+        try:
+            return answer()
+        except BaseException as error:
+            self._error = error
+            return False
+
     def clear(self) -> None:
-        """Make the descriptor unreadable until the next message comes."""
+        """Make the descriptor unreadable until the next message comes.
+
+        Raises:
+            BaseException: what `answer` raised in the thread that receives.
+        """
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self.descriptor)
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
 
     def take(self) -> memoryview | None:
         """The oldest message not yet taken, valid until the next call; None if there is none.
@@ -104,8 +158,11 @@ class Inbox:
             InvalidHandle: if the subscription is destroyed.
             RCLError: if the middleware fails.
         """
+        take = _take
+        if self._receiver and self._receiver != threading.get_ident():
+            take = _take_patiently
         with self._handle:
-            code = _take(self._pointer, self._bytes_pointer, None, None)
+            code = take(self._pointer, self._bytes_pointer, None, None)
         if code == _NOTHING_TO_TAKE:
             return None
         _check(code)

@@ -1,0 +1,124 @@
+"""Lint, the unit tests beside each package and the bring-up tests, on two lanes at a time.
+
+On one lane whatever starts nodes, in turn, as some of them have to keep pace with the wall clock;
+beside it, with what these leave of the processors, whatever computes. What a suite prints comes in
+one piece when it is over; the last line says whether all passed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PYTEST = (sys.executable, "-m", "pytest", "-q")
+BAGS_NODES = tuple(
+    f"bags/test/test_{name}.py" for name in ("experiment_nodes", "record_nodes", "bench")
+)
+NODES = {
+    "bring-up": (*PYTEST, "test"),
+    "bags with nodes": (*PYTEST, *BAGS_NODES),
+    "cassie_msgs": (*PYTEST, "cassie_msgs/test"),
+    "cassie_teleop": (*PYTEST, "cassie_teleop/test"),
+}
+ARITHMETIC = {
+    "lint": (str(ROOT / ".workspace" / "lint.sh"),),
+    "cassie_control": (*PYTEST, "cassie_control/test"),
+    "cassie_gaits": (*PYTEST, "cassie_gaits/test"),
+    "cassie_sim": (*PYTEST, "cassie_sim/test"),
+    "bags": (*PYTEST, "bags/test", *(f"--ignore={file}" for file in BAGS_NODES)),
+}
+
+
+class Lane(threading.Thread):
+    """Runs suites one after the other.
+
+    Attributes:
+        failed: Names of those that did not pass.
+
+    Args:
+        suites: Commands by name.
+        polite: Whether other processes come first.
+    """
+
+    _print = threading.Lock()
+
+    def __init__(self, suites: dict[str, tuple[str, ...]], *, polite: bool) -> None:
+        super().__init__(daemon=True)
+        self._suites, self._polite = suites, polite
+        self._process: subprocess.Popen[str] | None = None
+        self._stopped = False
+        self.failed: list[str] = []
+
+    def run(self) -> None:
+        """Run everything."""
+        for name, command in self._suites.items():
+            if self._stopped:
+                return
+            started = time.monotonic()
+            self._process = subprocess.Popen(
+                command,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+                preexec_fn=_give_way if self._polite else None,
+            )
+            text, _ = self._process.communicate()
+            status, took = self._process.returncode, time.monotonic() - started
+            if status:
+                self.failed.append(name)
+            word = f"FAILED with status {status}" if status else "passed"
+            with self._print:
+                print(f"== {name}: {word} ({took:.0f} s)\n{text.rstrip()}", flush=True)
+
+    def stop(self) -> None:
+        """End what runs, as by Ctrl-C, and begin nothing any more."""
+        self._stopped = True
+        if self._process is not None and self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGINT)
+
+
+def _give_way() -> None:
+    """In the child: let others come first, also where Linux shares among sessions."""
+    os.nice(10)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text("10", encoding="ascii")
+
+
+def main() -> int:
+    """Run, say how it went; 0 if all passed."""
+    started = time.monotonic()
+    lanes = [Lane(NODES, polite=False), Lane(ARITHMETIC, polite=True)]
+    for lane in lanes:
+        lane.start()
+    try:
+        for lane in lanes:
+            while lane.is_alive():
+                lane.join(0.5)  # so that Ctrl-C is heard
+    except KeyboardInterrupt:
+        for lane in lanes:
+            lane.stop()
+        for lane in lanes:
+            lane.join(10.0)
+        return 130
+    took = f"({time.monotonic() - started:.0f} s)"
+    failed = [name for lane in lanes for name in lane.failed]
+    if failed:
+        print(f"make test: FAILED in {', '.join(failed)} {took}")
+        return 1
+    print(f"make test: all passed {took}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
