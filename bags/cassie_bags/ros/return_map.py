@@ -18,10 +18,13 @@ from cassie_bags.figures import STYLE
 from cassie_bags.return_map import DELAYS, IMPULSES, STEPS, Measurement, experiment_of, measure
 from cassie_bags.return_map_fit import DECAYED, decay, steps_to_decay
 from cassie_gaits.errors import CassieError
-from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 
 DECAYS, GROWS, WRONG_INPUT, STOPPED = 0, 1, 2, 130
 """Exit codes."""
+
+ACROSS = 5
+"""Most panels of the picture beside each other."""
 
 STRONGEST = 10.0
 """Largest push: beyond it a deviation is no longer small. In N s."""
@@ -109,16 +112,21 @@ def _head() -> list[str]:
 def _draw(found: Sequence[Measurement], path: Path) -> Path:
     """Size of the deviation over steps, a panel a speed."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.0 * len(found) + 0.6, 3.0), layout="constrained")
-        panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
-        for axes, one in zip(panels, found, strict=True):
+        rows = math.ceil(len(found) / ACROSS)
+        across = math.ceil(len(found) / rows)
+        figure = Figure(figsize=(3.0 * across + 0.6, 2.6 * rows + 0.6), layout="constrained")
+        panels = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes in panels[len(found) :]:
+            axes.set_visible(False)
+        for axes, one in zip(panels, found, strict=False):
             for run in one.deviations:
                 x, y = run.impulse
                 name = f"{x:+g}, {y:+g} N s after {run.delay:g} s"
                 axes.semilogy(run.size, marker=".", linewidth=0.8, label=name)
             axes.axhline(one.noise, color="0.5", linestyle=":", label="noise")
             axes.set(title=f"{one.speed:g} m/s", xlabel="steps after the push")
-        panels[0].set_ylabel("deviation (m/s)")
+        for axes in panels[::across]:
+            axes.set_ylabel("deviation (m/s)")
         figure.legend(
             *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6
         )
@@ -149,7 +157,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "lose step, 1 this is not so of one, 2 wrong arguments, 130 stopped.",
     )
     add = parser.add_argument
-    add("file", nargs="?", type=Path, metavar="FILE", help="gait library (default: the package's)")
+    library = "gait library: a file, optimized (default) or dense"
+    add("file", nargs="?", type=library_path, metavar="FILE", help=library)
     add("--speeds", nargs="+", type=float, help="m/s (default: those of the library's gaits)")
     add("--seed", type=int, default=0, help="robot and noise drawn (default 0, the nominal robot)")
     add("--impulse", type=float, default=4.0, help="of each push, N s (default 4)")
