@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,3 +211,32 @@ def test_the_library_is_read_within_its_range():
     core = walking()
     core.timing.velocity = (9.0, 0.0)
     assert core.gait_speed == LIBRARY.speed_range[1]
+
+
+LOADED = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from walkers import swinging, walking
+from robot_states import mode_of, readings_of
+from cassie_msgs.layout import MotorCommand
+
+def loaded():
+    modules = [m for name, m in sys.modules.items() if name.startswith("cassie_")]
+    found = {f for m in modules for f in vars(m).values() if isinstance(f, Dispatcher)}
+    return sum(len(f.signatures) for f in found)
+
+core, readings = walking(), readings_of(swinging(0))
+before = loaded()
+core.step(readings, mode_of(vx=0.5, yaw_rate=0.1), MotorCommand())
+print(before, loaded())
+"""
+
+
+def test_nothing_is_compiled_or_loaded_any_more_when_it_begins_to_walk():
+    """That would take as long as fifteen ticks."""
+    folder = str(Path(__file__).parent)
+    run = subprocess.run(
+        [sys.executable, "-c", LOADED], cwd=folder, capture_output=True, text=True, check=True
+    )
+    before, after = map(int, run.stdout.split())
+    assert 0 < before == after

@@ -23,9 +23,10 @@ from cassie_control.controller.position_hold import PositionHold
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.records import COMMAND_TYPE, STEP_TYPE, RecordArray
 from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
-from cassie_control.controller.step_timing import StepTiming
+from cassie_control.controller.step_timing import LEFT, StepTiming
+from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_msgs.layout import Mode, MotorCommand
+from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -91,6 +92,7 @@ class WalkingController:
         self._placement: Placement = placement(config)
         self.config = config
         self.configure(config)
+        self._practise()
 
     def configure(self, config: WalkConfig) -> None:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
@@ -100,6 +102,19 @@ class WalkingController:
         self.timing.configure(config)
         self.config = config
         self._figures = figures(config)
+
+    def _practise(self) -> None:
+        """Walk for one tick: the first calls load the compiled functions, or make them.
+
+        The robot must not wait for that when it begins to walk.
+        """
+        state, readings = RobotState(), Readings()
+        state.q[2] = state.com_position[2] = 0.9
+        state.q[6:] = (0.0, 0.0, 0.5, -1.2, 0.0, robot.NEUTRAL_TARSUS + 1.2, -1.6) * 2
+        readings.update(state)
+        self.start(readings, LEFT)
+        self.step(readings, Mode(), MotorCommand())
+        self.start(readings, LEFT)
 
     def _look_at(self, command: MotorCommand) -> None:
         """Find the parts of a command, which is the same at every tick."""
