@@ -11,6 +11,7 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from tqdm import tqdm
 
 from cassie_bags.errors import RunError
@@ -121,15 +122,16 @@ def _draw(found: Sequence[Measurement], path: Path) -> Path:
         for axes, one in zip(panels, found, strict=False):
             for run in one.deviations:
                 x, y = run.impulse
-                name = f"{x:+g}, {y:+g} N s after {run.delay:g} s"
+                name = f"({x:g}, {y:g}) N s after {run.delay:g} s"
                 axes.semilogy(run.size, marker=".", linewidth=0.8, label=name)
             axes.axhline(one.noise, color="0.5", linestyle=":", label="noise")
             axes.set(title=f"{one.speed:g} m/s", xlabel="steps after the push")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         for axes in panels[::across]:
             axes.set_ylabel("deviation (m/s)")
         figure.legend(
             *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6
-        )
+        ).set_title("push (ahead, to the left)")
         figure.savefig(path)
     return path
 
