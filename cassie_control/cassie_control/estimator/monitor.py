@@ -59,8 +59,8 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
-    # Up and down the feet are less sure: on soft ground they sink.
-    normal["pulled"], normal["late_pull"] = (0.008, 0.01, 0.01), (0.0045, 0.0048, 0.006)
+    normal["mass"] = robot.total_mass()
+    normal["pulled"], normal["late_pull"] = (0.008, 0.01, math.inf), (0.0045, 0.0048, math.inf)
     return record
 
 
@@ -72,7 +72,10 @@ class SensorMonitor:
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity grow apart: the sign of their difference by the velocity
       tells which of them is late; the IMU's orientation and gyro are such a pair as well.
-    - The feet correct the filter's velocity more than they ever need to: the accelerometer.
+    - The feet correct the filter's velocity more than they ever need to, along with what the
+      accelerometer says: it is late, fore and aft or sideways. Up and down the feet do not know,
+      since they sink into soft ground; there the springs' force is compared with it: if what
+      they carried 20 ms ago fits much better than what they carry now, it is late.
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer
@@ -116,7 +119,12 @@ class SensorMonitor:
             watch[name] = value
 
     def step(
-        self, sensors: Sensors, rotation: FloatArray, pull: FloatArray, footing: float
+        self,
+        sensors: Sensors,
+        rotation: FloatArray,
+        pull: FloatArray,
+        footing: float,
+        force: float,
     ) -> Sensors:
         """The sample to go on with: the same, or one in which bad channels are replaced.
 
@@ -125,6 +133,7 @@ class SensorMonitor:
             rotation: Pelvis to world, last known. Shape (3, 3).
             pull: How the feet corrected the velocity in the world at the last sample. (3,), m/s.
             footing: How firmly a foot stands, 0..1.
+            force: Vertical force of both feet at the last sample. In N.
         """
         seq = int(sensors.seq)
         if seq != self._seq + 1:
@@ -140,7 +149,7 @@ class SensorMonitor:
             sensors.joint_velocity,
             self._watch,
         )
-        look(self._watch, self._limits, rotation, pull, footing)
+        look(self._watch, self._limits, rotation, pull, footing, force)
         if not self._bad.any() and not self._bad_acceleration.any():
             self.mask = self.lost = 0
             return sensors
@@ -195,6 +204,7 @@ class MonitoredEstimator:
         self.core = core
         self._names: tuple[str, ...] = ()
         self._named = 0
+        self._force = 0.0
         self._monitor = SensorMonitor(
             period, core.config.filter.attitude_delay, core.config.distrust_time
         )
@@ -219,6 +229,7 @@ class MonitoredEstimator:
     def reset(self) -> None:
         """Start afresh."""
         self._monitor.reset()
+        self._force = 0.0
         self.core.reset()
 
     def step(self, sensors: Sensors) -> RobotState:
@@ -231,10 +242,12 @@ class MonitoredEstimator:
             SensorError: if channels fail that nothing can replace; the message names them.
         """
         monitor, core = self._monitor, self.core
-        sample = monitor.step(sensors, core.rotation, core.pull, core.footing)
+        sample = monitor.step(sensors, core.rotation, core.pull, core.footing, self._force)
         if monitor.lost:
             raise SensorError(f"no estimate without {', '.join(channels.names(monitor.lost))}")
         core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
         state = core.step(sample)
+        left, right = state.foot_force.tolist()
+        self._force = left + right
         state.sensor_faults[...] = monitor.mask
         return state

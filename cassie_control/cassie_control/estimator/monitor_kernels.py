@@ -11,6 +11,7 @@ import numpy.typing as npt
 from cassie_gaits.compiled import compiled
 
 GRAVITY = 9.81
+CARRIED = 64
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 
@@ -22,6 +23,14 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _PULL_TIME = 0.06  # s
 _FOOTING_TIME = 0.2  # s of firm feet, after which they know the velocity
+_SETTLING = 0.4  # s, after a fault
+_UPWARD_TIME = 0.1  # s
+_SLOW_TIME = 0.3  # s
+_UPWARD_LATE = 0.02  # s
+_UPWARD_RATIO = 1.7  # of the mismatches, from which it is late
+_STARTING = 1.0  # s
+_NOT_ALL_CARRIED = 1.0  # m/s^2
+_UPWARD_LEAST = 0.5  # (m/s^2)^2
 _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
 _TAIL = 2.0  # of the velocity filter's delay
@@ -89,6 +98,7 @@ def look(
     rotation: FloatArray,
     pull: FloatArray,
     footing: float,
+    force: float,
 ) -> None:
     """Compare what belongs together; afterwards `bad` and `trusted` are those of this sample.
 
@@ -98,6 +108,7 @@ def look(
         rotation: Pelvis to world, last known. Shape (3, 3).
         pull: How the feet corrected the velocity in the world at the last sample. (3,), in m/s.
         footing: How firmly a foot stands, 0..1.
+        force: Vertical force of both feet at the last sample. In N.
     """
     watch, limit = watches[0], limits[0]
     if watch.ticks == 0:
@@ -118,6 +129,8 @@ def look(
         _go_on(watch, limit, i)
     _turn(watch, limit, turned > 0.0)
     _look_at_acceleration(watch, limit, rotation, pull, footing)
+    if _late_upward(watch, limit, rotation, force):
+        watch.bad_acceleration[2] = limit.hold
     watch.ticks += 1
 
 
@@ -296,9 +309,14 @@ def _look_at_acceleration(
     watch: Any, limit: Any, rotation: FloatArray, pull: FloatArray, footing: float
 ) -> None:
     fade, dt = math.exp(-limit.period / _PULL_TIME), limit.period
-    watch.footing = watch.footing + dt if footing > 0.9 else 0.0
     a = watch.acceleration
     disturbed = watch.bad.max() > 0.0 or watch.bad_acceleration.max() > 0.0
+    if disturbed:  # the filter's velocity takes a while to be right again
+        watch.footing = -_SETTLING
+    elif footing > 0.9:
+        watch.footing += dt
+    else:
+        watch.footing = min(0.0, watch.footing)
     for k in range(3):
         watch.bad_acceleration[k] = max(0.0, watch.bad_acceleration[k] - dt)
         watch.same_acceleration[k] = watch.same_acceleration[k] + 1 if a[0, k] == a[1, k] else 0
@@ -328,3 +346,35 @@ def _late_acceleration(
     pulled[2] += share * (acceleration * acceleration - pulled[2])
     late: bool = abs(pulled[0]) > limit.pulled[k] and pulled[1] > limit.late_pull[k] * pulled[2]
     return late
+
+
+@compiled
+def _late_upward(watch: Any, limit: Any, rotation: FloatArray, force: float) -> bool:
+    """Whether the upward acceleration follows the springs' force of a while ago, not of now."""
+    dt, a = limit.period, watch.acceleration
+    up = 0.0
+    for k in range(3):
+        up += rotation[2, k] * a[0, k]
+    carried = force / limit.mass
+    if watch.ticks == 0 or watch.bad_acceleration.max() > 0.0:
+        watch.upward[0], watch.upward[1] = up, carried
+        watch.mismatch[:] = 0.0
+        watch.late_upward = 0.0
+    slow, share = 1.0 - math.exp(-dt / _SLOW_TIME), 1.0 - math.exp(-dt / _UPWARD_TIME)
+    watch.upward[0] += slow * (up - watch.upward[0])
+    watch.upward[1] += slow * (carried - watch.upward[1])
+    up -= watch.upward[0]
+    carried -= watch.upward[1]
+    count = max(1, min(CARRIED - 1, int(_UPWARD_LATE / dt + 0.5)))
+    before = watch.carried[(watch.ticks - count) % CARRIED]
+    watch.carried[watch.ticks % CARRIED] = carried
+    watch.mismatch[0] += share * ((up - carried) ** 2 - watch.mismatch[0])
+    watch.mismatch[1] += share * ((up - before) ** 2 - watch.mismatch[1])
+    # A gantry carries too, or the ground gives way.
+    settled = watch.ticks * dt > _STARTING
+    if not settled or abs(watch.upward[1] - GRAVITY) > _NOT_ALL_CARRIED:
+        watch.mismatch[:] = 0.0
+    late = watch.mismatch[0] > max(_UPWARD_LEAST, _UPWARD_RATIO * watch.mismatch[1])
+    watch.late_upward = watch.late_upward + dt if late else 0.0
+    answer: bool = watch.late_upward > _PATIENCE
+    return answer

@@ -10,6 +10,9 @@ import numpy as np
 
 from cassie_control.estimator.monitor_kernels import PAIRS
 
+CARRIED = 64
+"""Ticks of the springs' force that are kept."""
+
 WATCH_TYPE = np.dtype(
     [
         ("ticks", int),  # since the start
@@ -42,6 +45,10 @@ WATCH_TYPE = np.dtype(
             (3, 3),
         ),  # by which feet correct the velocity, pelvis frame, in m/s; fading
         # means of it x acceleration and of acceleration squared
+        ("carried", float, CARRIED),  # ring: what the springs' force accelerated, m/s^2
+        ("upward", float, 2),  # slow means of upward acceleration and of that, m/s^2
+        ("mismatch", float, 2),  # of both now, and of now with `LATE` before, (m/s^2)^2
+        ("late_upward", float),  # s, for which the latter has been much better
         ("bad_acceleration", float, 3),  # s
     ]
 )
@@ -62,6 +69,7 @@ LIMITS_TYPE = np.dtype(
         ("velocity_lag", int, PAIRS),  # and the other way round
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
+        ("mass", float),  # of the robot, kg
         ("pulled", float, 3),  # m/s
         ("late_pull", float, 3),  # s, by which that follows the acceleration
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
