@@ -19,7 +19,7 @@ experiments: build ## every experiment file, with bags, pictures and one page: b
 	@. ./env.sh && python3 -m cassie_bags.ros.experiments --out build/experiments
 
 sweeps: build ## what Cassie can do: every figure beside its target and the paper's law; ROWS="push_in_place" for some
-	@. ./env.sh && python3 -m cassie_bags.ros.sweep $(ROWS) --out build/sweeps
+	@. ./env.sh && python3 -m cassie_bags.ros.sweep $(ROWS) $(SWEEP_OPTIONS) --out build/sweeps
 
 lint: build ## ruff, and mypy (strict on the cores)
 	@.workspace/lint.sh

@@ -1,7 +1,11 @@
 """Run every compiled function once; their machine code is kept beside the sources."""
 
+import numpy as np
+
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
+from cassie_control.controller.learned_kernels import teach
+from cassie_control.controller.learned_torques import nothing_learned
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
@@ -16,7 +20,7 @@ TICKS = 500
 library = load_library(default_library_path())
 plant = Plant(PlantConfig(), Scenario(start="standing"))
 estimators = [make_monitored(EstimatorConfig(estimator=name), PERIOD) for name in ESTIMATORS]
-controller = GaitController(ControllerConfig(), library, PERIOD)
+controller = GaitController(ControllerConfig(learned_torques="learn"), library, PERIOD)
 mode = Mode()
 mode.height[...] = 0.95
 plant.power(True)
@@ -25,3 +29,7 @@ for tick in range(TICKS):
     sample = plant.sense()
     states = [estimator.step(sample) for estimator in estimators]
     plant.step(controller.step(states[0], mode))
+
+learned = nothing_learned()
+counts, weights = np.zeros(learned.torques.shape[2]), np.zeros(len(learned.speeds))
+teach(learned.torques, learned.torques, counts, weights, np.ones(10), np.ones(10), (0.0, 0.0))

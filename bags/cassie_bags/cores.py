@@ -12,6 +12,7 @@ from cassie_bags.experiment_file import Experiment
 from cassie_bags.in_process import Loop, Observer
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
+from cassie_control.controller.learned_torques import LearnedTorques, load_beside
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.monitor import MonitoredEstimator
@@ -32,9 +33,10 @@ SET_BY_FILE = (
 )
 """Parameters of the simulator that follow from other keys of an experiment."""
 
-UNCERTIFIED = "allow_uncertified"
-"""Parameter of the controller's node, not of its core."""
+UNCERTIFIED, LEARNED_FILE = "allow_uncertified", "learned_torques_file"
+"""Parameters of the controller's node, not of its core."""
 
+_OF_NODE = (UNCERTIFIED, LEARNED_FILE)
 ConfigT = TypeVar("ConfigT")
 
 
@@ -60,6 +62,7 @@ def check_parameters(experiment: Experiment) -> None:
     simulator_config(experiment)
     scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
     load_gaits(experiment)
+    load_learned(experiment)
     _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
     _controller_config(experiment)
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
@@ -84,9 +87,22 @@ def load_gaits(experiment: Experiment) -> GaitLibrary:
     return load_certified(library_path(experiment), allow_uncertified=allow)
 
 
+def load_learned(experiment: Experiment) -> LearnedTorques:
+    """The torques of `controller.learned_torques_file`, or those beside the gait library.
+
+    Raises:
+        CassieError: as `load_torques`.
+        ExperimentError: if the parameter is no path.
+    """
+    path = experiment.parameters["controller"].get(LEARNED_FILE, "")
+    if not isinstance(path, str):
+        raise ExperimentError(f"controller.{LEARNED_FILE} is {path!r}, expected a path")
+    return load_beside(library_path(experiment), path)
+
+
 def _controller_config(experiment: Experiment) -> ControllerConfig:
     section = experiment.parameters["controller"]
-    given = {name: value for name, value in section.items() if name != UNCERTIFIED}
+    given = {name: value for name, value in section.items() if name not in _OF_NODE}
     return _config(ControllerConfig, given, "controller")
 
 
@@ -118,6 +134,7 @@ def make_cores(experiment: Experiment) -> Cores:
             _controller_config(experiment),
             load_gaits(experiment),
             period,
+            load_learned(experiment),
         ),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
         ScriptedOperator(experiment.operator),

@@ -49,8 +49,8 @@ def placements(track: Track, shortest: float = SHORTEST) -> list[Placement]:
     for leg in (0, 1):
         for start, end in _runs(track.foot_load[:, leg] > LOADED):
             t0, t1 = float(track.time[start]), float(track.time[end - 1])
-            if t1 - t0 >= shortest:
-                tip, heel = track.legs[start:end, leg, -2:].mean(axis=0)
+            tip, heel = track.legs[start:end, leg, -2:].mean(axis=0)
+            if t1 - t0 >= shortest and np.isfinite([tip, heel]).all():  # damped: no estimate
                 found.append(Placement(leg, t0, t1, heel, tip))
     return sorted(found, key=lambda placement: placement.t0)
 

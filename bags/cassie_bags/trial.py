@@ -18,12 +18,14 @@ import numpy.typing as npt
 from cassie_bags.continuity import first_occurrences
 from cassie_bags.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.experiment_file import Experiment, read_experiment
+from cassie_bags.figures import AVERAGED_OVER
 from cassie_bags.in_process import Store
 from cassie_bags.metrics import FALLEN_HEIGHT, FALLEN_TILT
 from cassie_bags.recording import Rows, stamps, stamps_ns
 from cassie_bags.resolve import resolve
 from cassie_bags.track import Track, make_track
 from cassie_bags.yaml_file import apply_changes
+from cassie_gaits.gait_library import OUTPUTS
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
 from cassie_msgs.tunables import as_mapping
 from cassie_sim.plant import Plant
@@ -35,7 +37,20 @@ Figures = dict[str, float]
 
 _MEANS = ("vx", "vy", "yaw_rate")
 _RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
-WINDOW_FIGURES = (*_MEANS, "vy_slip", "drift", "depth", *_RMSE, "odometry", "tracking")
+TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
+"""RMS tracking error of each of the nine outputs, by name of figure."""
+
+WINDOW_FIGURES = (
+    *_MEANS,
+    "vy_slip",
+    "drift",
+    "drift_of_steps",
+    "depth",
+    *_RMSE,
+    "odometry",
+    "tracking",
+    *TRACKING,
+)
 """What `measure_window` gives."""
 
 _LOOKS = 25  # ticks between looks at whether the run is decided
@@ -52,6 +67,7 @@ class Trial:
         window: Part of the run to measure. In s.
         ahead: Distance along the first heading at which the run ends early, or None. In m.
         changes: `key=value` words that replace what the content says.
+        beside: Words that replace more of it in a second run, or None for no second run.
     """
 
     content: Mapping[str, Any]
@@ -59,6 +75,7 @@ class Trial:
     window: tuple[float, float]
     ahead: float | None = None
     changes: tuple[str, ...] = field(default=())
+    beside: tuple[str, ...] | None = None
 
 
 def experiment_of(trial: Trial) -> Experiment:
@@ -77,15 +94,24 @@ def experiment_of(trial: Trial) -> Experiment:
 
 
 def run_trial(trial: Trial) -> Figures:
-    """Run a trial until its end, a fall, or `ahead`.
+    """Run a trial until its end, a fall, or `ahead`, and then the one beside it.
 
     Returns:
         Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode;
-        and of the window those of `measure_window`, NaN where the run did not get there.
+        and of the window those of `measure_window`, NaN where the run did not get there. Of the
+        run beside the same with "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
+    figures = _figures_of(trial)
+    if trial.beside is not None:
+        changed = dataclasses.replace(trial, changes=(*trial.changes, *trial.beside), beside=None)
+        figures |= {f"beside_{name}": value for name, value in _figures_of(changed).items()}
+    return figures
+
+
+def _figures_of(trial: Trial) -> Figures:
     experiment = experiment_of(trial)
     cores = make_cores(experiment)
     store = Store()
@@ -137,10 +163,11 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     Returns:
         vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame; vy_slip: largest
         sideways mean over a second (m/s); drift: greatest distance from where the window
-        began (m); depth: of the lower sole below the height of the start, median (m);
+        began (m); drift_of_steps: the same of the mean place over two steps, which leaves out
+        the sway (m); depth: of the lower sole below the height of the start, median (m);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
         odometry: error of the estimated displacement by its length; tracking: RMS of the
-        errors of the nine outputs (rad and m).
+        errors of the nine outputs (rad and m), and that of each as `TRACKING` names them.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)
@@ -151,11 +178,14 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     figures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
     figures["vy_slip"] = _slip(track.achieved["vy"][inside], round(1.0 / tick))
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
+    figures["drift_of_steps"] = _drift_of_steps(away, round(AVERAGED_OVER / tick))
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
     figures |= _estimate(track, state, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
-    figures["tracking"] = float(np.sqrt((errors**2).mean())) if len(errors) else math.nan
+    squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)
+    figures["tracking"] = float(np.sqrt(squares.mean()))
+    figures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
     return figures
 
 
@@ -165,6 +195,15 @@ def _slip(vy: FloatArray, second: int) -> float:
         return math.nan
     means = np.convolve(vy, np.full(second, 1.0 / second), mode="valid")
     return float(np.abs(means).max())
+
+
+def _drift_of_steps(away: FloatArray, width: int) -> float:
+    """Greatest distance of the moving mean of places (n, 2) from where it begins. In m."""
+    if len(away) <= width:
+        return math.nan
+    sums = np.cumsum(np.vstack([np.zeros(2), away]), axis=0)
+    means = (sums[width:] - sums[:-width]) / width
+    return float(np.linalg.norm(means - means[0], axis=1).max())
 
 
 def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Figures:

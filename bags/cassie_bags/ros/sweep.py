@@ -24,6 +24,10 @@ from cassie_bags.workers import Workers, completed, workers
 MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
+FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
+QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
+"""How much is run, all of it and with --quick."""
+
 PAPER = "controller.walk.law=paper"
 MEASURED = "measured"
 
@@ -124,12 +128,13 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("rows", nargs="*", help="rows or groups of rows, all if left out")
     parser.add_argument("--list", action="store_true", help="name all rows and exit")
-    parser.add_argument("--seeds", type=_positive, default=10, help="robots tried for each setting")
+    parser.add_argument("--seeds", type=_positive, help="robots tried for each setting (10)")
     parser.add_argument(
-        "--phases", type=_positive, default=10, help="moments over two steps for pushes and stops"
+        "--phases", type=_positive, help="moments over two steps for pushes and stops (10)"
     )
+    parser.add_argument("--seconds", type=_seconds, help="length of the part that is measured (40)")
     parser.add_argument(
-        "--seconds", type=_seconds, default=40.0, help="length of the part that is measured"
+        "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, unless they are given"
     )
     parser.add_argument(
         "--set",
@@ -150,7 +155,11 @@ def _arguments() -> argparse.Namespace:
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
     parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    for name, value in (QUICK if arguments.quick else FULL).items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, value)
+    return arguments
 
 
 def _positive(word: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from cassie_bags.learning import comparison, left_over
 from cassie_bags.sweeps.course import Budget, steady, walk
 from cassie_bags.sweeps.row import Row
 from cassie_bags.trial import Figures, Trial
@@ -13,9 +14,13 @@ SPEED = 0.5
 """At which these are measured. In m/s."""
 
 
+TRACKED = (-0.5, 0.0, 0.5, 1.0)
+"""Speeds at which tracking is measured with and without learned torques. In m/s."""
+
+
 def loop_rows() -> list[Row]:
     """All rows of this module."""
-    return [*_delays(), *_estimates()]
+    return [*_delays(), *_tracking(), *_estimates()]
 
 
 def _delays() -> list[Row]:
@@ -38,6 +43,27 @@ def _delays() -> list[Row]:
     return [
         row("torque", "torques", 3.0, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0]),
         row("set_point", "set-points", 40.0, [float(n) for n in range(5, 75, 5)]),
+    ]
+
+
+def _tracking() -> list[Row]:
+    def trials(budget: Budget, speed: float) -> list[Trial]:
+        seconds = 0.25 * budget.seconds
+        return [comparison(seed, speed, seconds, budget.changes) for seed in budget.each_seed()]
+
+    return [
+        Row(
+            f"tracking.{speed:+g}",
+            f"outputs' RMS error at {speed:g} m/s, by that without learned torques",
+            "%",
+            70.0,
+            (speed,),
+            trials,
+            holds=lambda figures, _: not figures["beside_fell"],
+            figure=lambda figures, _: 100.0 * left_over(figures),
+            at_least=False,
+        )
+        for speed in TRACKED
     ]
 
 

@@ -156,7 +156,8 @@ def measure_level(
         good = not fallen and row.holds(result, level)
         held, fell = held + good, fell + fallen
         if row.figure is not None and not fallen:
-            figures.append(row.figure(result, level))
+            figure = row.figure(result, level)
+            figures += [figure] if math.isfinite(figure) else []
         progress(f"{row.name} {level:g}: {held}/{done}")
         decides = row.figure is None or len(row.levels) > 1
         if decides and not row.counts and done - held > len(trials) - needed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 
 from cassie_bags.sweeps.course import (
@@ -137,19 +138,24 @@ def _turns() -> list[Row]:
 def _drifts() -> list[Row]:
     window = (COMMAND_AT + SETTLING, COMMAND_AT + SETTLING + DRIFT_TIME)
 
-    def trials(budget: Budget, _: float) -> list[Trial]:
+    def trials(changes: tuple[str, ...], budget: Budget, _: float) -> list[Trial]:
+        budget = dataclasses.replace(budget, changes=(*budget.changes, *changes))
         return [walk(budget, seed, window) for seed in budget.each_seed()]
 
     return [
         Row(
-            "drift.free",
-            "drift in place in 60 s, without hold",
+            f"drift.{name}",
+            f"drift in place in {DRIFT_TIME:g} s, {title} position hold",
             "m",
-            0.1,
+            target,
             (0.0,),
-            trials,
-            figure=lambda figures, _: figures["drift"],
+            partial(trials, changes),
+            figure=lambda figures, _: figures["drift_of_steps"],
             at_least=False,
+        )
+        for name, title, target, changes in (
+            ("hold", "with", 0.05, ()),
+            ("free", "without", 0.1, ("controller.walk.hold_gain=0",)),
         )
     ]
 

@@ -206,8 +206,37 @@ class TransitionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LearningConfig:
+    """How feed-forward torques are learned from step to step."""
+
+    gain: float = tunable(
+        0.15, "", 0.0, 1.0, "Share of the drives' own tracking torque that a step adds"
+    )
+    torso: float = tunable(
+        0.2, "", 0.0, 1.0, "The same of the torques that hold the torso, by that of the others"
+    )
+    leak: float = tunable(
+        0.05, "", 0.0, 0.5, "Share that a step forgets: gain / (gain + leak) of the error goes"
+    )
+    smoothing: float = tunable(
+        0.2, "", 0.0, 1.0, "Low-pass along the phase at each step, 1 is (1/4, 1/2, 1/4)"
+    )
+    lead: float = tunable(
+        0.012, "s", 0.0, 0.05, "How much earlier a torque acts than the error it is learned from"
+    )
+    limit: float = tunable(0.4, "", 0.0, 1.0, "Bound of learned torques, by the drive's largest")
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControllerConfig:
     """The gait controller."""
+
+    learned_torques: str = tunable(
+        "use",
+        choices=("none", "use", "learn"),
+        description="Torques learned over repeated steps: left out, added, or added and learned on",
+    )
+    learning: LearningConfig = field(default_factory=LearningConfig)
 
     walk: WalkConfig = field(default_factory=WalkConfig)
     stand: StandConfig = field(default_factory=StandConfig)

@@ -7,10 +7,12 @@ import enum
 import numpy as np
 
 from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.learned_torques import LearnedTorques
 from cassie_control.controller.limits import limit
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.standing import StandingController
 from cassie_control.controller.step_timing import LEFT
+from cassie_control.controller.torque_learning import TorqueLearning
 from cassie_control.controller.walking import WalkingController
 from cassie_control.errors import ControlError
 from cassie_control.finite import check
@@ -47,14 +49,22 @@ class GaitController:
         config: Gains.
         library: Gaits.
         period: Of control. In s.
+        learned: Torques learned over repeated steps, or None.
     """
 
-    def __init__(self, config: ControllerConfig, library: GaitLibrary, period: float) -> None:
+    def __init__(
+        self,
+        config: ControllerConfig,
+        library: GaitLibrary,
+        period: float,
+        learned: LearnedTorques | None = None,
+    ) -> None:
         self._period = period
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
         self.riding = StandingController(config.segway, period)
         self.walking = WalkingController(config.walk, library, period)
+        self.learning = TorqueLearning(config, learned, period)
         self._status = ControllerStatus()
         self._state = RobotState()
         self._mode = Mode()
@@ -71,6 +81,7 @@ class GaitController:
         self.standing.config = config.stand
         self.riding.config = config.segway
         self.walking.configure(config.walk)
+        self.learning.configure(config)
 
     def reset(self) -> None:
         """Back to doing nothing."""
@@ -131,6 +142,7 @@ class GaitController:
             elif self._since >= self.config.transition.lean_time:
                 self._enter(Activity.WALKING)
                 self.walking.start(self.readings, LEFT)
+                self.learning.start()
 
     def _enter(self, activity: Activity) -> None:
         if activity is self.activity:
@@ -164,7 +176,11 @@ class GaitController:
         """One tick of walking, with the feet wider before a stop; whether a step ended."""
         stops = mode.mode == RobotMode.STAND
         spread = self.config.transition.stop_spread if stops else 0.0
-        return self.walking.step(self.readings, mode, self._command, spread)
+        walking = self.walking
+        ended = walking.step(self.readings, mode, self._command, spread)
+        speed = walking.gait_speed
+        self.learning.step(walking.timing, speed, self.readings, mode, self._command)
+        return ended
 
     def _may_stop(self, mode: Mode) -> bool:
         """Whether walking ends here: some steps after it was asked for, with a slow CoM."""

@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
+from cassie_control.controller.learned_torques import load_beside
 from cassie_control.guarded import GuardedController
 from cassie_control.ros.common import (
     LOOK_PERIOD,
@@ -43,6 +44,11 @@ class GaitControllerConfig(LaneConfig):
         description="Whether gaits without a certificate, as imported ones, will do",
         live=False,
     )
+    learned_torques_file: str = tunable(
+        "",
+        description="File of learned torques (JSON); empty is the one beside the gait library",
+        live=False,
+    )
 
 
 class GaitControllerNode(Node):
@@ -53,7 +59,10 @@ class GaitControllerNode(Node):
         self._lane = declare(self, GaitControllerConfig())
         self._config = declare(self, ControllerConfig())
         library = self._load(self._lane.gait_library)
-        self._core = GaitController(self._config, library, self._lane.period)
+        learned = load_beside(
+            self._lane.gait_library or default_library_path(), self._lane.learned_torques_file
+        )
+        self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         self._changed: ControllerConfig | None = None
         on_change(self, lambda: self._config, self._set_config)

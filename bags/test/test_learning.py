@@ -1,0 +1,112 @@
+"""Learning torques: what a lesson teaches, what is kept of it, and what it brings."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from test_experiment_command import environment
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.learning import (
+    Lesson,
+    Outcome,
+    compared,
+    comparison,
+    learn,
+    left_over,
+    lessons,
+    merged,
+)
+from cassie_bags.ros.learn_torques import table
+from cassie_bags.sweeps.course import Budget, walk
+from cassie_bags.trial import TRACKING, experiment_of, run_trial
+from cassie_control.controller.learned_torques import JOINTS, nothing_learned, save_torques
+
+
+def outcome(speed: float, torque: float, *, fell: bool = False) -> Outcome:
+    return Outcome(speed, np.full((len(JOINTS), 21), torque), 20, fell)
+
+
+def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, float]:
+    found = {"fell": fell, "beside_fell": 0.0, "tracking": with_it, "beside_tracking": without}
+    found |= dict.fromkeys(TRACKING, with_it)
+    return found | {f"beside_{name}": without for name in TRACKING}
+
+
+def test_every_robot_has_a_lesson_at_every_speed():
+    found = lessons(nothing_learned((0.0, 0.5)), [1, 2, 3], 10.0, ())
+    assert {(lesson.seed, lesson.speed) for lesson in found} == {
+        (seed, speed) for seed in (1, 2, 3) for speed in (0.0, 0.5)
+    }
+
+
+def test_the_mean_of_the_robots_that_did_not_fall_is_kept():
+    before = nothing_learned((0.0, 0.5))
+    given = [outcome(0.5, 2.0), outcome(0.5, 4.0), outcome(0.5, 99.0, fell=True)]
+    given.append(outcome(0.0, 7.0, fell=True))
+    found = merged(before, given)
+    assert np.unique(found.torques[0]).tolist() == [0.0]
+    assert np.unique(found.torques[1]).tolist() == [3.0]
+
+
+def test_errors_are_compared_over_the_robots_that_walked_both_ways():
+    found = compared(0.5, [figures(0.01, 0.02), figures(0.03, 0.04), figures(9.0, 9.0, fell=1.0)])
+    assert found.total_after == pytest.approx(math.sqrt((0.01**2 + 0.03**2) / 2))
+    assert found.total_before == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2))
+    assert (found.fell_before, found.fell_after, found.runs) == (0, 1, 3)
+    assert left_over(figures(0.01, 0.02)) == pytest.approx(0.5)
+    assert math.isnan(left_over(figures(0.01, 0.02, fell=1.0)))
+    assert "71 %" in table([found])
+
+
+@pytest.mark.timeout(400)
+def test_a_lesson_takes_tracking_error_away():
+    learned = nothing_learned((0.5,))
+    found = learn(Lesson(3, 0.5, learned, 8.0))
+    assert not found.fell
+    assert found.taught > 12
+    assert np.abs(found.torques).max() > 2.0
+
+
+@pytest.mark.timeout(400)
+def test_the_torques_of_the_package_take_three_tenths_of_the_tracking_error_away():
+    found = run_trial(comparison(1004, 0.5, 4.0, ()))
+    assert left_over(found) < 0.7
+    assert left_over(found, "tracking_torso_roll") < 1.05
+
+
+def test_a_damaged_file_is_an_error_before_anything_runs(tmp_path):
+    path = tmp_path / "bad.json"
+    save_torques(nothing_learned(), path)
+    path.write_text(path.read_text()[:-40])
+    words = (f"controller.learned_torques_file={path}",)
+    with pytest.raises(ValueError, match=r"learned torques .*bad\.json: line 1 column"):
+        experiment_of(walk(Budget(changes=words), 1, (0.0, 1.0)))
+    with pytest.raises(ExperimentError, match="learned_torques_file is 3, expected a path"):
+        experiment_of(walk(Budget(changes=("controller.learned_torques_file=3",)), 1, (0.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--speeds", "3.0"], "--speeds 3 is outside -1 .. 2 m/s"),
+        (["--begin", "nowhere.json"], "learned torques nowhere.json: No such file or directory"),
+        (["--set", "controller.learning.gain=2"], "learning.gain = 2 is outside 0 .. 1"),
+    ],
+)
+def test_wrong_arguments_are_one_line(words, message):
+    done = subprocess.run(
+        [sys.executable, "-m", "cassie_bags.ros.learn_torques", *words],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=environment(),
+        check=False,
+    )
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
