@@ -11,6 +11,8 @@ from cassie_control.errors import SensorError
 from cassie_control.estimator.channels import CHANNELS, names
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.monitor import SensorMonitor
+from cassie_gaits import robot
 from cassie_msgs.layout import Sensors
 
 LIMITS = {"position": 0.03, "velocity": 0.3, "acceleration": 3.0}
@@ -106,6 +108,31 @@ def test_a_channel_that_comes_late_is_named_in_time(walked_faithful, channel):
     first = reports(rows)
     assert len(bad)
     assert first.get(channel, 10**6) <= bad[0] + IN_TIME
+
+
+def bouncing(delay: float) -> int:
+    """Channels not believed after 3 s on ground that gives way, the accelerometer late by s.
+
+    The feet, which sink along, correct the filter's velocity together with the acceleration.
+    """
+    monitor, sample, rng = SensorMonitor(PERIOD, 0.002, 1.0), Sensors(), np.random.default_rng(1)
+    sample.orientation[3] = 1.0
+    sample.drive_position[:] = [0.0, 0.0, 0.5, -1.2, -1.6] * 2
+    sample.joint_position[:] = [0.0, 1.4, -1.6] * 2
+    for tick in range(1500):
+        time = tick * PERIOD
+        sample.seq[...] = tick
+        sample.linear_acceleration[:] = rng.normal(0.0, 0.05, 3)
+        sample.linear_acceleration[2] += 9.81 + 5.0 * np.sin(20.0 * (time - delay))
+        acceleration = 5.0 * np.sin(20.0 * time)
+        force = robot.total_mass() * (9.81 + acceleration)
+        monitor.step(sample, np.eye(3), np.array([0.0, 0.0, 4e-4 * acceleration]), 1.0, force)
+    return monitor.mask
+
+
+def test_feet_that_sink_do_not_make_the_accelerometer_late():
+    assert bouncing(0.0) == 0
+    assert names(bouncing(0.02)) == ("linear_acceleration.2 (IMU z)",)
 
 
 @pytest.mark.parametrize("kind", ["off", "nan"])
