@@ -19,6 +19,7 @@ CONFIG = WalkConfig(
     pendulum_gain_x=1.0,
     pendulum_gain_back=1.0,
     pendulum_gain_y=1.0,
+    pendulum_gain_still=0.0,
     slowest_step=1.0,
     landing_depth=0.0,
 )
@@ -117,6 +118,25 @@ def test_gain_one_removes_a_lateral_error_in_one_step(speed):
         sway = x * math.cosh(walker.w * fall) + vy / walker.w * math.sinh(walker.w * fall)
         travelled += sway - y
     assert travelled / (2.0 * STEP_TIME) == pytest.approx(speed, abs=1e-9)
+
+
+@pytest.mark.parametrize(("vx", "added"), [(0.0, 0.2), (0.25, 0.1), (0.5, 0.0), (-0.5, 0.0)])
+def test_what_is_added_to_the_gain_in_place_fades_out_with_the_commanded_speed(vx, added):
+    """With more than all of an error removed it changes its sign, to that share."""
+    config = replace(
+        CONFIG, pendulum_gain_still=0.2, still_speed=0.5, least_foot_distance=0.05, reach_inward=0.3
+    )
+    walkers = [Pendulum(config, Wish(vx=vx), (vx, 0.3 + extra)) for extra in (0.0, 0.02)]
+    for walker in walkers:
+        walker.step()
+    first, then = (walkers[1].step()[1] - walkers[0].step()[1] for _ in range(2))
+    fall = STEP_TIME - config.double_support
+    w = walkers[0].w
+    grown = math.cosh(w * fall) + w * config.double_support * math.sinh(w * fall)
+    if added == 0.0:
+        assert then == pytest.approx(0.0, abs=1e-9)
+    else:
+        assert then / first == pytest.approx(-added * grown, abs=0.02)
 
 
 def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():

@@ -61,7 +61,7 @@ def test_walking_begins_at_its_height(standing):
     standing.wish(mode=int(WALK), height=0.8)
     mode = standing.run(2.0)
     assert standing.mode is STAND
-    assert standing.readiness == "walking begins at 0.98 m, pelvis at 0.80 m"
+    assert standing.readiness == "walking begins at 0.95 m, pelvis at 0.80 m"
     assert float(mode.height) == pytest.approx(CONFIG.walk_height)  # she rises by herself
 
 

@@ -13,13 +13,13 @@ class JointGains:
 
     kp_hip_roll: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
-    kp_hip_pitch: float = tunable(700.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
-    kp_knee: float = tunable(800.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kp_hip_pitch: float = tunable(450.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
+    kp_knee: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kp_toe: float = tunable(20.0, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
     kd_hip_roll: float = tunable(22.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
-    kd_knee: float = tunable(14.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_hip_pitch: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
+    kd_knee: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
 
 
@@ -96,10 +96,16 @@ class WalkConfig:
     pendulum_gain_y: float = tunable(
         0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
-    integral_x: float = tunable(
-        0.05, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
+    pendulum_gain_still: float = tunable(
+        0.2, "", 0.0, 0.8, "Added to these gains in place; half of it at half `still_speed`"
     )
-    integral_y: float = tunable(0.02, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    still_speed: float = tunable(
+        0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
+    )
+    integral_x: float = tunable(
+        0.03, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
+    )
+    integral_y: float = tunable(0.01, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"

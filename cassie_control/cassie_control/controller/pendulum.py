@@ -22,7 +22,7 @@ HIP_ROLL_X, HIP_Y = 0.021, 0.135
 """Hip roll axis in the pelvis frame, left; y mirrored. In m."""
 
 HIP_BACK, HIP_DOWN = 0.07, 0.09
-"""From the hip roll axis back and down to the hip pitch axis, which is under the yaw axis. In m."""
+"""From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
 
 LAW_TYPE = np.dtype(
     [
@@ -30,6 +30,7 @@ LAW_TYPE = np.dtype(
         for name in (
             *("double_support", "contact_lead", "slowest_step", "foot_spread"),
             *("pendulum_gain_x", "pendulum_gain_back", "pendulum_gain_y"),
+            *("pendulum_gain_still", "still_speed"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
         )
     ]
@@ -178,8 +179,7 @@ def touchdown_time(
 @compiled
 def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> float:
     missed = foot(aim, reach, fallen(fall, time))[2]
-    value: float = missed * missed + _LATENESS * change * change
-    return value
+    return float(missed * missed + _LATENESS * change * change)
 
 
 @compiled
@@ -285,12 +285,16 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
     travel = duration / (coast + 2.0 * tanh_half)
     vx, vy = now.wish_vx * travel, now.wish_vy * travel
     sway = width / (coast + 2.0 * coth_half)
+    asked = math.hypot(now.wish_vx, now.wish_vy) / law.still_speed
+    moving = abs(now.velocity_x) / law.still_speed
+    more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
+    more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
     return Aim(
         vx * (coast + tanh_half) + now.sum_x,
         vy * (coast + tanh_half) + sway * (coast + coth_half) + now.sum_y + trim,
         vx,
         vy + sway,
-        law.pendulum_gain_x * slope,
-        law.pendulum_gain_back * slope,
-        law.pendulum_gain_y * slope,
+        (law.pendulum_gain_x + more_x) * slope,
+        (law.pendulum_gain_back + more_x) * slope,
+        (law.pendulum_gain_y + more_y) * slope,
     )

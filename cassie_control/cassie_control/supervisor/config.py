@@ -28,7 +28,7 @@ class SupervisorConfig:
     shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
     tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
 
-    walk_height: float = tunable(0.98, "m", 0.8, 1.05, "Height from which walking begins")
+    walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Height from which walking begins")
     height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
     still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
