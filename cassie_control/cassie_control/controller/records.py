@@ -5,20 +5,13 @@ Legs are left, right; vectors are in the heading frame unless said otherwise.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from cassie_msgs.layout import MotorCommand, RobotState, Sample
+from cassie_control.float_records import floats_type
+from cassie_msgs.layout import MotorCommand, RobotState
 
 RecordArray = npt.NDArray[np.void]
-
-
-def floats_type(kind: type[Sample]) -> np.dtype[Any]:
-    """`Sample.floats` of a message as a structure with the message's names."""
-    fields = [(name, float, n) for name, of, n in kind.LAYOUT if of is np.float64]
-    return np.dtype([(name, of, n) if n > 1 else (name, of) for name, of, n in fields])
 
 
 ESTIMATE_TYPE = floats_type(RobotState)

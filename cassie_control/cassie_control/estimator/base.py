@@ -13,15 +13,17 @@ from cassie_control.estimator.fusion import com_in_heading
 from cassie_control.estimator.sample_kernels import (
     arrange_joints,
     euler_angles,
-    rotation_of,
     weigh_feet,
 )
 from cassie_control.finite import check
+from cassie_control.float_records import floats_type
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegPair
 from cassie_msgs.layout import RobotState, Sensors
 
 FloatArray = npt.NDArray[np.float64]
+
+SAMPLE_TYPE = floats_type(Sensors)
 
 
 class LegEstimator:
@@ -39,6 +41,7 @@ class LegEstimator:
         self._period = period
         self._config = config
         self._state = RobotState()
+        self._sensors: Sensors | None = None  # the last sample, which is usually the next as well
         self._legs = LegPair()
         self._feet: FloatArray = self._legs.states["foot"]
         self._mass = robot.total_mass()
@@ -97,17 +100,9 @@ class LegEstimator:
         state.episode[...] = sensors.episode
         state.stamp_ns = sensors.stamp_ns
         state.power[...] = sensors.power
-        arrange_joints(
-            sensors.drive_position,
-            sensors.drive_velocity,
-            sensors.joint_position,
-            sensors.joint_velocity,
-            sensors.drive_torque,
-            self._q,
-            self._v,
-            self._toe_torques,
-        )
-        rotation_of(sensors.orientation, self._attitude)
+        if sensors is not self._sensors:
+            self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
+        arrange_joints(self._sample, self._q, self._v, self._toe_torques, self._attitude)
         self._legs.update(self._q, self._v, self._toe_torques, self._attitude[2])
         state.foot_force[:] = self._legs.forces
         weigh_feet(

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
-from cassie_control.estimator.base import LegEstimator
+from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.monitor_kernels import arrange, look
+from cassie_control.estimator.monitor_kernels import inspect
 from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
@@ -95,6 +95,7 @@ class SensorMonitor:
         self._bad_acceleration: FloatArray = self._watch[0]["bad_acceleration"]
         self._trusted: FloatArray = self._watch[0]["trusted"]
         self._repaired = Sensors()
+        self._sensors: Sensors | None = None  # the last, which is usually the next as well
         self._seq = -1
         self._trusted[:] = math.nan
         self.mask = 0
@@ -139,18 +140,9 @@ class SensorMonitor:
         if seq != self._seq + 1:
             self._start_over()
         self._seq = seq
-        arrange(
-            sensors.orientation,
-            sensors.angular_velocity,
-            sensors.linear_acceleration,
-            sensors.drive_position,
-            sensors.drive_velocity,
-            sensors.joint_position,
-            sensors.joint_velocity,
-            self._watch,
-        )
-        look(self._watch, self._limits, rotation, pull, footing, force)
-        if not self._bad.any() and not self._bad_acceleration.any():
+        if sensors is not self._sensors:
+            self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
+        if inspect(self._sample, self._watch, self._limits, rotation, pull, footing, force):
             self.mask = self.lost = 0
             return sensors
         return self._repair(sensors, rotation)

@@ -92,6 +92,39 @@ def arrange(
 
 
 @compiled
+def inspect(
+    samples: RecordArray,
+    watches: RecordArray,
+    limits: RecordArray,
+    rotation: FloatArray,
+    pull: FloatArray,
+    footing: float,
+    force: float,
+) -> bool:
+    """Take in a sample and `look`; whether all of it can be believed.
+
+    Args:
+        samples: Numbers of Sensors, see `float_records`. Shape (1,).
+        watches: Of `monitor_records.WATCH_TYPE`. Shape (1,).
+        limits, rotation, pull, footing, force: See `look`.
+    """
+    sample, watch = samples[0], watches[0]
+    arrange(
+        sample.orientation,
+        sample.angular_velocity,
+        sample.linear_acceleration,
+        sample.drive_position,
+        sample.drive_velocity,
+        sample.joint_position,
+        sample.joint_velocity,
+        watches,
+    )
+    look(watches, limits, rotation, pull, footing, force)
+    good: bool = watch.bad.max() <= 0.0 and watch.bad_acceleration.max() <= 0.0
+    return good
+
+
+@compiled
 def look(
     watches: RecordArray,
     limits: RecordArray,

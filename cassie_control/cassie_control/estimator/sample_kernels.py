@@ -10,37 +10,37 @@ import numpy.typing as npt
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
+RecordArray = npt.NDArray[np.void]
 
 
 @compiled
 def arrange_joints(
-    drive_positions: FloatArray,
-    drive_velocities: FloatArray,
-    joint_positions: FloatArray,
-    joint_velocities: FloatArray,
-    drive_torques: FloatArray,
+    samples: RecordArray,
     joints: FloatArray,
     rates: FloatArray,
     toe_torques: FloatArray,
+    rotation: FloatArray,
 ) -> None:
-    """Measurements of drives and joints in the order along each leg.
+    """Measurements of drives and joints in the order along each leg, and the IMU's attitude.
 
     Args:
-        drive_positions, drive_velocities, drive_torques: Shape (10,), in rad, rad/s, Nm.
-        joint_positions, joint_velocities: Shin, tarsus, toe of each leg. Shape (6,).
+        samples: Numbers of Sensors, see `float_records`. Shape (1,).
         joints, rates: Result, hip_roll to toe. Shape (2, 7), in rad and rad/s.
         toe_torques: Result. Shape (2,), in Nm.
+        rotation: Result, IMU to world. Shape (3, 3).
     """
+    sample = samples[0]
     for i in range(2):
         for k in range(4):
-            joints[i, k] = drive_positions[5 * i + k]
-            rates[i, k] = drive_velocities[5 * i + k]
+            joints[i, k] = sample.drive_position[5 * i + k]
+            rates[i, k] = sample.drive_velocity[5 * i + k]
         for k in range(2):
-            joints[i, 4 + k] = joint_positions[3 * i + k]
-            rates[i, 4 + k] = joint_velocities[3 * i + k]
-        joints[i, 6] = drive_positions[5 * i + 4]
-        rates[i, 6] = drive_velocities[5 * i + 4]
-        toe_torques[i] = drive_torques[5 * i + 4]
+            joints[i, 4 + k] = sample.joint_position[3 * i + k]
+            rates[i, 4 + k] = sample.joint_velocity[3 * i + k]
+        joints[i, 6] = sample.drive_position[5 * i + 4]
+        rates[i, 6] = sample.drive_velocity[5 * i + 4]
+        toe_torques[i] = sample.drive_torque[5 * i + 4]
+    rotation_of(sample.orientation, rotation)
 
 
 @compiled
