@@ -87,7 +87,8 @@ class Readings:
         self.twist: FloatArray = data.qvel[:6]
         self.wrench: FloatArray = data.xfrc_applied[pelvis]
         self.torques: FloatArray = data.ctrl
-        self.imu: FloatArray = data.sensordata[:6]
+        imu = model.sensor("gyro").adr[0]  # the accelerometer follows it
+        self.imu: FloatArray = data.sensordata[imu : imu + 6]
 
     def measured(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """The arguments of `IdealSensors.observe`."""

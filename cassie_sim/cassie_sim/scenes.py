@@ -33,7 +33,9 @@ from cassie_sim.scene_parameters import (
     WaxedFloor,
     read_course,
 )
-from cassie_sim.segway import SegwayDrive, add_segway
+from cassie_sim.segway import add_segway
+from cassie_sim.segway_drive import SegwayDrive
+from cassie_sim.segway_ground import WAYS, add_bumps
 from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches
 
 SoftT = TypeVar("SoftT", Sand, Stretch)
@@ -200,8 +202,11 @@ def _block(spec: mujoco.MjSpec, settings: Block) -> None:
 
 
 def _segway(spec: mujoco.MjSpec, settings: Segway) -> None:
-    add_plane(spec, Surface(settings.friction), "ground")
-    add_segway(spec)
+    way = WAYS[settings.surface]
+    add_plane(spec, Surface(settings.friction, 0.0, COLOURS[way.colour]), "ground")
+    if way.height > 0.0:
+        add_bumps(spec, settings, way)
+    add_segway(spec, way.rolling)
 
 
 def _tilting(spec: mujoco.MjSpec, settings: Tilting) -> None:

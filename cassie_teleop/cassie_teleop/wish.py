@@ -17,11 +17,11 @@ class Wish:
     """One set of wishes; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
 
     mode: str = tunable("stand", choices=MODES, description="Mode asked for")
-    vx: float = tunable(0.0, "m/s", -1.0, 2.0, "Speed forward")
+    vx: float = tunable(0.0, "m/s", -1.0, 4.5, "Speed forward; beyond 2 on a Segway")
     vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
     yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
     height: float = tunable(0.9, "m", 0.35, 1.05, "Pelvis origin above the mean of the soles")
-    com_x: float = tunable(0.0, "m", -0.06, 0.06, "Shift of the centre of mass forward")
+    com_x: float = tunable(0.0, "m", -0.1, 0.1, "Shift of the centre of mass forward")
     com_y: float = tunable(0.0, "m", -0.1, 0.1, "Shift of the centre of mass to the left")
     roll: float = tunable(0.0, "rad", -0.3, 0.3, "Torso roll")
     pitch: float = tunable(0.0, "rad", -0.3, 0.3, "Torso pitch")

@@ -50,6 +50,7 @@ class Balance:
         self._bias = [0.0, 0.0]
         self._velocity = [0.0, 0.0]
         self._pressed = 0.0
+        self._rest = (0.0, 0.0)
         self.pressure = 0.0
         self.left = 0.5
         self.lean = (0.0, 0.0)
@@ -80,13 +81,14 @@ class Balance:
         x = readings.com_from_feet[0] + self._bias[0]
         y = readings.com_from_feet[1] + self._bias[1]
         height = max(0.3, readings.com_from_feet[2])
-        wanted = (
-            x + (c.kp_com_x * (x - float(mode.com_x)) + c.kd_com_x * self._velocity[0]) / WEIGHT
-        )
+        ahead, left = self._rest
+        force = c.kp_com_x * (x - float(mode.com_x)) + c.kd_com_x * self._velocity[0]
+        wanted = x - ahead + force / WEIGHT
         self._pressed = max(-_REACH, min(_REACH, wanted))
         self.pressure = readings.com[0] - readings.com_from_feet[0] + self._pressed
         excess_x = wanted - self._pressed
-        wanted = y + (c.kp_com_y * (y - com_y) + c.kd_com_y * self._velocity[1]) / WEIGHT
+        force = c.kp_com_y * (y - com_y) + c.kd_com_y * self._velocity[1]
+        wanted = y - left + force / WEIGHT
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
         pressed_y = (self.left - 0.5) * apart
@@ -108,13 +110,17 @@ class Balance:
             moment * max(0.0, 1.0 - abs(unbent) / c.bend_limit) if unbent * excess < 0.0 else moment
         )
 
-    def _learn(self, readings: Readings) -> None:
+    @staticmethod
+    def _carried(readings: Readings) -> float:
+        """Where the feet press, to the left of their midpoint. In m."""
         left, right = readings.legs
         middle = 0.5 * (left.foot[1] + right.foot[1])
         carried = max(1.0, left.force + right.force)
-        side = (left.force * left.foot[1] + right.force * right.foot[1]) / carried - middle
+        return (left.force * left.foot[1] + right.force * right.foot[1]) / carried - middle
+
+    def _learn(self, readings: Readings) -> None:
         share = self._period / self.config.bias_time
-        for k, pressed in enumerate((self._pressed, side)):
+        for k, pressed in enumerate((self._pressed, self._carried(readings))):
             error = pressed - readings.com_from_feet[k] - self._bias[k]
             learnt = self._bias[k] + share * max(-_BIAS_STEP, min(_BIAS_STEP, error))
             self._bias[k] = max(-_BIAS, min(_BIAS, learnt))

@@ -162,6 +162,9 @@ class StandConfig:
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
+    lean_length: float = tunable(
+        0.0, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
+    )
     give: float = tunable(
         0.03, "m", 0.001, 1.0, "Excess pressure at which the torso's own regulation has given way"
     )
@@ -191,6 +194,45 @@ class StandConfig:
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
     )
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegwayConfig(StandConfig):
+    """Riding a Segway: standing with gains of its own, and what keeps speed and heading."""
+
+    kp_com_x: float = tunable(
+        200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
+    )
+    kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    lean_length: float = tunable(
+        0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
+    )
+    moving_time: float = tunable(
+        0.3, "s", 0.05, 5.0, "Low-pass of the acceleration of what Cassie stands on"
+    )
+    level_time: float = tunable(
+        120.0, "s", 1.0, 1000.0, "For which roll and pitch are trusted to the gyro"
+    )
+    press_limit: float = tunable(
+        0.05, "m", 0.01, 0.07, "How far from the middle of the feet they may press for long"
+    )
+    press_limit_y: float = tunable(0.08, "m", 0.01, 0.12, "The same sideways")
+    kp_speed: float = tunable(
+        0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie herself estimates"
+    )
+    kp_yaw_rate: float = tunable(
+        0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
+    )
+    rest_speed: float = tunable(
+        0.4, "m/s", 0.0, 2.0, "Estimated speed below which, told to stop, Cassie takes herself to be at rest"
+    )
+    rest_time: float = tunable(2.0, "s", 0.1, 60.0, "In which the estimate then goes to zero")
+    tilt_margin: float = tunable(
+        0.03, "rad", 0.0, 0.3, "Tilt of the platform against the lean that Cassie takes no notice of"
+    )
+    tilt_gain: float = tunable(
+        1.0, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,5 +288,5 @@ class ControllerConfig:
 
     walk: WalkConfig = field(default_factory=WalkConfig)
     stand: StandConfig = field(default_factory=StandConfig)
-    segway: StandConfig = field(default_factory=lambda: StandConfig(kp_com_x=200.0, kd_com_x=80.0))
+    segway: SegwayConfig = field(default_factory=SegwayConfig)
     transition: TransitionConfig = field(default_factory=TransitionConfig)

@@ -10,6 +10,7 @@ from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.learned_torques import LearnedTorques
 from cassie_control.controller.limits import limit
 from cassie_control.controller.readings import Readings
+from cassie_control.controller.segway import RidingController
 from cassie_control.controller.standing import StandingController
 from cassie_control.controller.step_timing import LEFT
 from cassie_control.controller.torque_learning import TorqueLearning
@@ -62,7 +63,7 @@ class GaitController:
         self._period = period
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
-        self.riding = StandingController(config.segway, period)
+        self.riding = RidingController(config.segway, period)
         self.walking = WalkingController(config.walk, library, period)
         self.learning = TorqueLearning(config, learned, period)
         self._status = ControllerStatus()
@@ -162,7 +163,7 @@ class GaitController:
         elif self.activity is Activity.STANDING:
             self.standing.step(self.readings, mode, command, 0.0)
         elif self.activity is Activity.RIDING:
-            self.riding.step(self.readings, mode, command, 0.0)
+            self.riding.step(self.readings, mode, command)
         elif self.activity is Activity.LEANING:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)

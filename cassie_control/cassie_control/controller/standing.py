@@ -45,15 +45,18 @@ class StandingController:
     Args:
         config: Gains.
         period: Of control. In s.
+        balance: Where the feet press, if not by `Balance`.
 
     Source:
         Section "Quiet Standing". Each toe is weighted by its own foot's load, not by the smaller
         one, so that rocking does not take away the torque of the loaded foot.
     """
 
-    def __init__(self, config: StandConfig, period: float) -> None:
+    def __init__(
+        self, config: StandConfig, period: float, balance: Balance | None = None
+    ) -> None:
         self._period = period
-        self._balance = Balance(config, period)
+        self._balance = balance or Balance(config, period)
         self._height = (0.0, 0.0)
         self._height_sum = 0.0
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
@@ -105,6 +108,7 @@ class StandingController:
         difference = both * (
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
+            - self.config.lean_length * roll
         )
         length = self._mean_length(readings, float(mode.height), both)
         for i, leg in enumerate(readings.legs):

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from cassie_control.errors import ControlError
-from cassie_control.estimator.channels import names
+from cassie_control.estimator.channels import ACCELEROMETER, names
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.set_points import (
@@ -14,6 +14,7 @@ from cassie_control.supervisor.set_points import (
     approach,
     refusal,
     requested_mode,
+    riding,
     wishes,
 )
 from cassie_control.supervisor.status import SupervisorStatus
@@ -24,6 +25,8 @@ PERIOD_TICKS = 10
 """The supervisor answers every so many states, and an answer holds so many ticks later."""
 
 _WEIGHT = robot.total_mass() * 9.81
+# Feet that are carried off contradict the accelerometer, by which its failures are found.
+_FELT_FROM_FEET = 7 << ACCELEROMETER
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
 _SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
 
@@ -99,6 +102,8 @@ class ModeSupervisor:
         self._observe(state)
         linked = operator is not None and bool(operator.link)
         failed = int(state.sensor_faults)
+        if self._current is RobotMode.SEGWAY:
+            failed &= ~_FELT_FROM_FEET
         self._linked = linked and not failed
         refused = self._hear(operator if self._linked else None)
         powered = float(state.power) > 0.5
@@ -246,10 +251,14 @@ class ModeSupervisor:
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             height = max(c.height_low, min(c.height_high, self._height))
             self._set_points = SetPoints(height=height if self._grounded else wish.height)
-        if self._current is not RobotMode.WALK or requested is not RobotMode.WALK:
+        if self._current is not requested or requested is RobotMode.STAND:
             wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
         if RobotMode.SEGWAY in (requested, self._current):
             wish = replace(wish, height=min(wish.height, c.ride_height))
+            if self._current is not requested:  # she brakes by herself, or waits for her crouch
+                wish = replace(wish, com_x=0.0, com_y=0.0)
+        if self._current is RobotMode.SEGWAY:
+            c = riding(c)
         if requested is RobotMode.WALK or self._current is RobotMode.WALK:
             wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
         approach(self._set_points, wish, c, self._period)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from cassie_control.finite import fault
 from cassie_control.supervisor.config import SupervisorConfig
@@ -58,7 +59,7 @@ def requested_mode(command: OperatorCommand) -> RobotMode:
 
 def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
     """An operator's command within the limits."""
-    c = config
+    c = riding(config) if command.mode == RobotMode.SEGWAY else config
     trims = command.trims.tolist()
     vx, vy, yaw_rate = _walkable(float(command.vx), float(command.vy), float(command.yaw_rate), c)
     return SetPoints(
@@ -76,6 +77,23 @@ def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
             _bounded(trims[2], -c.trim_limit, c.trim_limit),
             _bounded(trims[3], -c.trim_limit, c.trim_limit),
         ),
+    )
+
+
+@functools.cache
+def riding(config: SupervisorConfig) -> SupervisorConfig:
+    """The limits that hold on a Segway, in the place of those on foot."""
+    return replace(
+        config,
+        vx_forward=config.ride_forward,
+        vx_backward=config.ride_backward,
+        vy_limit=0.0,
+        yaw_rate_limit=config.ride_yaw_rate,
+        acceleration=config.ride_acceleration,
+        com_x_limit=config.ride_com_x,
+        com_y_limit=config.ride_com_y,
+        shift_rate=config.ride_shift_rate,
+        height_high=config.ride_height,
     )
 
 

@@ -1,0 +1,88 @@
+"""Balance on ground that may accelerate, as the platform of a Segway does."""
+
+from __future__ import annotations
+
+from cassie_control.controller.balance import Balance
+from cassie_control.controller.config import SegwayConfig
+from cassie_control.controller.readings import Readings
+from cassie_msgs.layout import Mode
+
+_GRAVITY = 9.81
+_FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
+
+
+class MovingBalance(Balance):
+    """The balance law with the ground's acceleration taken out.
+
+    With c the CoM from the feet, v its velocity seen from them, p the centre of pressure and h the
+    CoM's height, the ground accelerates by
+
+        a = g (c - p) / h - dv/dt,   through a low-pass of `moving_time`,
+
+    which is 0 on plain ground. On ground that accelerates, c rests ahead of p by h a / g, so
+
+        p = c - h a / g + (kp (c - c*) + kd v) / W.
+
+    A Segway accelerates by what the feet press on its platform, W p / (r M): there this law holds c
+    at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
+    stiff, and it needs to know nothing of the vehicle. The error of c is learnt only while
+    `learns`.
+
+    Attributes:
+        acceleration: Of the ground, forward and to the left. In m/s^2.
+        speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
+        learns: Whether the ground is known to be at rest.
+
+    Args:
+        config: Gains.
+        period: Of control. In s.
+    """
+
+    config: SegwayConfig
+
+    def __init__(self, config: SegwayConfig, period: float) -> None:
+        super().__init__(config, period)
+        self.learns = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self.acceleration = [0.0, 0.0]
+        self.speed = 0.0
+        self._mean = [0.0, 0.0]
+        self._slow = list(self._velocity)
+
+    def start(self, readings: Readings) -> None:
+        """Begin on ground at rest."""
+        super().start(readings)
+        self._forget()
+
+    def rest(self, readings: Readings) -> tuple[float, float]:
+        """How far ahead of the centre of pressure, and to its left, the CoM would rest. In m."""
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        ahead, left = self.acceleration
+        return per_acceleration * ahead, per_acceleration * left
+
+    def step(self, readings: Readings, mode: Mode, com_y: float, both: float) -> None:
+        """Set the attributes; arguments as `Balance.step`."""
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        self._rest = self.rest(readings)
+        before = self._velocity[0]
+        super().step(readings, mode, com_y, both)
+        self._observe(readings, both, per_acceleration)
+        self.speed -= self._velocity[0] - before
+
+    def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
+        share = self._period / self.config.moving_time
+        for k, pressed in enumerate((self._pressed, self._carried(readings))):
+            away = readings.com_from_feet[k] + self._bias[k] - pressed
+            falling = both * away / per_acceleration
+            if k == 0:
+                self.speed += self._period * falling
+            self._mean[k] += share * (falling - self._mean[k])
+            self._slow[k] += share * (self._velocity[k] - self._slow[k])
+            rise = (self._velocity[k] - self._slow[k]) / self.config.moving_time
+            self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
+
+    def _learn(self, readings: Readings) -> None:
+        if self.learns:
+            super()._learn(readings)

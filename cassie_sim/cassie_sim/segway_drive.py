@@ -1,0 +1,127 @@
+"""The Segway's own balance control, hidden from the robot on it."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from cassie_sim.scene_parameters import Segway
+from cassie_sim.segway import GRAVITY, WHEEL_RADIUS
+
+TOP_SPEED = 16.0 / 3.6
+"""In m/s."""
+
+PITCH_GAIN, PITCH_DAMPING = 700.0, 60.0
+"""Of both motors together under a rider of 60 kg. In Nm/rad and Nms/rad."""
+
+_TORQUE, _POWER, _NO_LOAD = 30.0, 400.0, 53.0  # of one motor: Nm, W, rad/s
+_LAG = 0.01  # s, of sensor filter and motors
+_LIMITER = 15.0 / 3.6  # m/s from which the platform leans back
+_LEAN_BACK = 0.08  # rad by m/s beyond it
+_STEERING = 15.0  # rad/s of yaw by rad of the bar, at rest
+_YAW_GAIN = 25.0  # Nm by rad/s of yaw rate error, both wheels
+_RATED = 60.0 * GRAVITY  # N, a rider in the middle of the rated range of 40 to 100 kg
+_HAND = (3000.0, 300.0, 600.0, 40.0)  # N/m, Ns/m, Nm/rad, Nms/rad of who holds the bar
+
+
+class SegwayDrive:
+    """The vehicle's own control, once a control tick.
+
+    Both wheels:  T = (kp (pitch - lean) + kd pitch rate) (load / 60 kg)^(1/2) / softness,
+    one against the other:  25 Nm per rad/s of (15 bar angle / (1 + speed / 2) - yaw rate),
+
+    through a first-order lag of 10 ms and no more than the motors have at the wheels' speed:
+    min(30 Nm, 400 W / w, 60 Nm (1 - w / 53 rad/s)). From 15 km/h on the platform leans back by
+    0.08 rad for each m/s, so that its rider's weight brakes near 16 km/h. It knows its pitch and
+    rates from its own IMU, its speed from the wheels, the load from its pads.
+
+    The maker says nothing about this control. What is known: riders of 40 to 100 kg, 16 km/h kept
+    by leaning back, steering that answers to small pushes of the knee (press reviews of 2016).
+    kp, kd: a rider of 75 kg who leans out by 5 cm tilts it by 3 degrees; half to double, which is
+    the range of the scene's `softness`. Steering: 5 cm at the knees, 7 degrees, are 1.8 rad/s at rest;
+    half to double. Lag: 5 to 20 ms.
+
+    The operator holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on.
+
+    Args:
+        settings: Of the scene.
+    """
+
+    def __init__(self, settings: Segway) -> None:
+        self._settings = settings
+        self._reset()
+
+    def _reset(self) -> None:
+        self._last = 0.0
+        self._place = (0.0, 0.0, 0.0)
+        self._held = True
+        self.torques = [0.0, 0.0]
+        """Of the left and the right motor. In Nm."""
+
+    def apply(self, model: mujoco.MjModel, data: mujoco.MjData, time: float) -> None:
+        """Set the motors' torques.
+
+        Args:
+            model, data: The world.
+            time: Robot time. In s.
+        """
+        if time == 0.0:  # a new episode
+            self._reset()
+        period, self._last = time - self._last, time
+        matrix = data.xmat[model.body("segway").id].reshape(3, 3) if time > 0.0 else np.eye(3)
+        pitch = math.atan2(-matrix[2, 0], math.hypot(matrix[0, 0], matrix[1, 0]))
+        dofs = model.joint("segway").dofadr[0]
+        _, pitch_rate, yaw_rate = data.qvel[dofs + 3 : dofs + 6].tolist()
+        wheels = [model.joint(f"segway_{name}_wheel").dofadr[0] for name in ("left", "right")]
+        turning = [float(data.qvel[dof]) for dof in wheels]
+        speed = WHEEL_RADIUS * (0.5 * sum(turning) + pitch_rate)
+        load = self._load(model, data)
+        self._hold(data, dofs, pitch, math.atan2(matrix[1, 0], matrix[0, 0]), time)
+        gain = math.sqrt(max(0.2, min(1.5, load / _RATED))) / self._settings.softness
+        lean = -_LEAN_BACK * max(0.0, speed - _LIMITER)
+        both = gain * (PITCH_GAIN * (pitch - lean) + PITCH_DAMPING * pitch_rate)
+        bar = float(data.joint("segway_bar").qpos[0])
+        differ = _YAW_GAIN * (_STEERING * bar / (1.0 + 0.5 * abs(speed)) - yaw_rate)
+        share = 1.0 - math.exp(-period / _LAG)
+        for i, sign in ((0, -1.0), (1, 1.0)):
+            self.torques[i] += share * (0.5 * (both + sign * differ) - self.torques[i])
+            most = strongest(abs(turning[i]))
+            self.torques[i] = max(-most, min(most, self.torques[i]))
+            data.qfrc_applied[wheels[i]] = self.torques[i]
+
+    def _hold(
+        self, data: mujoco.MjData, dofs: int, pitch: float, heading: float, time: float
+    ) -> None:
+        """The operator holds the bar, at first and in the end, where it is when he takes hold."""
+        force = data.qfrc_applied[dofs : dofs + 6]
+        force[:] = 0.0
+        x, y = data.joint("segway").qpos[:2].tolist()
+        held = not self._settings.let_go <= time < self._settings.take_hold
+        if held and not self._held:
+            self._place = (x, y, heading)
+        self._held = held
+        if not held:
+            return
+        velocity, rates = data.qvel[dofs : dofs + 3], data.qvel[dofs + 3 : dofs + 6]
+        stiff, damp, turn, turn_damp = _HAND
+        force[0] = -stiff * (x - self._place[0]) - damp * velocity[0]
+        force[1] = -stiff * (y - self._place[1]) - damp * velocity[1]
+        force[4] = -turn * pitch - turn_damp * rates[1]
+        force[5] = -turn * (heading - self._place[2]) - turn_damp * rates[2]
+
+    @staticmethod
+    def _load(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Force of whatever stands on the platform. In N."""
+        platform, wrench, total = model.geom("segway_platform").id, np.zeros(6), 0.0
+        for index in range(data.ncon):
+            if platform in data.contact[index].geom:
+                mujoco.mj_contactForce(model, data, index, wrench)
+                total += float(wrench[0])
+        return total
+
+
+def strongest(turning: float) -> float:
+    """Most torque of one motor at a speed of its wheel. In Nm and rad/s."""
+    return max(0.0, min(_TORQUE, _POWER / max(1.0, turning), 60.0 * (1.0 - turning / _NO_LOAD)))

@@ -1,0 +1,86 @@
+"""What a Segway rides on: rolling resistance and bumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
+
+from cassie_sim.ground import Surface, make_ground
+from cassie_sim.scene_parameters import Segway
+from cassie_sim.stretches import COLOURS
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A kind of way.
+
+    Attributes:
+        rolling: Rolling resistance over weight.
+        height: Standard deviation of the height. In m.
+        grain: Distance over which the height changes. In m.
+        colour: Name in `stretches.COLOURS`.
+    """
+
+    rolling: float
+    height: float
+    grain: float
+    colour: str
+
+
+WAYS = {
+    "floor": Way(0.015, 0.0, 1.0, "concrete"),
+    "sidewalk": Way(0.015, 0.002, 0.3, "concrete"),
+    "grass": Way(0.04, 0.006, 0.4, "grass"),
+}
+"""Rolling resistance of pneumatic tyres: 0.01 on new to 0.02 on worn concrete, 0.04 to 0.08 on
+medium hard soil (engineeringtoolbox.com, "Rolling Friction and Resistance"; J. Carvill, Mechanical
+Engineer's Data Handbook). Heights are estimates: joints of slabs, and a mown lawn."""
+
+_CELL = 0.1
+_HALF_WIDTH = 4.0
+_START = 1.0  # m ahead of the start, where the bumps begin
+_FADE = 2.0  # m over which they come out of the level ground
+_BASE = 0.5
+
+
+def heights(settings: Segway, way: Way) -> FloatArray:
+    """Heights above level ground, which the field's edges meet. Shape (across, along), in m."""
+    along = round(settings.length / _CELL) + 1
+    across = round(2.0 * _HALF_WIDTH / _CELL) + 1
+    rng = np.random.default_rng(settings.seed)
+    field: FloatArray = gaussian_filter(
+        rng.standard_normal((across, along)), 0.5 * way.grain / _CELL, mode="reflect"
+    )
+    field *= way.height / float(field.std())
+    field = field.clip(-3.0 * way.height, 3.0 * way.height) + 3.0 * way.height
+    x, y = np.arange(along) * _CELL, np.arange(across) * _CELL
+    fade_x = (np.minimum(x, x[-1] - x) / _FADE).clip(0.0, 1.0)
+    fade_y = (np.minimum(y, y[-1] - y) / _FADE).clip(0.0, 1.0)
+    faded: FloatArray = field * np.minimum(fade_x[None, :], fade_y[:, None])
+    return faded
+
+
+def add_bumps(spec: mujoco.MjSpec, settings: Segway, way: Way) -> None:
+    """Lay the uneven ground ahead of the start."""
+    field = heights(settings, way)
+    top = float(field.max())
+    spec.add_hfield(
+        name="way",
+        size=[0.5 * settings.length, _HALF_WIDTH, top, _BASE],
+        nrow=field.shape[0],
+        ncol=field.shape[1],
+        userdata=(field / top).ravel().tolist(),
+    )
+    geom = spec.worldbody.add_geom(
+        name="way",
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="way",
+        pos=[_START + 0.5 * settings.length, 0.0, 0.0],
+    )
+    make_ground(spec, geom, Surface(settings.friction, 0.0, COLOURS[way.colour]))
