@@ -137,7 +137,7 @@ def make_cores(experiment: Experiment) -> Cores:
             load_learned(experiment),
         ),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
-        ScriptedOperator(experiment.operator),
+        ScriptedOperator(experiment.operator, experiment.rider),
         config.pacing == "fixed_lag",
     )
 

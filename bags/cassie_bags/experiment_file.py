@@ -37,7 +37,7 @@ _SCENARIO_KEYS = tuple(entry.name for entry in dataclasses.fields(Scenario))
 KEYS = (
     *("name", "about", "seed", "drawn", "duration"),
     *_SCENARIO_KEYS,
-    *("operator", "gait_library"),
+    *("operator", "rider", "gait_library"),
     *NODES,
     "expect",
 )
@@ -61,6 +61,7 @@ class Experiment:
         scenario: Scene, start, events, delays and robot.
         draw: Drawn values that the file fixes, by name.
         operator: Steps of the scripted operator.
+        rider: Section of the operator who sees the robot, or None.
         gait_library: Path of the gait library, or None for the default one.
         parameters: Parameters of each node of `NODES` by dotted name.
         expect: What the run must keep.
@@ -79,6 +80,7 @@ class Experiment:
     expect: Expectation
     expect_section: Mapping[str, Any] = field(default_factory=dict)
     about: str = ""
+    rider: Mapping[str, Any] | None = None
 
 
 def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = None) -> Experiment:
@@ -126,7 +128,7 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
     operator = tuple(_event(entry, "operator", i) for i, entry in _entries(content, "operator"))
     try:
         scenario = Scenario.from_mapping(scenario_part)
-        ScriptedOperator(operator)
+        ScriptedOperator(operator, content.get("rider"))
     except ValueError as error:  # of packages with their own errors
         raise ExperimentError(str(error)) from None
     return Experiment(
@@ -142,6 +144,7 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         expect=read_expectation(content.get("expect")),
         expect_section=_section(content, "expect"),
         about=_typed(content, "about", str, ""),
+        rider=content.get("rider"),
     )
 
 
@@ -177,6 +180,7 @@ def as_content(experiment: Experiment) -> dict[str, Any]:
         "delays": as_mapping(scenario.delays),
         "model": as_mapping(scenario.model),
         "operator": [dict(step) for step in experiment.operator],
+        "rider": None if experiment.rider is None else dict(experiment.rider),
         "gait_library": experiment.gait_library,
     }
     content |= {node: dict(experiment.parameters[node]) for node in NODES}

@@ -87,7 +87,9 @@ class Loop:
         seq, stamp = plant.seq, plant.seq * plant.tick_ns
         sensors = plant.sense()
         self._observe(sensors, stamp)
-        self._observer(ground_truth.TOPIC, self._truth.write(plant), stamp)
+        truth = self._truth.write(plant)
+        self._observer(ground_truth.TOPIC, truth, stamp)
+        self._operator.watch(stamp, truth)
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
         if seq % PERIOD == 0:

@@ -54,11 +54,16 @@ def resolve(experiment: Experiment) -> Experiment:
             pushes=_later(scenario.pushes, EVENT_DELAY, rng),
             faults=_later(scenario.faults, EVENT_DELAY, rng),
         )
+    rider = experiment.rider
+    if rider is not None and not rider.get("seed"):
+        rider = {**rider, "seed": experiment.seed}
     try:
-        ScriptedOperator(operator)
+        ScriptedOperator(operator, rider)
     except ValueError as error:
         raise ExperimentError(str(error)) from None
-    return dataclasses.replace(experiment, drawn=True, scenario=scenario, operator=operator)
+    return dataclasses.replace(
+        experiment, drawn=True, scenario=scenario, operator=operator, rider=rider
+    )
 
 
 def write_resolved(experiment: Experiment, path: Path) -> None:

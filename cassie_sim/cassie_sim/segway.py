@@ -47,6 +47,7 @@ _WHEEL_MASS, _BAR_MASS = 2.9, 0.8
 _BAR_STIFFNESS, _BAR_DAMPING = 60.0, 3.0  # Nm/rad, Nms/rad
 _BAR_HEIGHT, _BAR_RANGE = 0.42, 0.35  # of the knee pads' middle above the axle, in m; in rad
 _PADS, _PAD_RADIUS = 0.095, 0.02  # outer half width and roundness, in m
+_HARDER_FRICTION = 10.0  # or the feet would creep over the platform in a turn
 _RED, _DARK = (0.75, 0.1, 0.1, 1.0), (0.12, 0.12, 0.13, 1.0)
 
 
@@ -57,6 +58,7 @@ def add_segway(spec: mujoco.MjSpec, rolling: float) -> None:
         spec: Gets it.
         rolling: Rolling resistance over the weight of robot and vehicle.
     """
+    spec.option.impratio = _HARDER_FRICTION
     chassis = spec.worldbody.add_body(name="segway", pos=[0.0, 0.0, WHEEL_RADIUS])
     chassis.add_freejoint(name="segway")
     chassis.add_site(name="segway_imu", size=[0.01, 0.01, 0.01])

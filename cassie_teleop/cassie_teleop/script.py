@@ -9,6 +9,8 @@ experiment:
       - {t: 15.0, vx: 0.5}
 
 A key that a step omits keeps its value; before the first step all have the defaults of `Wish`.
+A section `rider` beside it closes the loop: from its first target on, an operator who sees the
+robot sets com_x and com_y (`cassie_teleop.rider`).
 """
 
 from __future__ import annotations
@@ -23,6 +25,9 @@ import yaml
 
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.tunables import names, replace_checked, unknown_name
+from cassie_teleop.rider import Rider
+from cassie_teleop.rider_config import read_rider
+from cassie_teleop.sight import Sight, see
 from cassie_teleop.wish import Wish, write
 
 PERIOD = 10  # ticks between commands, and from a command to its effect
@@ -33,8 +38,8 @@ class ScriptError(ValueError):
     """A script cannot be read, or asks for what is not permitted."""
 
 
-def read_script(path: Path) -> list[Mapping[str, Any]]:
-    """Steps of a script file.
+def read_script(path: Path) -> tuple[list[Mapping[str, Any]], Mapping[str, Any] | None]:
+    """Steps of a script file, and its rider if it has one.
 
     Raises:
         OSError: if it cannot be opened.
@@ -44,11 +49,13 @@ def read_script(path: Path) -> list[Mapping[str, Any]]:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ScriptError(f"script {path} is no YAML: {error}") from None
+    rider = None
     if isinstance(content, Mapping) and "operator" in content:
+        rider = content.get("rider")
         content = content["operator"]
     if not isinstance(content, list):
         raise ScriptError(f"script {path}: expected a list of steps, or one under operator")
-    return content
+    return content, rider
 
 
 class ScriptedOperator:
@@ -58,8 +65,15 @@ class ScriptedOperator:
         ScriptError: at construction, naming step, key, value and range.
     """
 
-    def __init__(self, steps: Sequence[Mapping[str, Any]]) -> None:
-        """Check all steps; `steps` as in this module's description, t ascending, in s."""
+    def __init__(
+        self, steps: Sequence[Mapping[str, Any]], rider: Mapping[str, Any] | None = None
+    ) -> None:
+        """Check all steps; `steps` as in this module's description, t ascending, in s.
+
+        Args:
+            steps: Wishes by time.
+            rider: As `rider_config.read_rider` takes it, or None.
+        """
         self._times: list[float] = []
         self._wishes = [Wish()]
         for number, step in enumerate(steps):
@@ -68,6 +82,11 @@ class ScriptedOperator:
             except ValueError as error:
                 raise ScriptError(f"operator step {number}: {error}") from None
         self._command = OperatorCommand()
+        try:
+            self.rider = Rider(read_rider(rider)) if rider is not None else None
+        except ValueError as error:
+            raise ScriptError(str(error)) from None
+        self._sights: dict[int, Sight] = {}
 
     def _append(self, step: Mapping[str, Any]) -> None:
         if not isinstance(step, Mapping):
@@ -85,7 +104,24 @@ class ScriptedOperator:
         self._times.append(float(time))
 
     def reset(self) -> None:
-        """Begin a new episode; nothing but time decides, so there is nothing to forget."""
+        """Begin a new episode."""
+        self._sights.clear()
+        if self.rider is not None:
+            self.rider.reset()
+
+    def watch(self, stamp_ns: int, raw: bytes) -> None:
+        """Take in the true odometry of a tick, serialized; without a rider it is not looked at.
+
+        Raises:
+            SightError: if it is no odometry.
+        """
+        if self.rider is not None and stamp_ns % self.rider.period_ns == 0:
+            self._sights[stamp_ns] = see(raw)
+
+    def awaits(self, stamp_ns: int) -> bool:
+        """Whether the answer to the state of a time must wait for what the rider sees."""
+        needed = self.rider.needs(stamp_ns) if self.rider is not None else None
+        return needed is not None and needed not in self._sights
 
     def wish(self, time_s: float) -> Wish:
         """The wishes in force at a time, in s since the start of the episode."""
@@ -108,8 +144,23 @@ class ScriptedOperator:
             Owned by this object and valid until the next call.
         """
         command = self.command(state.stamp_ns * 1e-9)
+        if self.rider is not None:
+            self._ride(self.rider, state.stamp_ns, command)
         command.stamp_ns = state.stamp_ns
         command.episode[...] = state.episode
         command.seq[...] = state.seq
         command.effective_seq[...] = int(state.seq) + PERIOD
         return command
+
+    def _ride(self, rider: Rider, stamp_ns: int, command: OperatorCommand) -> None:
+        """Lean as the rider does, with the newest that he has seen if that of his time is lost."""
+        needed = rider.needs(stamp_ns)
+        if needed is not None and self._sights:
+            at = needed if needed in self._sights else max(self._sights)
+            rider.decide(stamp_ns, self._sights[at])
+            for stamp in [stamp for stamp in self._sights if stamp < at]:
+                del self._sights[stamp]
+        if stamp_ns < rider.begins_ns:
+            return
+        command.com_x[...], command.com_y[...] = rider.lean
+        command.vx[...], command.yaw_rate[...] = rider.speed, rider.turn

@@ -21,6 +21,9 @@ class Level:
         roll'  = w_x + tan(pitch) (w_y sin(roll) + w_z cos(roll))   - (roll - t) / T,
         T      = time (1 + |a|^2 / (0.1 m/s^2)^2).
 
+    The estimated velocity, too, takes the accelerations for the robot's own. That of the CoM seen
+    from the feet is the difference of its positions.
+
     Args:
         period: Of control. In s.
     """
@@ -33,11 +36,12 @@ class Level:
     def start(self, state: RobotState) -> None:
         """Begin with the estimate as it is."""
         self._pitch, self._roll = state.q[4:6].tolist()
+        self._com: list[float] | None = None
 
     def corrected(
         self, state: RobotState, time: float, acceleration: Sequence[float]
     ) -> RobotState:
-        """The state with another vertical; reused.
+        """The state with another vertical and the CoM's velocity as seen from the feet; reused.
 
         Args:
             state: The estimate.
@@ -58,4 +62,9 @@ class Level:
         com = self._state.com_position
         com[0] += (self._pitch - pitch) * com[2]
         com[1] -= (self._roll - roll) * com[2]
+        now = com.tolist()
+        if self._com is not None:
+            for k in (0, 1):
+                self._state.com_velocity[k] = (now[k] - self._com[k]) / self._period
+        self._com = now
         return self._state

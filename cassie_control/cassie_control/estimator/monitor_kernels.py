@@ -19,6 +19,7 @@ PAIRS = 19
 _P, _V = 0, 1
 _IMU = 16  # first pair of the IMU
 _APART_TIME = 0.3  # s
+_TILTED = 0.02  # rad, of the IMU's orientation against its gyro: turning then seems to tilt it
 _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _PULL_TIME = 0.06  # s
@@ -153,6 +154,10 @@ def look(
             if watch.bad[_V, i] == 0.0 and math.isfinite(watch.velocity[i]):
                 watch.trusted[_V, i] = watch.velocity[i]
         watch.acceleration[1:] = watch.acceleration[0]
+    for k in range(3):
+        rate = watch.velocity[_IMU + k]
+        watch.turned[k] *= math.exp(-limit.period / _APART_TIME)
+        watch.turned[k] += limit.period * rate if math.isfinite(rate) else 0.0
     for i in range(PAIRS):
         _look_at_pair(watch, limit, i)
     turned = max(watch.bad[_P, _IMU], watch.bad[_P, _IMU + 1], watch.bad[_P, _IMU + 2])
@@ -253,7 +258,11 @@ def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
     late[3] += share * ((rate - late[1]) ** 2 - late[3])
     delay = late[2] / max(late[3], limit.excited[i])
     bound = limit.apart[i] + limit.apart_at_speed[i] * watch.peak[i]
-    if abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < 0.5 * limit.apart[i]):
+    small = 0.5 * limit.apart[i]
+    if i >= _IMU:
+        tilted = _TILTED * (np.abs(watch.turned).sum() - abs(watch.turned[i - _IMU]))
+        bound, small = bound + tilted, small + tilted
+    if abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small):
         return
     known = False
     for kind in range(2):

@@ -26,6 +26,7 @@ WATCH_TYPE = np.dtype(
         ("same", int, (2, PAIRS)),  # ticks for which position and velocity had the same bits
         ("unseen", float, (2, PAIRS)),  # rad, by which the other one says that it moved meanwhile
         ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
+        ("turned", float, 3),  # rad, of the IMU, fading as fast
         ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
         ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
         ("last_step", float, PAIRS),  # rad, compared last

@@ -6,13 +6,21 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
-from cassie_msgs.ros.fast_lane import Doze, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import (
+    Doze,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+    RawSubscription,
+)
 from cassie_msgs.tunables import ParameterError, tunable
+from cassie_teleop import sight
 from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 
 # Every 10th state counts. The loop runs on for a period before it waits for the answer, so more
@@ -20,6 +28,11 @@ from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 _STATES = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=5 * PERIOD
 )
+# Every one counts for a rider, who looks at some of them by their time.
+_TRUTH = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD
+)
+_SIGHT_PATIENCE = 0.5  # s of wall time for which an answer waits for what the rider sees
 _SILENCE = 1.0  # s of wall time without a state, from which it is reported
 
 
@@ -43,12 +56,14 @@ class ScriptedOperatorNode(Node):
         config = parameters.declare(self, Config())
         if not config.script:
             raise ParameterError("script must be given: -p script:=FILE.yaml")
-        steps = read_script(Path(config.script).expanduser())
-        self._operator = ScriptedOperator(steps)
+        self._operator = ScriptedOperator(*read_script(Path(config.script).expanduser()))
         self._stop = stop
         self._states = LaneSubscription(self, RobotState, qos=_STATES)
         self._commands = LanePublisher(self, OperatorCommand)
-        self._waiter = LaneWaiter(self, [self._states])
+        self._eyes: RawSubscription | None = None
+        if self._operator.rider is not None:
+            self._eyes = RawSubscription(self, Odometry, sight.TOPIC, _TRUTH)
+        self._waiter = LaneWaiter(self, [self._states, *([self._eyes] if self._eyes else [])])
         stop.on_request(self._waiter.wake)
         self._diagnostics = diagnostics.Diagnostics(self)
         self._state = RobotState()
@@ -77,10 +92,25 @@ class ScriptedOperatorNode(Node):
             if episode != self._answered[0]:
                 self._operator.reset()
             self._state.load(raw)
+            self._look(self._state.stamp_ns)
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
         self._commands.publish_raw(self._reply)
         self._doze.doze()
+
+
+    def _look(self, stamp_ns: int) -> None:
+        """Take in what the rider sees; wait for what he must have seen, but not for long."""
+        if self._eyes is None:
+            return
+        deadline = time.monotonic() + _SIGHT_PATIENCE
+        while True:
+            while (raw := self._eyes.take_raw()) is not None:
+                self._operator.watch(sight.stamp_of(raw), raw)
+            left = deadline - time.monotonic()
+            if not self._operator.awaits(stamp_ns) or left <= 0.0 or self._stop.requested:
+                return
+            self._waiter.wait(min(left, _SILENCE))
 
 
 def main() -> None:

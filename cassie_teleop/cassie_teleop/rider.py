@@ -1,0 +1,154 @@
+"""An operator who watches the robot ride and leans it as he sees fit."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from cassie_teleop.rider_config import Gates, RiderScript, Target
+from cassie_teleop.sight import Sight
+
+_SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the summed errors
+_FADE = 1.0  # share of a gate's spacing over which the slalom begins
+_NS = 1e9
+
+
+class Rider:
+    """Leans that keep speed and way, from what was seen a while ago.
+
+    On each look, with v the speed seen (noisy), r the turn rate from two headings seen, v* a ramp
+    towards the speed wanted as it was `delay` ago, and a* the ramp's slope:
+
+        com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
+        com_y = turn_lean r* + turn_gain (r* - r) + turn_sum * integral of (r* - r).
+
+    r* is the turn wanted; or heading_gain times the error of heading; or what keeps to the way
+    through the gates: a cosine of x, steered for `look_ahead` in front, plus its own curvature
+    there. Gates lie along the heading at the moment from which they are wanted.
+
+    Args:
+        script: What he is like and what he wants.
+    """
+
+    def __init__(self, script: RiderScript) -> None:
+        self._script = script
+        self.period_ns = round(_NS / script.settings.rate)
+        self._delay_ns = round(_NS * script.settings.delay)
+        self.begins_ns = round(_NS * script.targets[0].t)
+        self.reset()
+
+    def reset(self) -> None:
+        """A new episode."""
+        self._rng = np.random.default_rng(self._script.settings.seed)
+        self._look = -1
+        self._next = 0
+        self._target = Target(t=0.0)
+        self._wanted = 0.0
+        self._before: deque[float] = deque(maxlen=1 + round(self._delay_ns / self.period_ns))
+        self._sums = [0.0, 0.0]
+        self._last: Sight | None = None
+        self._start: Sight | None = None
+        self.lean = (0.0, 0.0)
+        """CoM shift, forward and to the left. In m."""
+        self.speed = self.turn = 0.0
+        """What he wants now. In m/s and rad/s."""
+
+    def needs(self, stamp_ns: int) -> int | None:
+        """Stamp of what he must have seen to decide at a time, if he decides then. In ns."""
+        look = stamp_ns // self.period_ns
+        seen = (stamp_ns - self._delay_ns) // self.period_ns * self.period_ns
+        due = look > self._look and stamp_ns >= self.begins_ns and seen >= 0
+        return seen if due else None
+
+    def decide(self, stamp_ns: int, sight: Sight) -> None:
+        """Set the attributes from what is seen now.
+
+        Args:
+            stamp_ns: Now. In ns.
+            sight: What he sees, `delay` old.
+        """
+        self._look = stamp_ns // self.period_ns
+        self._take_targets(stamp_ns, sight)
+        self.lean = (self._lean_x(sight), self._lean_y(sight))
+        self._last = sight
+
+    def _take_targets(self, stamp_ns: int, sight: Sight) -> None:
+        targets = self._script.targets
+        while self._next < len(targets) and targets[self._next].t * _NS <= stamp_ns:
+            new = targets[self._next]
+            self._next += 1
+            if new.speed is not None:
+                self.speed = new.speed
+            if any(way is not None for way in (new.heading, new.turn, new.gates)):
+                self._target = new
+                self._start = sight
+
+    def _lean_x(self, sight: Sight) -> float:
+        c, period = self._script.settings, self.period_ns / _NS
+        seen = sight.speed + float(self._rng.uniform(-c.noise, c.noise))
+        away = self.speed - self._wanted
+        slows = abs(self.speed) < abs(self._wanted) or self.speed * self._wanted < 0.0
+        most = (c.braking if slows else c.acceleration) * period
+        step = max(-most, min(most, away))
+        self._wanted += step
+        self._before.append(self._wanted)
+        error = self._before[0] - seen
+        self._sums[0] = _bounded(self._sums[0] + c.speed_sum * period * error, _SUM_X)
+        return c.lean * step / period + c.speed_gain * error + self._sums[0]
+
+    def _lean_y(self, sight: Sight) -> float:
+        c, period = self._script.settings, self.period_ns / _NS
+        self.turn = self._turn(sight)
+        last = self._last or sight
+        rate = _wrapped(sight.heading - last.heading) / period
+        error = self.turn - rate
+        self._sums[1] = _bounded(self._sums[1] + c.turn_sum * period * error, _SUM_Y)
+        return c.turn_lean * self.turn + c.turn_gain * error + self._sums[1]
+
+    def _turn(self, sight: Sight) -> float:
+        """The turn rate that he wants. In rad/s."""
+        c, target = self._script.settings, self._target
+        if target.turn is not None:
+            return target.turn
+        if target.gates is not None and self._start is not None:
+            return self._through(target.gates, self._start, sight)
+        heading = target.heading if target.heading is not None else 0.0
+        return _bounded(c.heading_gain * _wrapped(heading - sight.heading), 1.0)
+
+    def _through(self, gates: Gates, start: Sight, sight: Sight) -> float:
+        c = self._script.settings
+        cos, sin = math.cos(start.heading), math.sin(start.heading)
+        dx, dy = sight.x - start.x, sight.y - start.y
+        along, left = cos * dx + sin * dy, cos * dy - sin * dx
+        now = along + c.delay * sight.speed
+        reach = max(0.5, c.look_ahead * sight.speed)
+        heading = math.atan2(way(gates, now + reach) - left, reach + c.delay * sight.speed)
+        bend = sight.speed * curvature(gates, now + reach)
+        error = _wrapped(heading - (sight.heading - start.heading))
+        return _bounded(bend + c.heading_gain * error, 1.5)
+
+
+def way(gates: Gates, along: float) -> float:
+    """How far to the left the way through the gates is. In m."""
+    end = gates.spacing * gates.count
+    fade = max(0.0, min(1.0, along / (_FADE * gates.spacing), (end + gates.spacing - along) / end))
+    if not 0.0 < along < end + gates.spacing:
+        return 0.0
+    return -gates.offset * min(1.0, fade) * math.cos(math.pi * along / gates.spacing)
+
+
+def curvature(gates: Gates, along: float) -> float:
+    """Of the way, to the left. In 1/m."""
+    step = 0.05 * gates.spacing
+    before, here, after = (way(gates, along + k * step) for k in (-1.0, 0.0, 1.0))
+    return (before - 2.0 * here + after) / step**2
+
+
+def _bounded(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
+
+
+def _wrapped(angle: float) -> float:
+    return math.remainder(angle, 2.0 * math.pi)
