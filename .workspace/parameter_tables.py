@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cassie_msgs.tunables import Entry, entries
 
-READMES = ("cassie_control/README.md", "cassie_sim/README.md")
+READMES = ("cassie_control/README.md", "cassie_sim/README.md", "cassie_teleop/README.md")
 _BLOCK = re.compile(r"(<!-- parameters: (\S+):(\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 

@@ -210,8 +210,8 @@ def test_nodes_can_read_the_drawn_file(tmp_path: Path):
     path = tmp_path / "drawn.yaml"
     path.write_text(to_yaml(experiment))
     assert load_scenario(path) == experiment.scenario
-    steps = read_script(path)
-    ScriptedOperator(steps)
+    steps, rider = read_script(path)
+    ScriptedOperator(steps, rider)
     assert steps == list(experiment.operator)
 
 

@@ -9,6 +9,7 @@ from supervised import CONFIG, DAMP, OFF, PERIOD, SEGWAY, STAND, WALK, Scene
 
 from cassie_control.controller.readings import WEIGHT
 from cassie_control.errors import ControlError
+from cassie_control.estimator.channels import ACCELEROMETER, GYRO
 
 
 def test_without_power_off_and_with_it_stand(scene):
@@ -256,3 +257,28 @@ def test_reset_is_as_new(walking):
     for duration in (PERIOD, 0.5, 2.0):
         assert walking.run(duration).to_bytes() == fresh.run(duration).to_bytes()
         assert walking.core.status == fresh.core.status
+
+
+@pytest.fixture
+def riding(standing):
+    standing.state.q[2] = CONFIG.ride_height
+    standing.wish(mode=int(SEGWAY), height=0.6)
+    standing.run(2.0)
+    assert standing.mode is SEGWAY
+    return standing
+
+
+def test_a_rider_gets_the_speeds_and_leans_of_a_segway(riding):
+    riding.wish(mode=int(SEGWAY), height=0.6, vx=4.0, com_x=0.1, com_y=0.2)
+    mode = riding.run(10.0)
+    assert float(mode.vx) == pytest.approx(4.0)
+    assert float(mode.com_x) == pytest.approx(CONFIG.ride_com_x)
+    assert float(mode.com_y) == pytest.approx(CONFIG.ride_com_y)
+
+
+def test_an_accelerometer_that_contradicts_carried_feet_does_not_stop_a_ride(riding):
+    riding.wish(mode=int(SEGWAY), height=0.6, com_x=0.03)
+    riding.state.sensor_faults[...] = 1 << ACCELEROMETER
+    assert float(riding.run(2.0).com_x) == pytest.approx(0.03)
+    riding.state.sensor_faults[...] = 1 << GYRO
+    assert float(riding.run(2.0).com_x) == 0.0

@@ -206,7 +206,7 @@ def _segway(spec: mujoco.MjSpec, settings: Segway) -> None:
     add_plane(spec, Surface(settings.friction, 0.0, COLOURS[way.colour]), "ground")
     if way.height > 0.0:
         add_bumps(spec, settings, way)
-    add_segway(spec, way.rolling)
+    add_segway(spec)
 
 
 def _tilting(spec: mujoco.MjSpec, settings: Tilting) -> None:

@@ -10,7 +10,9 @@ Its figures, where they come from, and how far they may be off:
 | track | 0.485 m | data sheet's width of 0.546 m less a tyre's width (2.1 to 2.5 in) |
 | platform | 0.015 m above the axle | photographs; 10 mm either way |
 | inertia | that of a box of 0.26 x 0.42 x 0.09 m | data sheet's length; 30 % |
-| motors | 400 W, 30 Nm, 53 rad/s | data sheet: 800 W in all. 100 kg on its slope of 15 degrees ask for 19 Nm of each; 1.5 times that to balance; 20 to 40 Nm. It rolls backward at 25 km/h (electricunicycle.org, topic 7293) |
+| power | 400 W each | data sheet: 800 W in all |
+| torque | 30 Nm each | 100 kg on its slope of 15 degrees ask for 19 Nm; 20 to 40 Nm |
+| no-load speed | 53 rad/s | it rolls backward at 25 km/h (electricunicycle.org, topic 7293) |
 | bar | pads 0.42 m above the axle | data sheet: 0.6 to 0.87 m in all, set to the knees |
 | pivot | 60 Nm/rad, 3 Nms/rad | estimate: some 30 N at the pads for 12 degrees; half to double |
 | pads | 0.19 m apart | set to Cassie's legs, as to any rider's |
@@ -25,7 +27,6 @@ from __future__ import annotations
 
 import mujoco
 
-from cassie_gaits import robot
 from cassie_sim.ground import GROUND_GROUP
 from cassie_sim.robot_mjcf import as_field
 
@@ -51,22 +52,15 @@ _HARDER_FRICTION = 10.0  # or the feet would creep over the platform in a turn
 _RED, _DARK = (0.75, 0.1, 0.1, 1.0), (0.12, 0.12, 0.13, 1.0)
 
 
-def add_segway(spec: mujoco.MjSpec, rolling: float) -> None:
-    """Put the vehicle at the origin, upright on level ground.
-
-    Args:
-        spec: Gets it.
-        rolling: Rolling resistance over the weight of robot and vehicle.
-    """
+def add_segway(spec: mujoco.MjSpec) -> None:
+    """Put the vehicle at the origin, upright on level ground."""
     spec.option.impratio = _HARDER_FRICTION
     chassis = spec.worldbody.add_body(name="segway", pos=[0.0, 0.0, WHEEL_RADIUS])
     chassis.add_freejoint(name="segway")
     chassis.add_site(name="segway_imu", size=[0.01, 0.01, 0.01])
     _add_platform(chassis)
-    weight = (MASS + robot.total_mass()) * GRAVITY
     for side, name in ((1.0, "left"), (-1.0, "right")):
-        wheel = _add_wheel(chassis, name, side)
-        wheel.frictionloss = 0.5 * rolling * weight * WHEEL_RADIUS
+        _add_wheel(chassis, name, side)
     _add_bar(chassis)
     for name, kind in (
         ("segway_gyro", mujoco.mjtSensor.mjSENS_GYRO),
@@ -95,9 +89,9 @@ def _add_platform(chassis: mujoco.MjsBody) -> None:
     platform.solref = [0.006, 1.0]
 
 
-def _add_wheel(chassis: mujoco.MjsBody, name: str, side: float) -> mujoco.MjsJoint:
+def _add_wheel(chassis: mujoco.MjsBody, name: str, side: float) -> None:
     wheel = chassis.add_body(name=f"segway_{name}_wheel", pos=[0.0, side * 0.5 * TRACK, 0.0])
-    joint = wheel.add_joint(
+    wheel.add_joint(
         name=f"segway_{name}_wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0]
     )
     wheel.add_geom(
@@ -118,7 +112,6 @@ def _add_wheel(chassis: mujoco.MjsBody, name: str, side: float) -> mujoco.MjsJoi
         conaffinity=0,
         rgba=(0.75, 0.76, 0.78, 1.0),
     )
-    return joint
 
 
 def _add_bar(chassis: mujoco.MjsBody) -> None:

@@ -7,8 +7,10 @@ import math
 import mujoco
 import numpy as np
 
+from cassie_gaits import robot
 from cassie_sim.scene_parameters import Segway
-from cassie_sim.segway import GRAVITY, WHEEL_RADIUS
+from cassie_sim.segway import GRAVITY, MASS, WHEEL_RADIUS
+from cassie_sim.segway_ground import WAYS
 
 TOP_SPEED = 16.0 / 3.6
 """In m/s."""
@@ -18,6 +20,7 @@ PITCH_GAIN, PITCH_DAMPING = 700.0, 60.0
 
 _TORQUE, _POWER, _NO_LOAD = 30.0, 400.0, 53.0  # of one motor: Nm, W, rad/s
 _LAG = 0.01  # s, of sensor filter and motors
+_CREEP = 0.2  # rad/s of a wheel, from which rolling resistance is there
 _LIMITER = 15.0 / 3.6  # m/s from which the platform leans back
 _LEAN_BACK = 0.08  # rad by m/s beyond it
 _STEERING = 15.0  # rad/s of yaw by rad of the bar, at rest
@@ -40,8 +43,10 @@ class SegwayDrive:
     The maker says nothing about this control. What is known: riders of 40 to 100 kg, 16 km/h kept
     by leaning back, steering that answers to small pushes of the knee (press reviews of 2016).
     kp, kd: a rider of 75 kg who leans out by 5 cm tilts it by 3 degrees; half to double, which is
-    the range of the scene's `softness`. Steering: 5 cm at the knees, 7 degrees, are 1.8 rad/s at rest;
-    half to double. Lag: 5 to 20 ms.
+    the range of the scene's `softness`. Steering: 5 cm at the knees, 7 degrees, are 1.8 rad/s at
+    rest; half to double. Lag: 5 to 20 ms.
+
+    The ground's rolling resistance acts on the wheels here, too.
 
     The operator holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on.
 
@@ -51,6 +56,8 @@ class SegwayDrive:
 
     def __init__(self, settings: Segway) -> None:
         self._settings = settings
+        weight = (MASS + robot.total_mass()) * GRAVITY
+        self._rolling = 0.5 * WAYS[settings.surface].rolling * weight * WHEEL_RADIUS
         self._reset()
 
     def _reset(self) -> None:
@@ -75,6 +82,7 @@ class SegwayDrive:
         dofs = model.joint("segway").dofadr[0]
         _, pitch_rate, yaw_rate = data.qvel[dofs + 3 : dofs + 6].tolist()
         wheels = [model.joint(f"segway_{name}_wheel").dofadr[0] for name in ("left", "right")]
+        bodies = [model.body(f"segway_{name}_wheel").id for name in ("left", "right")]
         turning = [float(data.qvel[dof]) for dof in wheels]
         speed = WHEEL_RADIUS * (0.5 * sum(turning) + pitch_rate)
         load = self._load(model, data)
@@ -90,6 +98,9 @@ class SegwayDrive:
             most = strongest(abs(turning[i]))
             self.torques[i] = max(-most, min(most, self.torques[i]))
             data.qfrc_applied[wheels[i]] = self.torques[i]
+            # Of the ground on the tyre: a torque from outside, as the motors' are between bodies.
+            resists = self._rolling * math.tanh((turning[i] + pitch_rate) / _CREEP)
+            data.xfrc_applied[bodies[i], 3:] = -resists * matrix[:, 1]
 
     def _hold(
         self, data: mujoco.MjData, dofs: int, pitch: float, heading: float, time: float

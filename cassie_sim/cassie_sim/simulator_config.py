@@ -23,6 +23,7 @@ _OTHER_KEYS = (
     "drawn",
     "duration",
     "operator",
+    "rider",
     "gait_library",
     "simulator",
     "estimator",

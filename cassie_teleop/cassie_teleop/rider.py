@@ -11,7 +11,6 @@ from cassie_teleop.rider_config import Gates, RiderScript, Target
 from cassie_teleop.sight import Sight
 
 _SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the summed errors
-_FADE = 1.0  # share of a gate's spacing over which the slalom begins
 _NS = 1e9
 
 
@@ -19,14 +18,17 @@ class Rider:
     """Leans that keep speed and way, from what was seen a while ago.
 
     On each look, with v the speed seen (noisy), r the turn rate from two headings seen, v* a ramp
-    towards the speed wanted as it was `delay` ago, and a* the ramp's slope:
+    towards the speed wanted as it was `delay` and `speed_wait` ago, and a* the ramp's slope now:
 
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
-        com_y = turn_lean r* + turn_gain (r* - r) + turn_sum * integral of (r* - r).
+        com_y = turn_lean (1 + v / 2) r* + turn_gain (r* - r) + turn_sum * integral of (r* - r).
 
-    r* is the turn wanted; or heading_gain times the error of heading; or what keeps to the way
-    through the gates: a cosine of x, steered for `look_ahead` in front, plus its own curvature
-    there. Gates lie along the heading at the moment from which they are wanted.
+    r* is the turn wanted, or heading_gain times the error of heading. On the way through gates, a
+    cosine of x along the heading that he had when he wanted to, he looks ahead:
+
+        r* = k + turn_time dk/dt + heading_gain * error of heading + side_gain * distance from it,
+
+    with k the turn of the way where he will be `turn_wait` from now.
 
     Args:
         script: What he is like and what he wants.
@@ -46,7 +48,8 @@ class Rider:
         self._next = 0
         self._target = Target(t=0.0)
         self._wanted = 0.0
-        self._before: deque[float] = deque(maxlen=1 + round(self._delay_ns / self.period_ns))
+        wait = self._delay_ns + round(_NS * self._script.settings.speed_wait)
+        self._before: deque[float] = deque(maxlen=1 + round(wait / self.period_ns))
         self._sums = [0.0, 0.0]
         self._last: Sight | None = None
         self._start: Sight | None = None
@@ -100,43 +103,59 @@ class Rider:
 
     def _lean_y(self, sight: Sight) -> float:
         c, period = self._script.settings, self.period_ns / _NS
+        rate = _wrapped(sight.heading - (self._last or sight).heading) / period
+        gates = self._target.gates
+        if gates is not None and self._start is not None:
+            return self._through(gates, self._start, sight, rate)
         self.turn = self._turn(sight)
-        last = self._last or sight
-        rate = _wrapped(sight.heading - last.heading) / period
         error = self.turn - rate
         self._sums[1] = _bounded(self._sums[1] + c.turn_sum * period * error, _SUM_Y)
-        return c.turn_lean * self.turn + c.turn_gain * error + self._sums[1]
+        lean = c.turn_lean * (1.0 + 0.5 * abs(sight.speed))
+        return lean * self.turn + c.turn_gain * error + self._sums[1]
 
     def _turn(self, sight: Sight) -> float:
         """The turn rate that he wants. In rad/s."""
-        c, target = self._script.settings, self._target
+        target = self._target
         if target.turn is not None:
             return target.turn
-        if target.gates is not None and self._start is not None:
-            return self._through(target.gates, self._start, sight)
-        heading = target.heading if target.heading is not None else 0.0
-        return _bounded(c.heading_gain * _wrapped(heading - sight.heading), 1.0)
+        error = _wrapped((target.heading or 0.0) - sight.heading)
+        return _bounded(self._script.settings.heading_gain * error, 1.0)
 
-    def _through(self, gates: Gates, start: Sight, sight: Sight) -> float:
+    def _through(self, gates: Gates, start: Sight, sight: Sight, rate: float) -> float:
         c = self._script.settings
         cos, sin = math.cos(start.heading), math.sin(start.heading)
         dx, dy = sight.x - start.x, sight.y - start.y
         along, left = cos * dx + sin * dy, cos * dy - sin * dx
-        now = along + c.delay * sight.speed
-        reach = max(0.5, c.look_ahead * sight.speed)
-        heading = math.atan2(way(gates, now + reach) - left, reach + c.delay * sight.speed)
-        bend = sight.speed * curvature(gates, now + reach)
-        error = _wrapped(heading - (sight.heading - start.heading))
-        return _bounded(bend + c.heading_gain * error, 1.5)
+        speed = sight.speed
+        ahead = along + (c.delay + c.turn_wait) * speed
+        # What is on his way then, and by how much it changes until a moment later.
+        step = 0.1
+        now, later = (speed * curvature(gates, ahead + t * speed) for t in (0.0, step))
+        self.turn = now
+        lean = c.turn_lean * (1.0 + 0.5 * abs(speed))
+        aside = way(gates, along) - left
+        self._sums[1] = _bounded(self._sums[1] + c.side_sum * self.period_ns / _NS * aside, _SUM_Y)
+        back = c.heading_gain * _wrapped(slope(gates, along) - sight.heading + start.heading)
+        back += c.side_gain * aside
+        error = speed * curvature(gates, along) - rate
+        wanted = now + c.turn_time * (later - now) / step + back
+        return lean * wanted + c.turn_gain * error + self._sums[1]
 
 
 def way(gates: Gates, along: float) -> float:
     """How far to the left the way through the gates is. In m."""
-    end = gates.spacing * gates.count
-    fade = max(0.0, min(1.0, along / (_FADE * gates.spacing), (end + gates.spacing - along) / end))
-    if not 0.0 < along < end + gates.spacing:
+    beyond = gates.first + gates.spacing * gates.count
+    if not 0.0 < along < beyond:
         return 0.0
-    return -gates.offset * min(1.0, fade) * math.cos(math.pi * along / gates.spacing)
+    share = min(1.0, along / max(gates.first, 1e-3), (beyond - along) / gates.spacing)
+    share *= share * (3.0 - 2.0 * share)
+    return gates.offset * share * math.cos(math.pi * (along - gates.first) / gates.spacing)
+
+
+def slope(gates: Gates, along: float) -> float:
+    """Heading of the way, to the left. In rad."""
+    step = 0.05 * gates.spacing
+    return math.atan2(way(gates, along + step) - way(gates, along - step), 2.0 * step)
 
 
 def curvature(gates: Gates, along: float) -> float:

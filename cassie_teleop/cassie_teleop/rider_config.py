@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,21 +20,28 @@ class RiderSettings:
     noise: float = tunable(0.1, "m/s", 0.0, 1.0, "Largest error of the speed he sees, uniform")
     seed: int = tunable(0, "", 0, 2**63 - 1, "Of that error; 0: the experiment's own")
     acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "At which he speeds up")
-    braking: float = tunable(0.75, "m/s^2", 0.05, 2.0, "At which he slows down")
+    braking: float = tunable(0.85, "m/s^2", 0.05, 2.0, "At which he slows down")
     lean: float = tunable(0.075, "m/(m/s^2)", 0.0, 0.5, "CoM x by the acceleration he wants")
     speed_gain: float = tunable(0.03, "m/(m/s)", 0.0, 0.2, "CoM x by error of speed")
     speed_sum: float = tunable(0.008, "m/m", 0.0, 0.1, "CoM x by the sum of that error")
-    turn_lean: float = tunable(0.09, "m/(rad/s)", 0.0, 0.5, "CoM y by the turn rate he wants")
-    turn_gain: float = tunable(0.03, "m/(rad/s)", 0.0, 0.5, "CoM y by error of turn rate")
-    turn_sum: float = tunable(0.06, "m/rad", 0.0, 0.5, "CoM y by the sum of that error")
-    heading_gain: float = tunable(1.0, "1/s", 0.0, 5.0, "Turn rate by error of heading")
-    look_ahead: float = tunable(0.8, "s", 0.0, 3.0, "How far ahead on his way he steers for")
+    speed_wait: float = tunable(0.6, "s", 0.0, 3.0, "In which he expects a lean to show")
+    turn_lean: float = tunable(
+        0.048, "m/(rad/s)", 0.0, 0.5, "CoM y by the turn rate he wants, times 1 + speed / 2"
+    )
+    turn_time: float = tunable(0.8, "s", 0.0, 5.0, "CoM y by the change of that turn rate, over it")
+    turn_wait: float = tunable(0.3, "s", 0.0, 2.0, "How far ahead on his way he looks for it")
+    turn_gain: float = tunable(0.02, "m/(rad/s)", 0.0, 0.5, "CoM y by error of turn rate")
+    turn_sum: float = tunable(0.03, "m/rad", 0.0, 0.5, "CoM y by the sum of that error")
+    heading_gain: float = tunable(0.6, "1/s", 0.0, 5.0, "Turn rate by error of heading")
+    side_gain: float = tunable(0.15, "rad/s/m", 0.0, 5.0, "Turn rate by distance from his way")
+    side_sum: float = tunable(0.0, "1/s", 0.0, 1.0, "CoM y by the sum of that distance")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gates:
     """A slalom straight ahead: gates to the left and to the right in turn."""
 
+    first: float = tunable(9.0, "m", 0.0, 1000.0, "Of the first one from where he is then")
     spacing: float = tunable(3.0, "m", 1.0, 50.0, "From gate to gate")
     offset: float = tunable(0.2, "m", 0.0, 5.0, "Of the first one's middle to the left")
     count: int = tunable(8, "", 1, 1000, "How many")
@@ -78,7 +86,7 @@ def read_rider(section: Mapping[str, Any]) -> RiderScript:
     except ParameterError as error:
         raise ParameterError(f"rider: {error}") from None
     targets = [_target(entry, f"rider.targets.{i}") for i, entry in enumerate(entries)]
-    for i, (one, following) in enumerate(zip(targets, targets[1:], strict=False)):
+    for i, (one, following) in enumerate(itertools.pairwise(targets)):
         if following.t < one.t:
             raise ParameterError(
                 f"rider.targets.{i + 1}: t = {following.t:g} s is before the one ahead of it"

@@ -18,7 +18,7 @@ def test_nothing_is_wished_before_a_power_key():
 def test_keys_step_set_points_within_their_ranges():
     wish = typed("p2" + "w" * 5 + "a" * 2).wish
     assert (wish.mode, wish.vx, wish.yaw_rate) == ("walk", 0.5, 0.2)
-    assert typed("p" + "w" * 99).wish.vx == 2.0
+    assert typed("p" + "w" * 99).wish.vx == 4.5
     assert typed("p" + "f" * 99).wish.height == 0.35
 
 

@@ -224,11 +224,19 @@ class SegwayConfig(StandConfig):
         0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
     )
     rest_speed: float = tunable(
-        0.4, "m/s", 0.0, 2.0, "Estimated speed below which, told to stop, Cassie takes herself to be at rest"
+        0.4,
+        "m/s",
+        0.0,
+        2.0,
+        "Estimated speed that counts as rest once she is told to stop",
     )
     rest_time: float = tunable(2.0, "s", 0.1, 60.0, "In which the estimate then goes to zero")
     tilt_margin: float = tunable(
-        0.03, "rad", 0.0, 0.3, "Tilt of the platform against the lean that Cassie takes no notice of"
+        0.03,
+        "rad",
+        0.0,
+        0.3,
+        "Tilt of the platform against the lean that is not minded",
     )
     tilt_gain: float = tunable(
         1.0, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"

@@ -52,9 +52,7 @@ class StandingController:
         one, so that rocking does not take away the torque of the loaded foot.
     """
 
-    def __init__(
-        self, config: StandConfig, period: float, balance: Balance | None = None
-    ) -> None:
+    def __init__(self, config: StandConfig, period: float, balance: Balance | None = None) -> None:
         self._period = period
         self._balance = balance or Balance(config, period)
         self._height = (0.0, 0.0)

@@ -98,7 +98,6 @@ class ScriptedOperatorNode(Node):
         self._commands.publish_raw(self._reply)
         self._doze.doze()
 
-
     def _look(self, stamp_ns: int) -> None:
         """Take in what the rider sees; wait for what he must have seen, but not for long."""
         if self._eyes is None:

@@ -1,0 +1,118 @@
+"""The operator who sees the robot: what he sees, what he asks for, and what he refuses."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+
+from cassie_msgs.layout import RobotState
+from cassie_teleop.rider import Rider, curvature, slope, way
+from cassie_teleop.rider_config import Gates, read_rider
+from cassie_teleop.script import ScriptedOperator, ScriptError
+from cassie_teleop.sight import Sight, SightError, see
+
+QUIET = {"noise": 0.0}
+
+
+def odometry(stamp_ns: int, x: float, y: float, yaw: float, forward: float) -> bytes:
+    """Serialized as ROS does it, with frames `odom` and `base_link`."""
+    raw = bytearray(b"\x00\x01\x00\x00")
+    raw += struct.pack("<iI", *divmod(stamp_ns, 10**9))
+    for name in (b"odom\0", b"base_link\0"):
+        raw += bytes(-(len(raw) - 4) % 4) + struct.pack("<I", len(name)) + name
+    raw += bytes(-(len(raw) - 4) % 8)
+    raw += struct.pack("<7d", x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    raw += bytes(36 * 8) + struct.pack("<6d", forward, 0.0, 0.0, 0.0, 0.0, 0.0) + bytes(36 * 8)
+    return bytes(raw)
+
+
+def rides(rider: dict, speed: float, heading: float = 0.0, until: float = 3.0) -> list:
+    """Leans over time of an operator who sees always the same."""
+    operator = ScriptedOperator([{"t": 0.0, "mode": "segway"}], rider)
+    state, leans = RobotState(), []
+    for tick in range(0, round(until * 500)):
+        stamp = tick * 2_000_000
+        operator.watch(stamp, odometry(stamp, 0.0, 0.0, heading, speed))
+        if tick % 10 == 0:
+            state.stamp_ns = stamp
+            assert not operator.awaits(stamp)
+            command = operator.answer(state)
+            leans.append((float(command.com_x), float(command.com_y), float(command.vx)))
+    return leans
+
+
+def test_what_he_sees_is_what_the_odometry_says():
+    seen = see(odometry(1_500_000_000, 1.0, -2.0, 0.7, 3.0))
+    assert seen.stamp_ns == 1_500_000_000
+    assert (seen.x, seen.y) == (1.0, -2.0)
+    assert seen.heading == pytest.approx(0.7)
+    assert seen.speed == pytest.approx(3.0)
+    with pytest.raises(SightError, match="no odometry"):
+        see(b"short")
+
+
+def test_he_leans_forward_when_it_is_too_slow_and_back_when_too_fast():
+    target = {"targets": [{"t": 0.0, "speed": 1.0}], **QUIET}
+    assert rides(target, 0.0)[-1][0] > 0.0 > rides(target, 2.0)[-1][0]
+    assert rides(target, 0.0)[-1][2] == 1.0
+
+
+def test_he_leans_to_the_side_of_his_heading():
+    target = {"targets": [{"t": 0.0, "speed": 0.0, "heading": 0.0}], **QUIET}
+    assert rides(target, 0.0, heading=-0.3)[-1][1] > 0.0 > rides(target, 0.0, heading=0.3)[-1][1]
+
+
+def test_before_his_first_target_he_keeps_his_hands_off():
+    leans = rides({"targets": [{"t": 2.0, "speed": 1.0}], **QUIET}, 0.0, until=2.0)
+    assert all(lean == (0.0, 0.0, 0.0) for lean in leans)
+
+
+def test_the_same_seed_errs_in_the_same_way():
+    def noisy(seed: int) -> list:
+        return rides({"targets": [{"t": 0.0, "speed": 1.0}], "seed": seed}, 1.0)
+
+    assert noisy(1) == noisy(1) != noisy(2)
+
+
+def test_what_he_sees_is_late():
+    rider = Rider(read_rider({"targets": [{"t": 0.0, "speed": 1.0}], "delay": 0.2}))
+    assert rider.needs(1_000_000_000) == 800_000_000
+    rider.decide(1_000_000_000, Sight(800_000_000, 0.0, 0.0, 0.0, 0.0))
+    assert rider.needs(1_090_000_000) is None
+    assert rider.needs(1_100_000_000) == 900_000_000
+
+
+def test_an_answer_waits_for_what_he_must_have_seen():
+    operator = ScriptedOperator([], {"targets": [{"t": 0.0, "speed": 1.0}]})
+    operator.watch(0, odometry(0, 0.0, 0.0, 0.0, 0.0))
+    assert not operator.awaits(200_000_000)
+    assert operator.awaits(300_000_000)
+
+
+def test_the_way_leads_through_the_gates():
+    gates = Gates(first=9.0, spacing=3.0, offset=0.2, count=4)
+    middles = [way(gates, 9.0 + 3.0 * index) for index in range(4)]
+    assert middles == pytest.approx([0.2, -0.2, 0.2, -0.2])
+    assert way(gates, 0.0) == 0.0 == way(gates, 30.0)
+    assert slope(gates, 10.5) < 0.0 < curvature(gates, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("rider", "message"),
+    [
+        ({}, "targets must be given"),
+        ({"targets": [{"t": 0}], "dealy": 1}, "delay"),
+        ({"targets": [{"t": 0, "sped": 1}]}, "speed"),
+        ({"targets": [{"t": 0, "speed": 9}]}, "speed = 9 is outside -1 .. 4.5 m/s"),
+        ({"targets": [{"speed": 1}]}, "t = None"),
+        ({"targets": [{"t": 2}, {"t": 1}]}, "before the one ahead"),
+        ({"targets": [{"t": 0, "turn": 1, "heading": 0}]}, "only one of"),
+        ({"targets": [{"t": 0, "gates": {"spacng": 3}}]}, "spacing"),
+        ({"targets": [{"t": 0, "gates": 3}]}, "gates"),
+    ],
+)
+def test_what_he_cannot_mean_is_refused(rider, message):
+    with pytest.raises(ScriptError, match=message.replace(".", r"\.")):
+        ScriptedOperator([], rider)
