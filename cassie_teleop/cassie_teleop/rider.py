@@ -21,9 +21,9 @@ class Rider:
     towards the speed wanted as it was `delay` and `speed_wait` ago, and a* the ramp's slope now:
 
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
-        com_y = turn_lean (1 + v / 2) r* + turn_gain (r* - r) + turn_sum * integral of (r* - r).
+        com_y = turn_lean (1 + v / 2) r* + turn_gain (r* - r) + turn_sum * integral of (r* - r),
 
-    r* is the turn wanted, or heading_gain times the error of heading. On the way through gates, a
+    the first integral only while v* rests. r* is the turn wanted, or heading_gain times the error of heading. On the way through gates, a
     cosine of x along the heading that he had when he wanted to, he looks ahead:
 
         r* = k + turn_time dk/dt + heading_gain * error of heading + side_gain * distance from it,
@@ -98,7 +98,8 @@ class Rider:
         self._wanted += step
         self._before.append(self._wanted)
         error = self._before[0] - seen
-        self._sums[0] = _bounded(self._sums[0] + c.speed_sum * period * error, _SUM_X)
+        if self._before[0] == self._wanted:  # a ramp's lag is nothing to sum up
+            self._sums[0] = _bounded(self._sums[0] + c.speed_sum * period * error, _SUM_X)
         return c.lean * step / period + c.speed_gain * error + self._sums[0]
 
     def _lean_y(self, sight: Sight) -> float:
