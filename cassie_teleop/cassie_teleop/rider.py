@@ -23,8 +23,9 @@ class Rider:
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
         com_y = turn_lean (1 + v / 2) r* + turn_gain (r* - r) + turn_sum * integral of (r* - r),
 
-    the first integral only while v* rests. r* is the turn wanted, or heading_gain times the error of heading. On the way through gates, a
-    cosine of x along the heading that he had when he wanted to, he looks ahead:
+    the first integral only while v* rests. r* is the turn wanted, or heading_gain times the error
+    of heading. On the way through gates, a cosine of x along the heading that he had when he wanted
+    to, he looks ahead:
 
         r* = k + turn_time dk/dt + heading_gain * error of heading + side_gain * distance from it,
 
