@@ -158,6 +158,18 @@ def test_a_swing_leg_that_still_carries_weight_holds_the_torso_instead_of_swingi
 
 
 @STANCES
+def test_a_swing_foot_that_is_still_pressed_down_is_drawn_up(stance):
+    lengths = []
+    for force in (0.0, 130.0):
+        core, state = walking(stance, period=1e-9), swinging(stance)
+        core.timing.phase = 0.4
+        state.foot_force[1 - stance] = force
+        core.step(readings_of(state), mode_of(), MotorCommand())
+        lengths.append(core.desired[LENGTH_SW])
+    assert lengths[1] == pytest.approx(lengths[0] - 0.05, abs=1e-6)
+
+
+@STANCES
 def test_the_stance_hip_takes_to_the_ground_what_swinging_does_to_the_torso(stance):
     state = swinging(stance)
     commands = []

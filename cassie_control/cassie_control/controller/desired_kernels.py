@@ -18,6 +18,8 @@ FloatArray = npt.NDArray[np.float64]
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 _LONGEST = 0.95  # m, of a stance leg that travels level
+_LIFT = 0.05  # m, by which a swing leg is drawn up whose foot is pressed down,
+_LIFTED, _LIFTING = 30.0, 100.0  # beginning at this force, until as much beyond it. In N
 
 
 @compiled
@@ -99,6 +101,7 @@ def adjust(figures: RecordArray, robots: RecordArray, steps: RecordArray) -> Non
     _fade_in(step, YAW_SW, step.yaw - gait[YAW_SW, 5], phase, rate)
     _fade_in(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
     _fade_in(step, YAW_ST, -step.turn - gait[YAW_ST, 5], phase, rate)
+    _lift(robot, step, phase)
     if step.phase > 1.0:
         _reach_down(figure, step, rate)
     step.desired[ROLL] += step.torso_roll
@@ -131,6 +134,14 @@ def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
     step.desired[LENGTH_ST] += share * (length - step.desired[LENGTH_ST])
     rate = (x + step.slope_ahead * height) * robot.velocity[0] / length
     step.desired_rates[LENGTH_ST] += share * (rate - step.desired_rates[LENGTH_ST])
+
+
+@compiled
+def _lift(robot: Any, step: Any, phase: float) -> None:
+    """Draw up a swing leg whose foot is still pressed down, as where a push leans on it."""
+    pressed = min(1.0, max(0.0, (robot.force[1 - int(step.stance)] - _LIFTED) / _LIFTING))
+    due = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
+    step.desired[LENGTH_SW] -= _LIFT * pressed * due
 
 
 @compiled
