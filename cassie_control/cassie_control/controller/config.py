@@ -268,9 +268,6 @@ class LearningConfig:
     gain: float = tunable(
         0.15, "", 0.0, 1.0, "Share of the drives' own tracking torque that a step adds"
     )
-    torso: float = tunable(
-        0.2, "", 0.0, 1.0, "The same of the torques that hold the torso, by that of the others"
-    )
     leak: float = tunable(
         0.05, "", 0.0, 0.5, "Share that a step forgets: gain / (gain + leak) of the error goes"
     )

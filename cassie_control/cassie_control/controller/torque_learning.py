@@ -26,8 +26,10 @@ _FIRST = 4  # steps after walking began from which on it learns
 _LATEST = 1.15  # phase at the end of a step that still teaches
 _OFF_SPEED = 0.15  # m/s, from the commanded speed at which a step still teaches
 _UPRIGHT = 0.15  # rad of torso roll and pitch within which a step still teaches
-_HOLD_TORSO = [JOINTS.index("stance_hip_roll"), JOINTS.index("stance_hip_pitch")]
-_CARRIES = JOINTS.index("stance_knee")
+_KEEP_BALANCE = [
+    JOINTS.index(name)
+    for name in ("stance_hip_roll", "stance_hip_pitch", "stance_knee", "swing_hip_roll")
+]
 _DRIVES = np.array(DRIVE_IN_Q)
 
 
@@ -44,12 +46,12 @@ class TorqueLearning:
 
         u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
 
-    Q a low-pass along the phase. gain / (gain + leak) of what repeats of the error is taken over,
-    less of the torso's (`torso`), nothing of the stance knee's. The knee carries the weight: what
-    it gives too little or too much decides when the other foot takes load, and with learned
-    torques the sway grows within some twenty steps until she falls. It learns on one foot only:
-    with both on the ground the legs press against each other, which no torque takes away; there
-    the table goes on as at the nearest phase on one foot.
+    Q a low-pass along the phase. gain / (gain + leak) of what repeats of the error is taken over.
+    Four joints are left out, since their errors belong to how she keeps her balance: with learned
+    torques of the stance knee, which carries, the sway grows within some twenty steps until she
+    falls, and with those of the torso and the swing hip's roll she falls on soft ground. It learns
+    on one foot only: with both on the ground the legs press against each other, which no torque
+    takes away; there the table goes on as at the nearest phase on one foot.
 
     Between its points and its speeds the table is linear; beyond phase 1 and the outermost speeds
     it stays as it is. At a touchdown the torques go over to those of the new step within 30 ms.
@@ -96,8 +98,7 @@ class TorqueLearning:
         self._adds = config.learned_torques != "none" and config.walk.law != "paper"
         self._learns = self._adds and config.learned_torques == "learn"
         self._gains = np.full(len(JOINTS), config.learning.gain)
-        self._gains[_HOLD_TORSO] *= config.learning.torso
-        self._gains[_CARRIES] = 0.0
+        self._gains[_KEEP_BALANCE] = 0.0
         self._limits = torque_limits() * config.learning.limit
         self._lead = min(len(self._phases) - 1, round(config.learning.lead / self._period))
 
