@@ -40,7 +40,7 @@ class Track:
         mode: Mode that the supervisor set. Shape (n,).
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
         foot_load: Share of the load threshold on each foot. Shape (n, 2).
-        carries: Whether the robot stands or walks on its own legs: a foot carries load within
+        carries: Whether the robot stands, walks or rides on its own legs: a foot carries load within
             `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
     """
@@ -78,7 +78,7 @@ def make_track(recording: Recording) -> Track:
     seq = sensors["seq"].astype(np.int64)
     mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
     load = state["foot_load"]
-    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK])
+    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY])
     own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), FLIGHT)
     velocity = np.einsum("nij,nj->ni", rotation_matrices(orientation), truth["linear"])
     achieved = _velocities(truth, velocity, angles)

@@ -19,11 +19,11 @@ class RiderSettings:
     delay: float = tunable(0.2, "s", 0.0, 2.0, "How old what he sees is")
     noise: float = tunable(0.1, "m/s", 0.0, 1.0, "Largest error of the speed he sees, uniform")
     seed: int = tunable(0, "", 0, 2**63 - 1, "Of that error; 0: the experiment's own")
-    acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "At which he speeds up")
+    acceleration: float = tunable(0.58, "m/s^2", 0.05, 2.0, "At which he speeds up")
     braking: float = tunable(0.8, "m/s^2", 0.05, 2.0, "At which he slows down")
     lean: float = tunable(0.075, "m/(m/s^2)", 0.0, 0.5, "CoM x by the acceleration he wants")
     speed_gain: float = tunable(0.035, "m/(m/s)", 0.0, 0.2, "CoM x by error of speed")
-    speed_sum: float = tunable(0.01, "m/m", 0.0, 0.1, "CoM x by the sum of that error")
+    speed_sum: float = tunable(0.015, "m/m", 0.0, 0.1, "CoM x by the sum of that error")
     speed_wait: float = tunable(0.6, "s", 0.0, 3.0, "In which he expects a lean to show")
     turn_lean: float = tunable(
         0.048, "m/(rad/s)", 0.0, 0.5, "CoM y by the turn rate he wants, times 1 + speed / 2"

@@ -214,7 +214,10 @@ class SegwayConfig(StandConfig):
         120.0, "s", 1.0, 1000.0, "For which roll and pitch are trusted to the gyro"
     )
     press_limit: float = tunable(
-        0.05, "m", 0.01, 0.07, "How far from the middle of the feet they may press for long"
+        0.045, "m", 0.01, 0.07, "How far from the middle of the feet they may press for long"
+    )
+    press_more: float = tunable(
+        0.02, "m", 0.0, 0.05, "So much farther once the ground goes along with the lean"
     )
     press_limit_y: float = tunable(0.08, "m", 0.01, 0.12, "The same sideways")
     kp_speed: float = tunable(

@@ -12,6 +12,7 @@ from cassie_control.controller.standing import StandingController
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import Mode, MotorCommand
 
+_GOES = 0.3  # m/s^2
 _TILT_TIME = 0.3  # s, low-pass of the platform's tilt
 
 
@@ -108,7 +109,11 @@ class RidingController:
         against = min(0.0, math.copysign(1.0, com_x) * self._tilt + c.tilt_margin)
         com_x += math.copysign(1.0, com_x) * c.tilt_gain * against
         rest = self._balance.rest(readings)[0]
-        return max(rest - c.press_limit, min(rest + c.press_limit, com_x))
+        # Ground that goes along with the lean is a vehicle, and needs more of it.
+        along = self._balance.acceleration[0] / _GOES
+        ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
+        back = c.press_limit + c.press_more * max(0.0, min(1.0, -along))
+        return max(rest - back, min(rest + ahead, com_x))
 
 
 def sole_tilt(leg: LegReadings, torso_pitch: float) -> float:

@@ -36,7 +36,7 @@ class SupervisorConfig:
     ride_backward: float = tunable(1.0, "m/s", 0.0, 2.0, "The same backward")
     ride_yaw_rate: float = tunable(1.0, "rad/s", 0.0, 2.0, "Largest turn rate on a Segway")
     ride_acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "Change of the speed of a Segway")
-    ride_com_x: float = tunable(0.07, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
+    ride_com_x: float = tunable(0.095, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
     ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "The same sideways")
     ride_shift_rate: float = tunable(0.3, "m/s", 0.01, 0.5, "Change of these shifts")
     ride_height: float = tunable(0.75, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
