@@ -40,8 +40,8 @@ class Track:
         mode: Mode that the supervisor set. Shape (n,).
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
         foot_load: Share of the load threshold on each foot. Shape (n, 2).
-        carries: Whether the robot stands, walks or rides on its own legs: a foot carries load within
-            `FLIGHT` of the sample. Shape (n,).
+        carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
+            within `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
     """
 
