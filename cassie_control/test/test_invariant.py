@@ -33,8 +33,8 @@ def on_ice():
     scenario = Scenario.from_mapping(
         {
             "start": "standing",
-            "scene_parameters": {"friction": 0.25},
-            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, 30.0, 0.0]} for t in (3.8, 5.0)],
+            "scene_parameters": {"friction": 0.22},
+            "pushes": [{"t": t, "duration": 0.2, "force": [0.0, -30.0, 0.0]} for t in (3.8, 5.0)],
         }
     )
     config = ControllerConfig(walk=WalkConfig(foot_spread=0.04))
