@@ -127,8 +127,9 @@ def speed_tracking(track: Track, phases: Sequence[Phase], title: str) -> Figure:
 
 def footsteps(track: Track, title: str) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
-    feet = track.legs[:, :, -1, :2]
-    low, high = feet.min(axis=(0, 1)) - 0.25, feet.max(axis=(0, 1)) + 0.25
+    places = np.concatenate([track.position[:, :2], *track.legs[:, :, -1, :2].swapaxes(0, 1)])
+    places = places[np.isfinite(places).all(axis=1)]  # damped, the feet are not known
+    low, high = places.min(axis=0) - 0.25, places.max(axis=0) + 0.25
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
     span = high - low

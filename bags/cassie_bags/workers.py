@@ -65,6 +65,7 @@ class LocalProcesses:
         self.count = count
         self._pool = ProcessPoolExecutor(count, get_context("spawn"), _begin)
         self._starting = threading.Lock()
+        self._given: set[Future[Any]] = set()
 
     def results(
         self, function: Callable[[Item], Result], items: Sequence[Item]
@@ -74,14 +75,19 @@ class LocalProcesses:
             futures: dict[Future[Result], int] = {
                 self._pool.submit(function, item): index for index, item in enumerate(items)
             }
+            self._given.update(futures)
         try:
             for future in completed(futures):
                 yield futures[future], future.result()
         finally:
             _cancel(futures)
+            self._given -= {future for future in futures if future.done()}
 
     def close(self) -> None:
         """End the processes; what they are at is lost."""
+        if all(future.done() for future in self._given):
+            self._pool.shutdown()
+            return
         with self._starting:
             for process in list((self._pool._processes or {}).values()):
                 process.kill()  # first, so that none is left that writes to a closed pipe

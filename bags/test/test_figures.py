@@ -42,6 +42,13 @@ def test_a_run_that_ended_at_once_can_be_drawn(tmp_path: Path):
         assert path.is_file()
 
 
+def test_a_run_that_ended_in_damping_can_be_drawn(tmp_path: Path):
+    damped = make_track(glide(2.0))
+    damped.legs[200:] = np.nan  # no estimate, so no place of the feet
+    for path in draw_all(damped, PHASES, "damped", tmp_path).values():
+        assert shades(path) > 20
+
+
 def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
     track: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

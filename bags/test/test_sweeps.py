@@ -216,6 +216,22 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert again.stderr == ""  # nothing was measured anew
 
 
+def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
+    script = (
+        "from cassie_bags.workers import workers\n"
+        "if __name__ == '__main__':\n"
+        "    crew = workers(2, None)\n"
+        "    print(sorted(result for _, result in crew.results(abs, [-1, 2])))\n"
+        "    crew.close()\n"
+    )
+    path = tmp_path / "crew.py"
+    path.write_text(script)
+    done = subprocess.run(
+        [sys.executable, path], capture_output=True, text=True, env=environment(), check=True
+    )
+    assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
+
+
 @pytest.mark.parametrize("later", [0.0, 0.1, 1.0])  # while the workers start, and after it
 def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, later: float):
     words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
