@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from closed_loop import Robot
 
-from cassie_sim.scenario import Scenario
+from cassie_control.controller.config import ControllerConfig, TransitionConfig
+from cassie_msgs.layout import RobotMode
+from cassie_sim.scenario import Draw, Scenario
 
 
 def stood(height: float, duration: float, **scenario) -> Robot:
@@ -17,11 +19,42 @@ def stood(height: float, duration: float, **scenario) -> Robot:
     return robot
 
 
-@pytest.mark.parametrize("force", [(90.0, 0.0, 0.0), (-80.0, 0.0, 0.0), (0.0, 150.0, 0.0)])
+@pytest.mark.parametrize("force", [(90.0, 0.0, 0.0), (-85.0, 0.0, 0.0), (0.0, 180.0, 0.0)])
 def test_pushes_are_stood_without_a_step(force):
     robot = stood(0.75, 6.0, pushes=[{"t": 4.0, "duration": 0.1, "force": force}])
     assert not robot.fallen
+    assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}
     assert abs(robot.moments[-1].velocity).max() < 0.05
+
+
+@pytest.mark.parametrize("force", [(200.0, 0.0, 0.0), (-180.0, -180.0, 0.0)])
+def test_a_push_beyond_that_makes_her_step_and_stand_again(force):
+    push = {"t": 2.0, "duration": 0.1, "force": force}
+    robot = stood(0.9, 2.0, pushes=[push], draw=vars(Draw.from_seed(3)))
+    told = set()
+    for _ in range(80):
+        robot.run(0.1)
+        told.add(robot.supervisor.status.readiness)
+    assert not robot.fallen
+    activities = [m.activity for m in robot.moments if m.time > 2.0]
+    assert "walking" in activities
+    assert set(activities[-1000:]) == {"standing"}
+    assert abs(robot.moments[-1].velocity).max() < 0.05
+    assert "one foot off the ground: stepping until she rests" in told
+    assert robot.supervisor.status.readiness == ""
+    assert robot.mode is RobotMode.STAND
+
+
+def test_without_the_recovery_step_such_a_push_is_a_fall():
+    config = ControllerConfig(transition=TransitionConfig(recovery_step=False))
+    push = {"t": 2.0, "duration": 0.1, "force": (200.0, 0.0, 0.0)}
+    scenario = Scenario.from_mapping(
+        {"start": "standing", "pushes": [push], "draw": vars(Draw.from_seed(3))}
+    )
+    robot = Robot(scenario, "faithful", config)
+    robot.wish(height=0.9)
+    robot.run(6.0)
+    assert robot.fallen
 
 
 def test_late_torques_and_set_points_do_not_shake_her():

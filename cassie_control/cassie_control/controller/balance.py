@@ -9,6 +9,7 @@ from cassie_control.controller.readings import WEIGHT, Readings
 from cassie_msgs.layout import Mode
 
 _REACH = 0.075  # m, centre of pressure from the middle of the sole
+_GRAVITY = 9.81  # m/s^2
 _BIAS = 0.05  # m, bound of the learnt error of the CoM
 _BIAS_STEP = 0.02  # m, so that a push teaches little
 _SWAY = 0.5  # bound of the sideways force over the weight: less than a dry floor's friction
@@ -35,6 +36,7 @@ class Balance:
         lean: Horizontal over vertical ground force, forward and to the left.
         moment: Torque that bends the torso forward. In Nm.
         give: What is left of the torso's own regulation, pitch and roll, 0..1.
+        beyond: How far the capture point is outside the support, forward and sideways. In m.
 
     Args:
         config: Gains.
@@ -56,12 +58,14 @@ class Balance:
         self.lean = (0.0, 0.0)
         self.moment = 0.0
         self.give = (1.0, 1.0)
+        self.beyond = (0.0, 0.0)
 
     def start(self, readings: Readings) -> None:
         """Begin with the velocity that the robot has, and no error learnt."""
         self._bias = [0.0, 0.0]
         self._velocity = list(readings.com_velocity[:2])
         self._pressed = 0.0
+        self.beyond = (0.0, 0.0)
 
     def step(self, readings: Readings, mode: Mode, com_y: float, both: float) -> None:
         """Set the attributes.
@@ -91,6 +95,7 @@ class Balance:
         wanted = y - left + force / WEIGHT
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
+        self._look_ahead(x, y, math.sqrt(height / _GRAVITY), 0.5 * apart)
         pressed_y = (self.left - 0.5) * apart
         excess_y = wanted - pressed_y
         moment_y = self._bend(c.roll_gain, excess_y, readings.roll - float(mode.roll))
@@ -109,6 +114,12 @@ class Balance:
         return (
             moment * max(0.0, 1.0 - abs(unbent) / c.bend_limit) if unbent * excess < 0.0 else moment
         )
+
+    def _look_ahead(self, x: float, y: float, time: float, half: float) -> None:
+        """Find `beyond`, with the CoM at x, y (m), and feet that are `half` (m) off the middle."""
+        ahead = abs(x + time * self._velocity[0]) - _REACH
+        aside = abs(y + time * self._velocity[1]) - half
+        self.beyond = (max(0.0, ahead), max(0.0, aside))
 
     @staticmethod
     def _carried(readings: Readings) -> float:

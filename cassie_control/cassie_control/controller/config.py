@@ -261,6 +261,20 @@ class TransitionConfig:
     )
     stop_vy: float = tunable(0.35, "m/s", 0.05, 1.0, "The same sideways")
     stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which it ends anyway")
+    recovery_step: bool = tunable(
+        True, description="Step without being told when standing cannot hold a push"
+    )
+    recovery_x: float = tunable(
+        0.04, "m", 0.01, 0.3, "Capture point ahead of the toes or behind the heels that asks for it"
+    )
+    recovery_y: float = tunable(0.02, "m", 0.01, 0.3, "The same outside the feet")
+    recovery_height: float = tunable(
+        0.8, "m", 0.4, 1.05, "Pelvis height below which she does not step"
+    )
+    recovery_lift: float = tunable(
+        0.05, "m", 0.0, 0.15, "How much more the foot is lifted at the first of these steps"
+    )
+    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Steps before she stands again")
     blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 

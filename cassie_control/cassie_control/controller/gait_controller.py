@@ -10,6 +10,7 @@ from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.learned_torques import LearnedTorques
 from cassie_control.controller.limits import limit
 from cassie_control.controller.readings import Readings
+from cassie_control.controller.recovery import RecoveryStep, brake, lift, rests
 from cassie_control.controller.segway import RidingController
 from cassie_control.controller.standing import StandingController
 from cassie_control.controller.step_timing import LEFT
@@ -42,8 +43,9 @@ class GaitController:
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
     walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
-    the supervisor asks for it when Cassie steps in place. Riding a Segway is standing with gains of
-    its own. After each change the set-points are
+    the supervisor asks for it when Cassie steps in place. A push that standing cannot hold makes
+    her step by herself (`recovery`) until she is slow again. Riding a Segway is standing with gains
+    of its own. After each change the set-points are
     blended over a moment.
 
     Args:
@@ -66,6 +68,7 @@ class GaitController:
         self.riding = RidingController(config.segway, period)
         self.walking = WalkingController(config.walk, library, period)
         self.learning = TorqueLearning(config, learned, period)
+        self.recovery = RecoveryStep(period)
         self._status = ControllerStatus()
         self._state = RobotState()
         self._mode = Mode()
@@ -89,6 +92,8 @@ class GaitController:
         self.activity = Activity.IDLE
         self._since = 0.0
         self._stop_steps = 0
+        self._recovers = False
+        self.recovery.reset()
         self._blend = 0.0
         self._command.floats[:] = 0.0
 
@@ -162,6 +167,7 @@ class GaitController:
             command.kd[:] = DAMPING
         elif self.activity is Activity.STANDING:
             self.standing.step(self.readings, mode, command, 0.0)
+            self._recover(mode)
         elif self.activity is Activity.RIDING:
             self.riding.step(self.readings, mode, command)
         elif self.activity is Activity.LEANING:
@@ -173,6 +179,17 @@ class GaitController:
             self.standing.start(self.readings)
             self.standing.step(self.readings, mode, command, 0.0)
 
+    def _recover(self, mode: Mode) -> None:
+        """Step, from this tick on, if standing cannot hold a push."""
+        stance = self.recovery.stance(self.readings, self.standing, self.config.transition)
+        if stance is None:
+            return
+        self._enter(Activity.WALKING)
+        self._stop_steps, self._recovers = 0, True
+        self.walking.start(self.readings, stance)
+        self.learning.start()
+        self._walk(mode)
+
     def _walk(self, mode: Mode) -> bool:
         """One tick of walking, with the feet wider before a stop; whether a step ended."""
         stops = mode.mode == RobotMode.STAND
@@ -181,17 +198,25 @@ class GaitController:
         ended = walking.step(self.readings, mode, self._command, spread)
         speed = walking.gait_speed
         self.learning.step(walking.timing, speed, self.readings, mode, self._command)
+        if self._recovers and walking.timing.steps < 1:
+            stance, phase = walking.timing.stance, walking.timing.phase
+            brake(self.readings, stance, self._command, self.config.stand.toe_torque)
+            lift(1 - stance, phase, self._command, self.config.transition.recovery_lift)
         return ended
 
     def _may_stop(self, mode: Mode) -> bool:
         """Whether walking ends here: some steps after it was asked for, with a slow CoM."""
         if mode.mode != RobotMode.STAND:
-            self._stop_steps = 0
+            self._stop_steps, self._recovers = 0, False
             return False
         self._stop_steps += 1
         vx, vy, _ = self.readings.com_velocity
         transition = self.config.transition
         slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
+        if self._recovers:
+            return self._stop_steps >= transition.recovery_steps and rests(
+                self.readings, transition
+            )
         if self._stop_steps <= transition.stop_first:
             return False
         return slow or self._stop_steps >= transition.stop_steps

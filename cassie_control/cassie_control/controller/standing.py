@@ -70,6 +70,11 @@ class StandingController:
     def config(self, config: StandConfig) -> None:
         self._balance.config = config
 
+    @property
+    def beyond(self) -> tuple[float, float]:
+        """How far the capture point is outside the support, forward and sideways. In m."""
+        return self._balance.beyond
+
     def start(self, readings: Readings) -> None:
         """Begin from the present pose: feet stay where they are, legs keep their length at first.
 

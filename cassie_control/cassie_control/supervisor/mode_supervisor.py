@@ -28,6 +28,7 @@ _WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
+_STEP_TIME = 0.4  # s, about one step: so long after a foot was up it counts as stepping
 _SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
 
 
@@ -75,6 +76,7 @@ class ModeSupervisor:
         self._upright = 0.0
         self._slow = 0.0
         self._fallen = False
+        self._lifted = 0.0
         self._low = self._grounded = False
         self._height = 0.0
         self._speed = (0.0, 0.0)
@@ -120,6 +122,7 @@ class ModeSupervisor:
             segway=reasons[RobotMode.SEGWAY],
             faults=self._faults(linked, refused, controller_lost, failed),
             fallen=self._fallen,
+            stepping=self._current is RobotMode.STAND and self._lifted > 0.0,
             link=linked,
         )
         return self._answer(state)
@@ -144,6 +147,8 @@ class ModeSupervisor:
         tilt = max(abs(pitch), abs(roll))
         self._height = float(state.q[2])
         self._grounded = float(state.foot_force.max()) > _GROUNDED
+        single = self._grounded and float(state.foot_force.min()) < _GROUNDED
+        self._lifted = _STEP_TIME if single else max(0.0, self._lifted - self._period)
         self._low = self._grounded and self._height < c.fall_height
         moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
         upright = tilt < c.upright_tilt and not self._low

@@ -17,6 +17,7 @@ class SupervisorStatus:
         stand, walk, segway: Why that mode is refused now; empty when it would be entered.
         faults: What is wrong, in words.
         fallen: Whether Cassie fell and has not been set upright since.
+        stepping: Whether she stands, yet with one foot off the ground.
         link: Whether the operator's commands arrive over a good link.
     """
 
@@ -27,13 +28,14 @@ class SupervisorStatus:
     segway: str = ""
     faults: tuple[str, ...] = ()
     fallen: bool = False
+    stepping: bool = False
     link: bool = False
 
     @property
     def readiness(self) -> str:
-        """Why the requested mode is not in force; empty when it is."""
+        """Why the requested mode is not in force, or stands with a step; empty when it is."""
         if self.mode == self.requested:
-            return ""
+            return "one foot off the ground: stepping until she rests" if self.stepping else ""
         reasons = {
             RobotMode.STAND: self.stand,
             RobotMode.WALK: self.walk,
