@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from cassie_control.controller.transition_config import TransitionConfig as TransitionConfig
 from cassie_msgs.tunables import tunable
 
 
@@ -244,38 +245,6 @@ class SegwayConfig(StandConfig):
     tilt_gain: float = tunable(
         1.0, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class TransitionConfig:
-    """Between standing and walking."""
-
-    lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
-    lean_roll: float = tunable(0.16, "rad", 0.0, 0.2, "Roll to the left of that lean")
-    stop_spread: float = tunable(
-        0.03, "m", 0.0, 0.1, "How much farther out each foot lands before walking ends"
-    )
-    stop_first: float = tunable(2.0, "", 0.0, 10.0, "Steps with wider feet before it may end")
-    stop_vx: float = tunable(
-        0.2, "m/s", 0.05, 1.0, "Walking ends at a touchdown with a CoM no faster than this"
-    )
-    stop_vy: float = tunable(0.35, "m/s", 0.05, 1.0, "The same sideways")
-    stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which it ends anyway")
-    recovery_step: bool = tunable(
-        True, description="Step without being told when standing cannot hold a push"
-    )
-    recovery_x: float = tunable(
-        0.04, "m", 0.01, 0.3, "Capture point ahead of the toes or behind the heels that asks for it"
-    )
-    recovery_y: float = tunable(0.02, "m", 0.01, 0.3, "The same outside the feet")
-    recovery_height: float = tunable(
-        0.8, "m", 0.4, 1.05, "Pelvis height below which she does not step"
-    )
-    recovery_lift: float = tunable(
-        0.05, "m", 0.0, 0.15, "How much more the foot is lifted at the first of these steps"
-    )
-    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Steps before she stands again")
-    blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,8 +28,7 @@ _WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
-_STEP_TIME = 0.4  # s, about one step: so long after a foot was up it counts as stepping
-_SPEED_FILTER_TIME = 0.4  # s, about one step, so that the sway from foot to foot averages out
+_STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
 class ModeSupervisor:
@@ -76,9 +75,8 @@ class ModeSupervisor:
         self._upright = 0.0
         self._slow = 0.0
         self._fallen = False
-        self._lifted = 0.0
         self._low = self._grounded = False
-        self._height = 0.0
+        self._height = self._lifted = 0.0
         self._speed = (0.0, 0.0)
 
     def step(
@@ -160,7 +158,7 @@ class ModeSupervisor:
         vx, vy, _ = state.com_velocity.tolist()
         still = math.hypot(vx, vy) < c.still_speed
         self._still = self._still + self._period if still else 0.0
-        share = min(1.0, self._period / _SPEED_FILTER_TIME)
+        share = min(1.0, self._period / _STEP_TIME)
         self._speed = (
             self._speed[0] + share * (vx - self._speed[0]),
             self._speed[1] + share * (vy - self._speed[1]),
