@@ -24,6 +24,7 @@ from cassie_bags.learning import (
 )
 from cassie_bags.learning_picture import draw
 from cassie_bags.provenance import versions
+from cassie_bags.ros.argument_types import positive, seconds
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.trial import experiment_of, run_trial
 from cassie_bags.workers import Workers, workers
@@ -166,37 +167,20 @@ def _arguments() -> argparse.Namespace:
         epilog="Exit codes: 0 done, 1 tracking or falls got worse at a speed, 2 wrong file or "
         "arguments, 3 no scheduler, 130 stopped.",
     )
-    parser.add_argument("--robots", type=_positive, default=4, help="to learn with, from seed 1")
-    parser.add_argument("--rounds", type=_positive, default=2, help="each from the mean before")
-    parser.add_argument("--seconds", type=_seconds, default=10.0, help="learned at each speed")
-    parser.add_argument("--held-out", type=_positive, default=3, help="other robots to report on")
-    parser.add_argument("--measured", type=_seconds, default=8.0, help="length of their runs in s")
+    parser.add_argument("--robots", type=positive, default=4, help="to learn with, from seed 1")
+    parser.add_argument("--rounds", type=positive, default=2, help="each from the mean before")
+    parser.add_argument("--seconds", type=seconds, default=10.0, help="learned at each speed")
+    parser.add_argument("--held-out", type=positive, default=3, help="other robots to report on")
+    parser.add_argument("--measured", type=seconds, default=8.0, help="length of their runs in s")
     parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="in m/s")
     parser.add_argument("--begin", type=Path, default=None, metavar="FILE", help="learn on from it")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
+    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
     parser.add_argument(
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
     parser.add_argument("--out", type=Path, default=Path("build/learn"), help="folder to write to")
     return parser.parse_args()
-
-
-def _positive(word: str) -> int:
-    value = int(word) if word.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
-    return value
-
-
-def _seconds(word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = 0.0
-    if not 2.0 <= value <= 600.0:
-        raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
-    return value
 
 
 if __name__ == "__main__":

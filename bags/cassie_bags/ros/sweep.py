@@ -14,6 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.ros.argument_types import positive, seconds
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
@@ -128,11 +129,11 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("rows", nargs="*", help="rows or groups of rows, all if left out")
     parser.add_argument("--list", action="store_true", help="name all rows and exit")
-    parser.add_argument("--seeds", type=_positive, help="robots tried for each setting (10)")
+    parser.add_argument("--seeds", type=positive, help="robots tried for each setting (10)")
     parser.add_argument(
-        "--phases", type=_positive, help="moments over two steps for pushes and stops (10)"
+        "--phases", type=positive, help="moments over two steps for pushes and stops (10)"
     )
-    parser.add_argument("--seconds", type=_seconds, help="length of the part that is measured (40)")
+    parser.add_argument("--seconds", type=seconds, help="length of the part that is measured (40)")
     parser.add_argument(
         "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, unless they are given"
     )
@@ -150,7 +151,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--resume", action="store_true", help="leave out what stands in --out already"
     )
-    parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
+    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
     parser.add_argument(
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
@@ -160,23 +161,6 @@ def _arguments() -> argparse.Namespace:
         if getattr(arguments, name) is None:
             setattr(arguments, name, value)
     return arguments
-
-
-def _positive(word: str) -> int:
-    value = int(word) if word.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
-    return value
-
-
-def _seconds(word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = 0.0
-    if not 2.0 <= value <= 600.0:
-        raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
-    return value
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.ros.argument_types import positive
 from cassie_bags.trial import experiment_of, run_trial
 from cassie_bags.tuning.objective import DEFAULT, Objective, load_objective
 from cassie_bags.tuning.result import Score, table, write_result
@@ -200,13 +201,13 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--objective", type=Path, default=DEFAULT, help="file of courses, model errors and costs"
     )
-    parser.add_argument("--seeds", type=_positive, default=3, help="robots to search with")
+    parser.add_argument("--seeds", type=positive, default=3, help="robots to search with")
     parser.add_argument("--held-out", type=_natural, default=5, help="other robots to report on")
     parser.add_argument("--generations", type=_natural, default=30, help="in all")
     parser.add_argument("--population", type=_natural, default=0, help="of a generation; 0: auto")
     parser.add_argument("--factor", type=_factor, default=2.0, help="a value goes up and down by")
     parser.add_argument("--step", type=_share, default=0.3, help="first step, by the whole reach")
-    parser.add_argument("--seed", type=_positive, default=1, help="of the search")
+    parser.add_argument("--seed", type=positive, default=1, help="of the search")
     parser.add_argument(
         "--set",
         action="append",
@@ -215,7 +216,7 @@ def _arguments() -> argparse.Namespace:
         help="for every run; controller parameters given so are where the search begins",
     )
     parser.add_argument("--resume", action="store_true", help="go on with the search in --out")
-    parser.add_argument("--jobs", type=_positive, default=None, help="processes; one for each core")
+    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
     parser.add_argument(
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
@@ -226,12 +227,6 @@ def _arguments() -> argparse.Namespace:
 def _natural(word: str) -> int:
     if not word.isdecimal():
         raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
-    return int(word)
-
-
-def _positive(word: str) -> int:
-    if not word.isdecimal() or int(word) < 1:
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
     return int(word)
 
 

@@ -1,0 +1,32 @@
+"""What several commands read from their command lines."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def positive(word: str) -> int:
+    """A whole number of 1 or more.
+
+    Raises:
+        argparse.ArgumentTypeError: if it is not one.
+    """
+    value = int(word) if word.isdecimal() else 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
+    return value
+
+
+def seconds(word: str) -> float:
+    """The length of a run, 2 .. 600 s.
+
+    Raises:
+        argparse.ArgumentTypeError: if it is not one.
+    """
+    try:
+        value = float(word)
+    except ValueError:
+        value = 0.0
+    if not 2.0 <= value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
+    return value
