@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from closed_loop import PERIOD
+from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
 from cassie_control.controller.readings import WEIGHT
@@ -181,3 +181,22 @@ def test_reset_forgets_everything(estimator):
         core.step(sample(yaw))
     core.reset()
     assert core.step(sample(0.3)).to_bytes() == fresh.step(sample(0.3)).to_bytes()
+
+
+@pytest.mark.parametrize(
+    "model", [{"mass": 0.9, "spring": 1.2}, {"mass": 1.1, "spring": 0.8}], ids=["stiff", "soft"]
+)
+def test_feet_carry_the_weight_whatever_springs_and_mass_are(model, estimator):
+    scenario = Scenario.from_mapping({"start": "standing", "model": model})
+    robot = Robot(scenario, "faithful")
+    robot.estimator = estimator()
+    robot.run(8.0)
+    assert robot.state.foot_force.sum() == pytest.approx(WEIGHT, rel=0.03)
+
+
+def test_weight_that_the_gantry_carries_is_not_made_up_for(estimator):
+    scenario = Scenario.from_mapping({"start": "gantry"})
+    robot = Robot(scenario, "faithful")
+    robot.estimator = estimator()
+    robot.run(4.0)
+    assert robot.state.foot_force.sum() < 0.1 * WEIGHT

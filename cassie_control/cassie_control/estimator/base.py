@@ -11,8 +11,10 @@ from cassie_control.errors import SensorError
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.fusion import com_in_heading
 from cassie_control.estimator.sample_kernels import (
+    FIRST_TIME,
     arrange_joints,
     euler_angles,
+    scale_forces,
     weigh_feet,
 )
 from cassie_control.finite import check
@@ -29,8 +31,9 @@ SAMPLE_TYPE = floats_type(Sensors)
 class LegEstimator:
     """An estimator whose pelvis is left to its children.
 
-    Foot force is what the deflected springs hold (`LegChain.force`); load and contact probability
-    follow from it.
+    Foot force is what the deflected springs hold (`LegChain.force`), scaled so that on average
+    both carry the weight of the nominal robot (`scale_forces`); load and contact probability follow
+    from it.
 
     Args:
         config: Figures.
@@ -45,6 +48,7 @@ class LegEstimator:
         self._legs = LegPair()
         self._feet: FloatArray = self._legs.states["foot"]
         self._mass = robot.total_mass()
+        self._scale = np.empty(3)
         self._pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
         self._imu = np.array(robot.IMU_POSITION)
         state = self._state
@@ -80,6 +84,7 @@ class LegEstimator:
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         self._state.floats[:] = 0.0
+        self._scale[:] = (0.0, 1.0, FIRST_TIME)
 
     def coast(self, blind: bool) -> None:
         """Whether to go on without the accelerometer, which then only tells gravity."""
@@ -104,9 +109,17 @@ class LegEstimator:
             self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
         arrange_joints(self._sample, self._q, self._v, self._toe_torques, self._attitude)
         self._legs.update(self._q, self._v, self._toe_torques, self._attitude[2])
-        state.foot_force[:] = self._legs.forces
-        weigh_feet(
+        scale_forces(
             self._legs.forces,
+            sensors.linear_acceleration,
+            self._attitude[2],
+            self._period,
+            self._mass,
+            self._scale,
+            state.foot_force,
+        )
+        weigh_feet(
+            state.foot_force,
             config.load_from,
             config.load_span,
             config.contact_force,

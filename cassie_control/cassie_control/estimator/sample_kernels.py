@@ -12,6 +12,12 @@ from cassie_gaits.compiled import compiled
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 
+GRAVITY = 9.81
+FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, over which forces are averaged: at first, at last
+_CONTACT_TIME = 0.05  # s
+_STANDS = 0.6  # share of what is felt, that feet which carry her seem to carry at least
+_LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
+
 
 @compiled
 def arrange_joints(
@@ -41,6 +47,44 @@ def arrange_joints(
         rates[i, 6] = sample.drive_velocity[5 * i + 4]
         toe_torques[i] = sample.drive_torque[5 * i + 4]
     rotation_of(sample.orientation, rotation)
+
+
+@compiled
+def scale_forces(
+    springs: FloatArray,
+    specific_force: FloatArray,
+    up: FloatArray,
+    period: float,
+    mass: float,
+    scale: FloatArray,
+    forces: FloatArray,
+) -> None:
+    """Forces of the feet such that on average they carry the robot's weight.
+
+    Neither the springs' stiffness nor the mass is known to better than some ten percent. What
+    the springs hold, averaged over a step, must be the mass times what the accelerometer feels.
+
+    Args:
+        springs: Vertical forces after the nominal springs. Shape (2,), in N.
+        specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
+        up: The vertical in the pelvis frame. Shape (3,).
+        period: Between samples. In s.
+        mass: Nominal, of the robot. In kg.
+        scale: State: share of late in which the feet carried her, the factor, and the time that
+            it is averaged over, in s. Shape (3,).
+        forces: Result. Shape (2,), in N.
+    """
+    carried, felt = springs[0] + springs[1], 0.0
+    for k in range(3):
+        felt += mass * up[k] * specific_force[k]
+    stands = 1.0 if carried > _STANDS * felt else 0.0  # else a gantry carries too
+    scale[0] += period / _CONTACT_TIME * (stands - scale[0])
+    if scale[0] > 0.5:
+        scale[2] = min(_SCALE_TIME, scale[2] + period)
+        scale[1] += period / scale[2] * (felt - scale[1] * carried) / (mass * GRAVITY)
+        scale[1] = max(_LEAST_SCALE, min(_LARGEST_SCALE, scale[1]))
+    for i in range(2):
+        forces[i] = scale[1] * springs[i]
 
 
 @compiled
