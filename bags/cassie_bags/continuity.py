@@ -94,7 +94,7 @@ def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> li
     Args:
         one: A run.
         other: Another run.
-        topics: Topics of the control lane, or `/cassie/ground_truth`.
+        topics: Some of `recording.TYPES`.
     """
     found = []
     for topic in topics:
@@ -114,7 +114,8 @@ def _comparable(recording: Recording, topic: str) -> npt.NDArray[np.object_]:
     if topic in LANE_TOPICS:
         rows = first_occurrences(recording.lane[topic])
     else:
-        rows = recording.truth[np.unique(stamps_ns(recording.truth), return_index=True)[1]]
+        rows = recording.beside[topic]
+        rows = rows[np.unique(stamps_ns(rows), return_index=True)[1]]
     packed = np.zeros(len(rows), _packed(rows.dtype))
     for name in packed.dtype.names or ():
         if name != "episode":

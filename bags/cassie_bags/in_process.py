@@ -25,6 +25,7 @@ from cassie_sim import ground_truth
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import Plant
 from cassie_sim.power_switch import PERIOD
+from cassie_sim.segway_truth import SegwayTruth
 from cassie_teleop.script import ScriptedOperator
 
 Observer = Callable[[str, bytes, int], None]
@@ -73,7 +74,7 @@ class Loop:
         self._supervisor = GuardedSupervisor(supervisor)
         self._telling = controller
         self._fixed_lag = fixed_lag
-        self._truth = ground_truth.GroundTruth()
+        self._truth, self._segway = ground_truth.GroundTruth(), SegwayTruth()
         self._mode, self._next_mode = Mode(), Mode()
         self._lagging = MotorCommand()
         self._power = self._next_power = False
@@ -89,6 +90,8 @@ class Loop:
         self._observe(sensors, stamp)
         truth = self._truth.write(plant)
         self._observer(ground_truth.TOPIC, truth, stamp)
+        for topic, raw in self._segway.messages(plant):
+            self._observer(topic, raw, stamp)
         self._operator.watch(stamp, truth)
         state = self._estimator.step(sensors)
         self._observe(state, stamp)

@@ -8,9 +8,8 @@ from types import TracebackType
 from cassie_bags.experiment_file import Experiment
 from cassie_bags.in_process import Observer
 from cassie_bags.mcap_writer import QOS_LANE, BagWriter
-from cassie_bags.odometry import TYPE as ODOMETRY
 from cassie_bags.provenance import metadata_of
-from cassie_bags.recording import GROUND_TRUTH_TOPIC, LANE_TOPICS
+from cassie_bags.recording import TYPES
 
 
 class BagObserver:
@@ -28,10 +27,8 @@ class BagObserver:
         self._bag = BagWriter(path)
         for name, content in metadata_of(experiment).items():
             self._bag.add_metadata(name, content)
-        types = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()}
-        types[GROUND_TRUTH_TOPIC] = ODOMETRY
         self._channels = {
-            topic: self._bag.add_topic(topic, kind, QOS_LANE) for topic, kind in types.items()
+            topic: self._bag.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()
         }
 
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:

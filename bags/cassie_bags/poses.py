@@ -56,6 +56,9 @@ class Puppet:
         x, y, z, w = track.orientation[index]
         data.qpos[:3] = track.position[index]
         data.qpos[3:7] = (w, x, y, z)
+        if len(track.vehicle):
+            x, y, z, *turned = track.vehicle[index]
+            data.joint("segway").qpos[:] = (x, y, z, turned[3], *turned[:3])
         if self._motion is not None:
             self._motion.apply(self.model, data, float(track.time[index]))
         return frame_of(data)

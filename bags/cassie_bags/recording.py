@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from cassie_bags.bag_reader import BagIndex, read_messages
 from cassie_bags.errors import BagError
-from cassie_bags.odometry import read_odometry
+from cassie_bags.odometry import IMU_TYPE, read_imu, read_odometry
+from cassie_bags.odometry import TYPE as ODOMETRY
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,7 +24,18 @@ LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPE
 """Sample type of each topic of the control lane."""
 
 GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
-RECORDED_TOPICS = (*LANE_TOPICS, GROUND_TRUTH_TOPIC)
+SEGWAY_TRUTH_TOPIC = "/segway/ground_truth"
+SEGWAY_IMU_TOPIC = "/segway/imu"
+
+TYPES: dict[str, str] = {
+    **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
+    GROUND_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_IMU_TOPIC: IMU_TYPE,
+}
+"""Message type of each topic that every run is recorded with; the Segway's only where it is."""
+
+RECORDED_TOPICS = tuple(TYPES)
 
 
 @dataclass(frozen=True)
@@ -35,6 +47,9 @@ class Recording:
         truth: Rows of `/cassie/ground_truth`: sec, nanosec, position (m, world), orientation
             (x, y, z, w, pelvis to world), linear and angular velocity (m/s and rad/s, pelvis
             axes).
+        segway: The same of `/segway/ground_truth`, of the Segway's chassis; no row without one.
+        segway_imu: Rows of `/segway/imu`: sec, nanosec, angular velocity (rad/s) and specific
+            force (m/s^2), chassis axes.
         wall_time: Wall time that the run took, from the first sensor sample to the last. In s.
         metadata: Named records of words: seed, what it drew, versions, the experiment's file.
     """
@@ -43,6 +58,17 @@ class Recording:
     truth: Rows
     wall_time: float
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    segway: Rows = field(default_factory=lambda: read_odometry([]))
+    segway_imu: Rows = field(default_factory=lambda: read_imu([]))
+
+    @property
+    def beside(self) -> dict[str, Rows]:
+        """Rows of each topic beside the control lane."""
+        return {
+            GROUND_TRUTH_TOPIC: self.truth,
+            SEGWAY_TRUTH_TOPIC: self.segway,
+            SEGWAY_IMU_TOPIC: self.segway_imu,
+        }
 
     def rows(self, kind: type[Sample]) -> Rows:
         """Rows of one message type, `recording.rows(RobotState)["q"]`."""
@@ -61,7 +87,9 @@ def from_messages(
     """
     lane = {topic: _rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
     truth = read_odometry(messages.get(GROUND_TRUTH_TOPIC, []))
-    return Recording(lane, truth, wall_time, metadata or {})
+    segway = read_odometry(messages.get(SEGWAY_TRUTH_TOPIC, []))
+    felt = read_imu(messages.get(SEGWAY_IMU_TOPIC, []))
+    return Recording(lane, truth, wall_time, metadata or {}, segway, felt)
 
 
 def read_recording(path: Path) -> Recording:

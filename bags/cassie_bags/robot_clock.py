@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import struct
 
-from cassie_bags.recording import GROUND_TRUTH_TOPIC, LANE_TOPICS
+from cassie_bags.recording import LANE_TOPICS, TYPES
 from cassie_msgs.layout import OperatorCommand
 
 CLOCK_TOPIC = "/clock"
 
 _EPISODIC = frozenset(LANE_TOPICS) - {OperatorCommand.TOPIC}  # a person's carry wall time
-_STAMPED = frozenset([GROUND_TRUTH_TOPIC, CLOCK_TOPIC])
+_STAMPED = (frozenset(TYPES) - frozenset(LANE_TOPICS)) | {CLOCK_TOPIC}
 _STAMP = struct.Struct("<4xiI")
 _STAMP_AND_EPISODE = struct.Struct("<4xiII")
 _PLAUSIBLE = 1_000_000_000  # ns that an unnumbered stamp may be away from the newest one

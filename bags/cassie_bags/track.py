@@ -43,6 +43,8 @@ class Track:
         carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
             within `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
+        vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
+            the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
     """
 
     time: FloatArray
@@ -57,6 +59,7 @@ class Track:
     foot_load: FloatArray
     carries: BoolArray
     sensors: Rows
+    vehicle: FloatArray
 
     @property
     def sole_height(self) -> FloatArray:
@@ -96,6 +99,7 @@ def make_track(recording: Recording) -> Track:
         foot_load=load,
         carries=own,
         sensors=sensors,
+        vehicle=_vehicle(recording, stamps_ns(sensors)),
     )
 
 
@@ -120,6 +124,16 @@ def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
         state[np.isin(stamps_ns(state), ticks)],
         truth[np.isin(stamps_ns(truth), ticks)],
     )
+
+
+def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> FloatArray:
+    rows = recording.segway[_last_rise(stamps_ns(recording.segway)) :]
+    if not len(rows):
+        return np.zeros((0, 7))
+    index = np.searchsorted(stamps_ns(rows), ticks, side="right") - 1
+    rows = rows[index.clip(0)]
+    pose: FloatArray = np.hstack([rows["position"], rows["orientation"]])
+    return pose
 
 
 def _last_rise(times: npt.NDArray[np.int64]) -> int:

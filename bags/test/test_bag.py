@@ -27,8 +27,9 @@ from cassie_bags.recording import (
     from_messages,
     read_recording,
 )
+from cassie_bags.recording import TYPES as RECORDED_TYPES
 from cassie_msgs.layout import RobotState
-from cassie_sim import ground_truth
+from cassie_sim import ground_truth, segway_truth
 
 TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()} | {GROUND_TRUTH_TOPIC: ODOMETRY}
 
@@ -245,3 +246,4 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
 
 def test_the_true_pose_is_looked_for_where_the_simulator_puts_it():
     assert (GROUND_TRUTH_TOPIC, ODOMETRY) == (ground_truth.TOPIC, ground_truth.TYPE)
+    assert segway_truth.TYPES.items() <= RECORDED_TYPES.items()

@@ -13,8 +13,10 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.experiment_file import Experiment, parse_experiment
 from cassie_bags.in_process import Store, run
 from cassie_bags.observers import BagObserver
+from cassie_bags.poses import Puppet
 from cassie_bags.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.resolve import resolve
+from cassie_bags.track import make_track
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, Sensors
 
 TEXT = """
@@ -87,6 +89,23 @@ def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: 
     assert differences(copy, recording, RECORDED_TOPICS) == []
     again = parse_experiment(copy.metadata["cassie_experiment"]["file"], "bag")
     assert again.scenario == read().scenario
+
+
+def test_a_bag_of_a_ride_shows_where_the_segway_is(tmp_path: Path):
+    experiment = read("scene: segway\nduration: 0.5\noperator: [{t: 0.0, power: true}]\n")
+    store = Store()
+    with BagObserver(tmp_path / "ride.mcap", experiment) as bag:
+        run(make_loop(experiment, bag), range(250))
+    kept = store.recording(run(make_loop(experiment, store), range(250)))
+    copy = read_recording(tmp_path / "ride.mcap")
+    assert differences(copy, kept, RECORDED_TOPICS) == []
+    assert len(copy.segway) == len(copy.segway_imu) == 50
+    track = make_track(copy)
+    assert track.vehicle.shape == (250, 7)
+    puppet = Puppet(experiment.scenario)
+    shown = puppet.model.joint("segway").qposadr[0]
+    place = puppet.pose(track, 249)[shown : shown + 3]
+    np.testing.assert_array_equal(place, copy.segway["position"][-1])
 
 
 def test_the_wall_clock_is_not_there_to_pace_a_run():

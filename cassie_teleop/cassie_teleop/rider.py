@@ -11,25 +11,28 @@ from cassie_teleop.rider_config import Gates, RiderScript, Target
 from cassie_teleop.sight import Sight
 
 _SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the summed errors
+_SHARE = 0.2  # of a look, in the mean speed by which he steers
 _NS = 1e9
 
 
 class Rider:
     """Leans that keep speed and way, from what was seen a while ago.
 
-    On each look, with v the speed seen (noisy), r the turn rate from two headings seen, v* a ramp
-    towards the speed wanted as it was `delay` and `speed_wait` ago, and a* the ramp's slope now:
+    On each look, with v the speed seen (noisy; its mean of late for com_y), r the turn rate from
+    two headings seen, v* a ramp towards the speed wanted as it was `delay` and `speed_wait` ago,
+    and a* the ramp's slope now:
 
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
-        com_y = turn_lean (1 + v / 2) r* + turn_gain (r* - r) + turn_sum * integral of (r* - r),
+        com_y = turn_lean (1 + v / 2) (r* + turn_gain (r* - r) + turn_sum * integral of (r* - r)),
 
     the first integral only while v* rests. r* is the turn wanted, or heading_gain times the error
     of heading. On the way through gates, a cosine of x along the heading that he had when he wanted
     to, he looks ahead:
 
-        r* = k + turn_time dk/dt + heading_gain * error of heading + side_gain * distance from it,
+        com_y = turn_lean (1 + v / 2) (k + turn_time dk/dt + turn_gain (k0 - r)
+                + heading_gain * error of heading + side_gain * distance + side_sum * its integral),
 
-    with k the turn of the way where he will be `turn_wait` from now.
+    with k the turn of the way where he will be `turn_wait` from now, k0 that where he is seen.
 
     Args:
         script: What he is like and what he wants.
@@ -58,6 +61,7 @@ class Rider:
         """CoM shift, forward and to the left. In m."""
         self.speed = self.turn = 0.0
         """What he wants now. In m/s and rad/s."""
+        self._seen = 0.0
 
     def needs(self, stamp_ns: int) -> int | None:
         """Stamp of what he must have seen to decide at a time, if he decides then. In ns."""
@@ -92,6 +96,7 @@ class Rider:
     def _lean_x(self, sight: Sight) -> float:
         c, period = self._script.settings, self.period_ns / _NS
         seen = sight.speed + float(self._rng.uniform(-c.noise, c.noise))
+        self._seen += _SHARE * (seen - self._seen)
         away = self.speed - self._wanted
         slows = abs(self.speed) < abs(self._wanted) or self.speed * self._wanted < 0.0
         most = (c.braking if slows else c.acceleration) * period
@@ -111,9 +116,13 @@ class Rider:
             return self._through(gates, self._start, sight, rate)
         self.turn = self._turn(sight)
         error = self.turn - rate
-        self._sums[1] = _bounded(self._sums[1] + c.turn_sum * period * error, _SUM_Y)
-        lean = c.turn_lean * (1.0 + 0.5 * abs(sight.speed))
-        return lean * self.turn + c.turn_gain * error + self._sums[1]
+        lean = self._lean_of_turn()
+        self._sums[1] = _bounded(self._sums[1] + lean * c.turn_sum * period * error, _SUM_Y)
+        return lean * (self.turn + c.turn_gain * error) + self._sums[1]
+
+    def _lean_of_turn(self) -> float:
+        """CoM y by turn rate at the speed seen. In m/(rad/s)."""
+        return self._script.settings.turn_lean * (1.0 + 0.5 * abs(self._seen))
 
     def _turn(self, sight: Sight) -> float:
         """The turn rate that he wants. In rad/s."""
@@ -128,20 +137,18 @@ class Rider:
         cos, sin = math.cos(start.heading), math.sin(start.heading)
         dx, dy = sight.x - start.x, sight.y - start.y
         along, left = cos * dx + sin * dy, cos * dy - sin * dx
-        speed = sight.speed
-        ahead = along + (c.delay + c.turn_wait) * speed
+        ahead = along + (c.delay + c.turn_wait) * self._seen
         # What is on his way then, and by how much it changes until a moment later.
         step = 0.1
-        now, later = (speed * curvature(gates, ahead + t * speed) for t in (0.0, step))
-        self.turn = now
-        lean = c.turn_lean * (1.0 + 0.5 * abs(speed))
-        aside = way(gates, along) - left
-        self._sums[1] = _bounded(self._sums[1] + c.side_sum * self.period_ns / _NS * aside, _SUM_Y)
-        back = c.heading_gain * _wrapped(slope(gates, along) - sight.heading + start.heading)
-        back += c.side_gain * aside
-        error = speed * curvature(gates, along) - rate
-        wanted = now + c.turn_time * (later - now) / step + back
-        return lean * wanted + c.turn_gain * error + self._sums[1]
+        turn, later = (self._seen * curvature(gates, ahead + t * self._seen) for t in (0.0, step))
+        self.turn = turn
+        lean, aside = self._lean_of_turn(), way(gates, along) - left
+        summed = lean * c.side_sum * self.period_ns / _NS * aside
+        self._sums[1] = _bounded(self._sums[1] + summed, _SUM_Y)
+        wanted = turn + c.turn_time * (later - turn) / step
+        wanted += c.turn_gain * (self._seen * curvature(gates, along) - rate)
+        wanted += c.heading_gain * _wrapped(slope(gates, along) - sight.heading + start.heading)
+        return lean * (wanted + c.side_gain * aside) + self._sums[1]
 
 
 def way(gates: Gates, along: float) -> float:

@@ -26,15 +26,17 @@ class RiderSettings:
     speed_sum: float = tunable(0.015, "m/m", 0.0, 0.1, "CoM x by the sum of that error")
     speed_wait: float = tunable(0.6, "s", 0.0, 3.0, "In which he expects a lean to show")
     turn_lean: float = tunable(
-        0.048, "m/(rad/s)", 0.0, 0.5, "CoM y by the turn rate he wants, times 1 + speed / 2"
+        0.064, "m/(rad/s)", 0.0, 0.5, "CoM y by the turn rate he wants, times 1 + speed / 2"
     )
-    turn_time: float = tunable(0.8, "s", 0.0, 5.0, "CoM y by the change of that turn rate, over it")
-    turn_wait: float = tunable(0.3, "s", 0.0, 2.0, "How far ahead on his way he looks for it")
-    turn_gain: float = tunable(0.02, "m/(rad/s)", 0.0, 0.5, "CoM y by error of turn rate")
-    turn_sum: float = tunable(0.03, "m/rad", 0.0, 0.5, "CoM y by the sum of that error")
-    heading_gain: float = tunable(0.6, "1/s", 0.0, 5.0, "Turn rate by error of heading")
-    side_gain: float = tunable(0.15, "rad/s/m", 0.0, 5.0, "Turn rate by distance from his way")
-    side_sum: float = tunable(0.0, "1/s", 0.0, 1.0, "CoM y by the sum of that distance")
+    turn_time: float = tunable(0.6, "s", 0.0, 5.0, "Turn rate by its own change on his way")
+    turn_wait: float = tunable(0.22, "s", 0.0, 2.0, "How far ahead on his way he looks for it")
+    turn_gain: float = tunable(1.03, "", 0.0, 5.0, "Turn rate by its error")
+    turn_sum: float = tunable(0.9, "1/s", 0.0, 5.0, "Turn rate by the sum of its error")
+    heading_gain: float = tunable(1.1, "1/s", 0.0, 5.0, "Turn rate by error of heading")
+    side_gain: float = tunable(0.5, "rad/s/m", 0.0, 5.0, "Turn rate by distance from his way")
+    side_sum: float = tunable(
+        0.08, "rad/s/(m s)", 0.0, 2.0, "Turn rate by the sum of that distance"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import deque
 
 import pytest
 
@@ -97,6 +98,45 @@ def test_the_way_leads_through_the_gates():
     assert middles == pytest.approx([0.2, -0.2, 0.2, -0.2])
     assert way(gates, 0.0) == 0.0 == way(gates, 30.0)
     assert slope(gates, 10.5) < 0.0 < curvature(gates, 12.0)
+
+
+def slalom(lag: float = 1.0, answer: float = 10.5, biased: float = 0.02) -> list[float]:
+    """By how much a rider misses ten gates at 2 m/s, on what turns by his lean as a Segway does.
+
+    The turn rate is `answer` rad/s by m of CoM y, 0.22 s late, through (1 + 0.2 s) / (1 + lag s):
+    the measured response of robot and Segway at that speed.
+    """
+    targets = [{"t": 1.0, "speed": 2.0, "heading": 0.0}, {"t": 8.0, "gates": {"count": 10}}]
+    rider = Rider(read_rider({"seed": 1, "targets": targets}))
+    period, v, x, y, heading, slow, lean = 0.01, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    late, sights, places = deque([0.0] * 22), [], []
+    for tick in range(2700):
+        stamp = tick * 10_000_000
+        sights.append(Sight(stamp, x, y, heading, v))
+        if (seen := rider.needs(stamp)) is not None:
+            rider.decide(stamp, sights[seen // 10_000_000])
+        wanted = max(-0.1, min(0.1, rider.lean[1]))
+        lean += max(-0.003, min(0.003, wanted - lean))
+        late.append(lean)
+        driven = answer * (late.popleft() - biased)
+        slow += period * (driven - slow) / lag
+        heading += period * (0.2 / lag * driven + (1.0 - 0.2 / lag) * slow)
+        x, y = x + period * v * math.cos(heading), y + period * v * math.sin(heading)
+        places.append((x, y))
+    start = sights[780]
+    cos, sin = math.cos(start.heading), math.sin(start.heading)
+    along = [cos * (x - start.x) + sin * (y - start.y) for x, y in places]
+    left = [cos * (y - start.y) - sin * (x - start.x) for x, y in places]
+    gates = [next(i for i, a in enumerate(along) if a > 9.0 + 3.0 * n) for n in range(10)]
+    return [left[i] - (-0.2 if n % 2 else 0.2) for n, i in enumerate(gates)]
+
+
+@pytest.mark.parametrize(
+    "segway",
+    [{}, {"answer": 12.5}, {"answer": 8.5}, {"lag": 1.3}, {"lag": 0.75}, {"biased": -0.02}],
+)
+def test_he_goes_through_a_slalom_whatever_the_segway_is_like(segway):
+    assert max(map(abs, slalom(**segway))) < 0.1
 
 
 @pytest.mark.parametrize(

@@ -17,20 +17,16 @@ from rclpy.utilities import remove_ros_args
 
 from cassie_bags.continuity import SeqMonitor
 from cassie_bags.mcap_writer import BagWriter
-from cassie_bags.odometry import TYPE as ODOMETRY
 from cassie_bags.provenance import versions
-from cassie_bags.recording import GROUND_TRUTH_TOPIC, LANE_TOPICS
+from cassie_bags.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.robot_clock import RobotClock
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
 from cassie_bags.yaml_file import read_yaml
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 
-LANE_TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()}
-LANE_TYPES[GROUND_TRUTH_TOPIC] = ODOMETRY
-
 DEFAULT_TOPICS = (
-    *LANE_TYPES,
+    *TYPES,
     "/cassie/supervisor_status",
     "/clock",
     "/diagnostics",
@@ -50,7 +46,7 @@ COMPLETE = "the control lane is complete"
 _BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
-_NEEDED = frozenset(LANE_TYPES) - {"/cassie/controller_status"}
+_NEEDED = frozenset(TYPES) - {"/cassie/controller_status", SEGWAY_TRUTH_TOPIC, SEGWAY_IMU_TOPIC}
 
 
 class Recorder(Node):
@@ -72,8 +68,8 @@ class Recorder(Node):
         self._bag = BagWriter(arguments.output)
         for name, content in _metadata(arguments.metadata).items():
             self._bag.add_metadata(name, content)
-        for topic in LANE_TYPES if self._all else self._wanted & LANE_TYPES.keys():
-            self._subscribe(topic, LANE_TYPES[topic])
+        for topic in TYPES if self._all else self._wanted & TYPES.keys():
+            self._subscribe(topic, TYPES[topic])
         self._waiter = LaneWaiter(self, self._subscriptions_by_topic.values())
         stop.on_request(lambda: self._waiter.wake())
 
@@ -141,7 +137,7 @@ class Recorder(Node):
 
     def _subscribe(self, topic: str, type_name: str) -> bool:
         """Record a topic; False if nobody writes it yet or its type is not installed."""
-        lane = topic in LANE_TYPES
+        lane = topic in TYPES
         qos = offered_qos(self, topic, lossless=lane)
         if qos is None:
             return False

@@ -11,6 +11,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
 
 from cassie_msgs.layout import LayoutError, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.fast_lane import (
@@ -27,6 +28,7 @@ from cassie_sim.lane import Report
 from cassie_sim.plant import Plant
 from cassie_sim.ros.awake import Awake
 from cassie_sim.ros.joint_states import JointStates
+from cassie_sim.segway_truth import IMU_TOPIC, TRUTH_TOPIC, SegwayTruth
 
 STANDARD_RATE = 100
 """Highest rate of the topics for ROS tools, in robot time. In Hz."""
@@ -53,6 +55,10 @@ class SimulatorLane:
     ) -> None:
         self._sensors = LanePublisher(node, Sensors)
         self._truth = node.create_publisher(Odometry, GROUND_TRUTH_TOPIC, WRITER)
+        self._segway = {
+            TRUTH_TOPIC: node.create_publisher(Odometry, TRUTH_TOPIC, WRITER),
+            IMU_TOPIC: node.create_publisher(Imu, IMU_TOPIC, WRITER),
+        }
         self._clock = node.create_publisher(Clock, "/clock", _CLOCK_QOS)
         self._joint_states = JointStates(node)
         self._commands = LaneSubscription(node, MotorCommand, qos=NEWEST)
@@ -67,9 +73,10 @@ class SimulatorLane:
         self.keep_awake = False
         self._report = report
         self._watch = watch
-        self._ground_truth = GroundTruth()
+        self._ground_truth, self._segway_truth = GroundTruth(), SegwayTruth()
         self._decimation = max(1, control_rate // STANDARD_RATE)
         self._last_sample = self._last_truth = self._last_clock = b""
+        self._last_segway: list[tuple[str, bytes]] = []
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
         """Publish a new sample first, then what goes with it while the others compute."""
@@ -77,6 +84,8 @@ class SimulatorLane:
         self._sensors.publish_raw(raw)
         self._last_truth = truth = self._ground_truth.write(plant)
         self._truth.publish(truth)
+        self._last_segway = self._segway_truth.messages(plant)
+        self._publish_segway()
         if plant.seq % self._decimation == 0:
             seconds, nanoseconds = divmod(plant.seq * plant.tick_ns, 1_000_000_000)
             self._last_clock = _CLOCK.pack(b"\x00\x01\x00\x00", seconds, nanoseconds)
@@ -90,7 +99,12 @@ class SimulatorLane:
         self._awake.hold(False)
         self._sensors.publish_raw(self._last_sample)
         self._truth.publish(self._last_truth)
+        self._publish_segway()
         self._clock.publish(self._last_clock)
+
+    def _publish_segway(self) -> None:
+        for topic, raw in self._last_segway:
+            self._segway[topic].publish(raw)
 
     def wait(self, timeout: float) -> None:
         """Return when something arrives or `wake` is called, `timeout` s later at the latest."""

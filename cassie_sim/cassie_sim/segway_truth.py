@@ -1,0 +1,75 @@
+"""What a Segway truly does, and what its own IMU feels, as serialized messages for bags.
+
+Nothing on the control lane reads them: the robot does not know what it stands on.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import mujoco
+
+from cassie_sim.ground_truth import TYPE as ODOMETRY
+from cassie_sim.ground_truth import OdometryWriter, stamped
+from cassie_sim.plant import Plant
+
+TRUTH_TOPIC = "/segway/ground_truth"
+IMU_TOPIC = "/segway/imu"
+TYPES = {TRUTH_TOPIC: ODOMETRY, IMU_TOPIC: "sensor_msgs/msg/Imu"}
+"""Type of each topic."""
+
+FRAME = "segway"
+IMU_FRAME = "segway_imu"
+RATE = 100
+"""Highest rate of the messages, in robot time. In Hz."""
+
+_UNKNOWN = -1.0  # first element of a covariance: the reading is not given
+_READINGS = struct.Struct("<4d9d3d9d3d9d")
+
+
+class SegwayTruth:
+    """Messages of the Segway in a plant, if there is one.
+
+    Pose and twist of its chassis, whose origin is on the axle's middle; and angular velocity and
+    specific force there, without noise. The IMU gives no orientation.
+    """
+
+    def __init__(self) -> None:
+        self._odometry = OdometryWriter(FRAME)
+        head = b"\x00\x01\x00\x00" + stamped(IMU_FRAME)
+        self._head = head + bytes(-(len(head) - 4) % 8)
+        self._model: mujoco.MjModel | None = None
+        self._is_there = False
+
+    def _look(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._is_there = any(model.joint(index).name == "segway" for index in range(model.njnt))
+        if self._is_there:
+            joint = model.joint("segway")
+            self._position, self._velocity = int(joint.qposadr[0]), int(joint.dofadr[0])
+            self._gyro = int(model.sensor("segway_gyro").adr[0])
+            self._force = int(model.sensor("segway_accelerometer").adr[0])
+
+    def messages(self, plant: Plant) -> list[tuple[str, bytes]]:
+        """Topic and message of each that is due on the plant's present tick."""
+        if plant.model is not self._model:
+            self._look(plant.model)
+        if not self._is_there or plant.seq % max(1, round(1e9 / (RATE * plant.tick_ns))):
+            return []
+        return [(TRUTH_TOPIC, self._write_truth(plant)), (IMU_TOPIC, self._write_imu(plant))]
+
+    def _write_truth(self, plant: Plant) -> bytes:
+        q, v = self._position, self._velocity
+        position, quaternion = plant.data.qpos[q : q + 3], plant.data.qpos[q + 3 : q + 7]
+        twist = plant.data.qvel[v : v + 6]
+        return self._odometry.write(plant.seq * plant.tick_ns, position, quaternion, twist)
+
+    def _write_imu(self, plant: Plant) -> bytes:
+        felt = plant.data.sensordata
+        rates, force = (felt[i : i + 3].tolist() for i in (self._gyro, self._force))
+        none = (0.0,) * 9
+        readings = _READINGS.pack(
+            *(0.0, 0.0, 0.0, 1.0), *(_UNKNOWN, *none[1:]), *rates, *none, *force, *none
+        )
+        stamp = struct.pack("<iI", *divmod(plant.seq * plant.tick_ns, 1_000_000_000))
+        return self._head[:4] + stamp + self._head[12:] + readings
