@@ -20,6 +20,9 @@ CONFIG = WalkConfig(
     pendulum_gain_back=1.0,
     pendulum_gain_y=1.0,
     pendulum_gain_still=0.0,
+    pendulum_fade_x=0.0,
+    pendulum_fade_y=0.0,
+    sidestep=0.0,
     slowest_step=1.0,
     landing_depth=0.0,
 )
@@ -139,6 +142,51 @@ def test_what_is_added_to_the_gain_in_place_fades_out_with_the_commanded_speed(v
         assert then / first == pytest.approx(-added * grown, abs=0.02)
 
 
+@pytest.mark.parametrize(("speed", "share"), [(-0.5, 1.0), (0.0, 1.0), (1.0, 0.6), (9.0, 0.3)])
+def test_the_gains_fall_with_speed_forward(speed, share):
+    """The low-passed speed counts: the pendulum's own is that of a robot in place."""
+    config = replace(CONFIG, pendulum_fade_x=0.4, pendulum_fade_y=0.4, least_foot_distance=0.05)
+    readings = pose()
+
+    def foot(config, error):
+        moving(readings, 0.25 + error, -0.3 - error)
+        # Touchdown is now, and with it the end of the step: nothing is left to fall.
+        ahead = StepAhead(STEP_TIME, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
+        end = placement(config).swing_end(readings, *readings.legs, Wish(), ahead)
+        return foot_from_com(readings, readings.legs[RIGHT], end)
+
+    for k in range(2):
+        faded, whole = (foot(c, 0.05)[k] - foot(c, 0.0)[k] for c in (config, CONFIG))
+        assert faded / whole == pytest.approx(share, abs=1e-6)
+
+
+def test_the_foot_leads_the_end_of_a_fast_step_by_more():
+    readings = pose()
+
+    def lead(speed):
+        ahead = StepAhead(0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
+        return placement(CONFIG).swing_end(readings, *readings.legs, Wish(), ahead).lead
+
+    assert lead(-0.5) == lead(0.0) == CONFIG.contact_lead
+    assert lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
+    assert lead(3.0) == lead(1.5)
+
+
+def test_sidesteps_go_farther_out_with_the_speed():
+    config = replace(CONFIG, sidestep=0.1, least_foot_distance=0.05)
+    readings, ahead = pose(), StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+    moving(readings, 0.0, -0.3)
+    feet = [
+        foot_from_com(
+            readings,
+            readings.legs[RIGHT],
+            placement(c).swing_end(readings, *readings.legs, Wish(vy=0.2), ahead),
+        )[1]
+        for c in (config, CONFIG)
+    ]
+    assert feet[0] - feet[1] == pytest.approx(0.02)
+
+
 def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
     walker = Pendulum(CONFIG, Wish(), (0.0, 0.3))
     for _ in range(4):
@@ -187,6 +235,22 @@ def test_sums_add_up_the_mean_error_within_their_bound():
     assert foot() - start == pytest.approx(CONFIG.integral_limit)
     law.reset()
     assert foot() == pytest.approx(start)
+
+
+def test_a_robot_that_keeps_up_with_a_changing_wish_adds_nothing_to_the_sums():
+    """The mean velocity is that of two steps, so it follows a ramp by one of them."""
+    law, readings = PendulumPlacement(CONFIG), pose()
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+
+    def foot():
+        end = law.swing_end(readings, *readings.legs, Wish(), ahead)
+        return foot_from_com(readings, readings.legs[RIGHT], end)
+
+    start = foot()
+    for k in range(8):
+        before = 0.1 * max(0.0, k - 1.0) if k != 1 else 0.025
+        law.touchdown((before, 0.5 * before), (0.0, 0.0), Wish(vx=0.1 * k, vy=0.05 * k))
+    assert foot() == pytest.approx(start, abs=1e-9)
 
 
 @pytest.mark.parametrize("stance", [LEFT, RIGHT])

@@ -38,6 +38,15 @@ def test_its_speed_is_bounded_and_its_direction_kept():
     assert vx / vy == pytest.approx(3.0 / 4.0)
 
 
+def test_the_place_is_the_middle_of_the_sway():
+    hold = PositionHold(0.02)
+    for tick in range(59):
+        sway = 0.04 * math.sin(2.0 * math.pi * 0.02 * tick / 0.8 + 0.3)
+        assert hold.velocity(CONFIG, readings_at(1.0, 2.0 + sway)) == (0.0, 0.0)
+    vx, vy = hold.velocity(CONFIG, readings_at(1.0, 2.0))
+    assert math.hypot(vx, vy) < CONFIG.hold_gain * 0.003
+
+
 def test_a_released_place_is_forgotten():
     hold = settled()
     hold.release()

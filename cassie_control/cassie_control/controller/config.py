@@ -90,6 +90,9 @@ class WalkConfig:
     contact_lead: float = tunable(
         0.04, "s", 0.0, 0.1, "From the swing foot's first contact to the end of the step"
     )
+    contact_lead_speed: float = tunable(
+        0.03, "s/(m/s)", 0.0, 0.1, "By how much longer that is with speed forward, up to 1.5 m/s"
+    )
     pendulum_gain_x: float = tunable(
         0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
     )
@@ -97,8 +100,15 @@ class WalkConfig:
     pendulum_gain_y: float = tunable(
         0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
+    pendulum_fade_x: float = tunable(
+        0.35, "1/(m/s)", 0.0, 0.6, "Share by which the sagittal gain falls with speed forward"
+    )
+    pendulum_fade_y: float = tunable(0.12, "1/(m/s)", 0.0, 0.6, "The same of the lateral gain")
     pendulum_gain_still: float = tunable(
         0.2, "", 0.0, 0.8, "Added to these gains in place; half of it at half `still_speed`"
+    )
+    sidestep: float = tunable(
+        0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
     )
     still_speed: float = tunable(
         0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
@@ -106,7 +116,7 @@ class WalkConfig:
     integral_x: float = tunable(
         0.03, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.01, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_y: float = tunable(0.03, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"

@@ -28,9 +28,10 @@ LAW_TYPE = np.dtype(
     [
         (name, float)
         for name in (
-            *("double_support", "contact_lead", "slowest_step", "foot_spread"),
+            *("double_support", "slowest_step", "foot_spread"),
             *("pendulum_gain_x", "pendulum_gain_back", "pendulum_gain_y"),
-            *("pendulum_gain_still", "still_speed"),
+            *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
+            "sidestep",
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
         )
     ]
@@ -42,19 +43,20 @@ NOW_TYPE = np.dtype(
         (name, float)
         for name in (
             *("com_x", "com_y", "com_z", "ankle_x", "ankle_y", "ankle_z"),
-            *("velocity_x", "velocity_y", "pitch", "side"),
-            *("elapsed", "remaining", "earliest", "step_time"),
+            *("velocity_x", "velocity_y", "speed", "pitch", "side"),
+            *("elapsed", "remaining", "lead", "earliest", "step_time"),
             *("yaw", "rise", "slope_x", "slope_y"),
             *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y"),
         )
     ]
 )
 """What `landing` takes of the robot (CoM and stance toe joint from the pelvis origin, velocity of
-the CoM, torso pitch, side of the swing leg), `StepAhead`, `Wish` and the sums of the law."""
+the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums."""
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
+_LEAST_GAIN = 0.3  # share of a gain that is left at any speed
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
 
@@ -220,7 +222,7 @@ def landing(
         Roll and pitch in rad, length in m, time to touchdown in s.
     """
     law, now = law_record[0], now_record[0]
-    side, lead = now.side, law.contact_lead
+    side, lead = now.side, now.lead
     x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
     # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
     above = max(0.4, height - now.slope_x * x - now.slope_y * y)
@@ -276,7 +278,7 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
     """Steady walking as wished, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
     law, now = law_record[0], now_record[0]
     coast = law.double_support
-    duration = max(0.2, now.step_time - law.contact_lead)
+    duration = max(0.2, now.step_time - now.lead)
     single = max(_SHORTEST_SINGLE, duration - coast)
     tanh_half = math.tanh(0.5 * w * single) / w
     coth_half = 1.0 / (w * w * tanh_half)
@@ -289,12 +291,19 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
     moving = abs(now.velocity_x) / law.still_speed
     more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
     more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
+    forward = max(0.0, now.speed)
+    share_x = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_x * forward)
+    share_y = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_y * forward)
     return Aim(
         vx * (coast + tanh_half) + now.sum_x,
-        vy * (coast + tanh_half) + sway * (coast + coth_half) + now.sum_y + trim,
+        vy * (coast + tanh_half)
+        + law.sidestep * now.wish_vy
+        + sway * (coast + coth_half)
+        + now.sum_y
+        + trim,
         vx,
         vy + sway,
-        (law.pendulum_gain_x + more_x) * slope,
+        share_x * (law.pendulum_gain_x + more_x) * slope,
         (law.pendulum_gain_back + more_x) * slope,
-        (law.pendulum_gain_y + more_y) * slope,
+        share_y * (law.pendulum_gain_y + more_y) * slope,
     )

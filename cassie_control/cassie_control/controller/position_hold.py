@@ -8,14 +8,15 @@ from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.readings import Readings
 
 _SETTLING = 1.2  # s without a commanded velocity until a place is kept
+_MEAN = 0.8  # s before that over which the place is the mean: about two steps, as the body sways
 
 
 class PositionHold:
     """A velocity that leads back to the place where walking was last stopped.
 
-    Once no velocity has been commanded for a while, the pelvis's estimated position is kept:
-    velocity = hold_gain * (place - position), at most hold_speed. The estimate itself drifts by a
-    few per cent of the distance walked, which nothing here can see.
+    Once no velocity has been commanded for a while, the pelvis's estimated position, in the mean of
+    two steps, is kept: velocity = hold_gain * (place - position), at most hold_speed. The estimate
+    itself drifts by a few per cent of the distance walked, which nothing here can see.
 
     Args:
         period: Of control. In s.
@@ -28,17 +29,21 @@ class PositionHold:
     def release(self) -> None:
         """Forget the place."""
         self._still = 0.0
-        self._place: tuple[float, float] | None = None
+        self._ticks = 0
+        self._sum = (0.0, 0.0)
 
     def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
         """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
         self._still += self._period
-        if config.hold_gain <= 0.0 or self._still < _SETTLING:
-            return 0.0, 0.0
         x, y = float(readings.state.q[0]), float(readings.state.q[1])
-        if self._place is None:
-            self._place = (x, y)
-        east, north = self._place[0] - x, self._place[1] - y
+        if self._still < _SETTLING:
+            if self._still >= _SETTLING - _MEAN:
+                self._sum = (self._sum[0] + x, self._sum[1] + y)
+                self._ticks += 1
+            return 0.0, 0.0
+        if config.hold_gain <= 0.0:
+            return 0.0, 0.0
+        east, north = self._sum[0] / self._ticks - x, self._sum[1] / self._ticks - y
         c, s = math.cos(readings.yaw), math.sin(readings.yaw)
         vx, vy = (
             config.hold_gain * (c * east + s * north),

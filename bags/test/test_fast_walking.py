@@ -1,0 +1,48 @@
+"""A drawn robot walks fast without a limp and goes sideways as fast as it is told to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cassie_bags.cores import make_loop, tick_count
+from cassie_bags.experiment_file import parse_experiment
+from cassie_bags.in_process import Store, run
+from cassie_bags.recording import Recording, stamps
+from cassie_bags.resolve import resolve
+from cassie_bags.track import Track, make_track
+from cassie_msgs.layout import ControllerStatus
+
+TEXT = """
+start: standing
+seed: 2
+duration: {duration}
+operator:
+  - {{t: 0.0, power: true, mode: stand, height: 0.95}}
+  - {{t: 2.0, mode: walk}}
+  - {{t: 4.0, {wish}}}
+supervisor: {{vx_forward: 1.6, acceleration: 0.5}}
+"""
+
+
+def walk(wish: str, duration: float) -> tuple[Recording, Track]:
+    experiment = resolve(parse_experiment(TEXT.format(wish=wish, duration=duration), "walk"))
+    store = Store()
+    recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
+    return recording, make_track(recording)
+
+
+def test_it_walks_at_one_and_a_half_metres_per_second_without_a_limp():
+    recording, track = walk("vx: 1.5", 13.0)
+    status = recording.rows(ControllerStatus)
+    late = stamps(status) > 10.0
+    vx, vy = (np.interp(stamps(status)[late], track.time, track.achieved[n]) for n in ("vx", "vy"))
+    assert vx.mean() == pytest.approx(1.5, abs=0.05)
+    assert abs(vy.mean()) < 0.06
+    left, right = (vx[status["stance_leg"][late] == leg].mean() for leg in (0, 1))
+    assert left == pytest.approx(right, abs=0.06)
+
+
+def test_a_speed_to_the_side_is_kept_soon_after_it_is_asked_for():
+    _, track = walk("vy: 0.3", 11.0)
+    assert track.achieved["vy"][track.time > 7.0].mean() == pytest.approx(0.3, abs=0.04)
