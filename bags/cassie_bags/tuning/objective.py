@@ -24,6 +24,7 @@ SETTLING = 3.0
 
 _KEYS = ("courses", "model", "cost")
 _PUSH_KEYS = ("impulse", "angle_deg")
+_DELAY_KEYS = ("torque", "set_point")
 _MODEL_STREAM = 2  # keeps these draws apart from those of the robot and of events
 
 
@@ -51,10 +52,19 @@ class Course:
 
 
 @dataclass(frozen=True)
+class Circumstances:
+    """What else there is on a course: parameters of the ground, a push, delays of the drives."""
+
+    ground: Mapping[str, Any]
+    push: Mapping[str, Any]
+    delays: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Objective:
     """Courses, errors of the model, and costs."""
 
-    courses: tuple[tuple[Course, Mapping[str, Any], Mapping[str, Any]], ...]
+    courses: tuple[tuple[Course, Circumstances], ...]
     model: Mapping[str, tuple[float, float]]
     cost: Cost
     content: Mapping[str, Any] = field(default_factory=dict)
@@ -69,20 +79,21 @@ class Objective:
         ]
 
     def _trial(self, index: int, seed: int, words: tuple[str, ...]) -> Trial:
-        course, parameters, pushed = self.courses[index]
+        course, there = self.courses[index]
         fastest = max(abs(course.vx), abs(course.vy), 0.5 * abs(course.yaw_rate))
         begin = reached_at(fastest) + (SETTLING if fastest else 0.0)
         rng = np.random.default_rng([seed, _MODEL_STREAM, index])
         model = {name: float(rng.uniform(*bounds)) for name, bounds in self.model.items()}
         sections: dict[str, Any] = {
             "scene": course.scene,
-            "scene_parameters": dict(parameters),
+            "scene_parameters": dict(there.ground),
             "model": model,
+            "delays": dict(there.delays),
         }
-        if pushed:
-            angle = float(pushed.get("angle_deg", rng.uniform(-180.0, 180.0)))
+        if there.push:
+            angle = float(there.push.get("angle_deg", rng.uniform(-180.0, 180.0)))
             at = begin + 1.0 + float(rng.uniform(0.0, 2.0 * step_time(course.vx)))
-            sections["pushes"] = [push(at, float(pushed["impulse"]), angle)]
+            sections["pushes"] = [push(at, float(there.push["impulse"]), angle)]
         wish = {"vx": course.vx, "vy": course.vy, "yaw_rate": course.yaw_rate}
         window = (begin, begin + course.seconds)
         return walk(Budget(changes=words), seed, window, **wish, **sections)
@@ -124,18 +135,24 @@ def load_objective(path: Path = DEFAULT) -> Objective:
     return Objective(courses, model, cost, content)
 
 
-def _course(entry: object, where: str) -> tuple[Course, Mapping[str, Any], Mapping[str, Any]]:
+def _course(entry: object, where: str) -> tuple[Course, Circumstances]:
     if not isinstance(entry, Mapping):
         raise ParameterError(f"{where} = {entry!r} is not a mapping")
     rest = dict(entry)
-    parameters, pushed = rest.pop("scene_parameters", None) or {}, rest.pop("push", None) or {}
-    for key in pushed:
-        if key not in _PUSH_KEYS:
-            raise ParameterError(f"{where}.push: {unknown_name(str(key), _PUSH_KEYS, 'key')}")
-    if pushed and "impulse" not in pushed:
+    there = Circumstances(
+        *(rest.pop(key, None) or {} for key in ("scene_parameters", "push", "delays"))
+    )
+    for name, given, known in (
+        ("push", there.push, _PUSH_KEYS),
+        ("delays", there.delays, _DELAY_KEYS),
+    ):
+        for key in given:
+            if key not in known:
+                raise ParameterError(f"{where}.{name}: {unknown_name(str(key), known, 'key')}")
+    if there.push and "impulse" not in there.push:
         raise ParameterError(f"{where}.push.impulse must be given, in Ns")
     try:
-        return from_mapping(Course, rest), parameters, pushed
+        return from_mapping(Course, rest), there
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from None
 
