@@ -59,13 +59,11 @@ class LegEstimator:
         self._toe_torques = np.zeros(2)
         self._attitude = np.eye(3)
         self._rotation = np.eye(3)
-        self.pull = np.zeros(3)
-        """How the feet corrected the velocity in the world at the last sample. (3,), in m/s."""
 
     @property
-    def footing(self) -> float:
-        """How firmly a foot stands, 0..1; 0 where `pull` is not known."""
-        return 0.0
+    def feet(self) -> FloatArray:
+        """Middle of each sole in the pelvis at the last sample. Shape (2, 3), in m."""
+        return self._feet
 
     @property
     def rotation(self) -> FloatArray:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.estimator.rotation_kernels import cross, exponential, rotated, times
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
-Vector = tuple[float, float, float]
 
 SIZE = 21
 """Errors of the filter: orientation, velocity, position, left and right contact, gyro and
@@ -23,60 +23,6 @@ accelerometer bias, three of each."""
 
 GRAVITY = 9.81
 _R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
-
-
-@compiled
-def _cross(a: Any, b: Any) -> Vector:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@compiled
-def _turn(matrix: FloatArray, v: Any) -> Vector:
-    """Matrix times vector."""
-    return (
-        matrix[0, 0] * v[0] + matrix[0, 1] * v[1] + matrix[0, 2] * v[2],
-        matrix[1, 0] * v[0] + matrix[1, 1] * v[1] + matrix[1, 2] * v[2],
-        matrix[2, 0] * v[0] + matrix[2, 1] * v[1] + matrix[2, 2] * v[2],
-    )
-
-
-@compiled
-def _exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: FloatArray) -> None:
-    """Rotation by a vector, and the left Jacobian of SO(3) there. In rad."""
-    square = x * x + y * y + z * z
-    angle = math.sqrt(square)
-    if angle < 1e-4:
-        a, b, c = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-    else:
-        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
-        c = (1.0 - a) / square
-    w = (x, y, z)
-    for i in range(3):
-        for j in range(3):
-            outer = w[i] * w[j]
-            same = 1.0 if i == j else 0.0
-            rotation[i, j] = (1.0 - b * square) * same + b * outer
-            jacobian[i, j] = (1.0 - c * square) * same + c * outer
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        rotation[k, j] += a * w[i]
-        rotation[j, k] -= a * w[i]
-        jacobian[k, j] += b * w[i]
-        jacobian[j, k] -= b * w[i]
-
-
-@compiled
-def _times(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """Product of two 3 x 3 matrices; `out` is neither of them."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = (
-                left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
-            )
 
 
 @compiled
@@ -106,7 +52,7 @@ def filter_step(
     turned = np.empty((3, 3))
     _predict(state, noise, angular_velocity, specific_force, contact)
     for i in range(2):
-        _times(state.rotation, foot_rotations[i], turned)
+        times(state.rotation, foot_rotations[i], turned)
         _roll(state, noise, i, turned, contact[i])
         state.soles[i] = turned
     _correct_by_feet(state, noise, feet)
@@ -132,20 +78,20 @@ def _predict(
     )
     _grow(state, noise, contact)
     turn, jacobian, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    _exponential(w[0], w[1], w[2], turn, jacobian)
+    exponential(w[0], w[1], w[2], turn, jacobian)
     bias = state.accelerometer_bias
     force = (
         specific_force[0] - bias[0],
         specific_force[1] - bias[1],
         specific_force[2] - bias[2],
     )
-    force = _turn(state.rotation, _turn(jacobian, force))
+    force = rotated(state.rotation, rotated(jacobian, force))
     velocity, position = state.points[0], state.points[1]
     for k in range(3):
         a = force[k] - (GRAVITY if k == 2 else 0.0)
         position[k] += dt * (velocity[k] + 0.5 * dt * a)
         velocity[k] += dt * a
-    _times(state.rotation, turn, turned)
+    times(state.rotation, turn, turned)
     state.rotation[:] = turned
 
 
@@ -163,11 +109,11 @@ def _roll(state: Any, noise: Any, i: int, sole: FloatArray, contact: float) -> N
         a, b = (k + 1) % 3, (k + 2) % 3
         for c in range(3):
             turn[k] += 0.5 * (sole[b, c] * before[a, c] - sole[a, c] * before[b, c])
-    line = _turn(sole, noise.sole_line)
+    line = rotated(sole, noise.sole_line)
     rise = line[2] - state.ground * math.hypot(line[0], line[1])
     side = max(-1.0, min(1.0, -rise / noise.sole_flat))
     arm = (-side * line[0], -side * line[1], noise.sole_radius - side * line[2])
-    moved = _cross(turn, arm)
+    moved = cross(turn, arm)
     for k in range(3):
         state.points[2 + i, k] += moved[k]
     rate = math.hypot(turn[0], turn[1]) / (noise.period * noise.ground_still)
@@ -188,14 +134,14 @@ def _flow(state: Any, dt: float, P: FloatArray) -> None:
     """P <- F P; rows in an order in which each still finds the old ones that it needs."""
     R = state.rotation
     for j in range(SIZE):
-        gyro = _turn(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
-        force = _turn(R, (dt * P[_BA, j], dt * P[_BA + 1, j], dt * P[_BA + 2, j]))
+        gyro = rotated(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
+        force = rotated(R, (dt * P[_BA, j], dt * P[_BA + 1, j], dt * P[_BA + 2, j]))
         for k in range(3):
             P[_P + k, j] += dt * P[_V + k, j]
         P[_V, j] += dt * GRAVITY * P[_R + 1, j]
         P[_V + 1, j] -= dt * GRAVITY * P[_R, j]
         for i in range(4):
-            swept = _cross(state.points[i], gyro)
+            swept = cross(state.points[i], gyro)
             for k in range(3):
                 P[_V + 3 * i + k, j] -= swept[k]
         for k in range(3):
@@ -239,7 +185,7 @@ def _correct_by_feet(state: Any, noise: Any, feet: FloatArray) -> None:
     P = state.covariance
     correction, gain, z = np.zeros(SIZE), np.empty(SIZE), np.empty((2, 3))
     for i in range(2):
-        arm = _turn(state.rotation, feet[i])
+        arm = rotated(state.rotation, feet[i])
         for k in range(3):
             z[i, k] = arm[k] + state.points[1, k] - state.points[2 + i, k]
         _let_slip(state, noise, i, z[i])
@@ -250,8 +196,6 @@ def _correct_by_feet(state: Any, noise: Any, feet: FloatArray) -> None:
                 gain[j] = P[d, j] - P[p, j]
             rest = z[i, k] - correction[d] + correction[p]
             _take(P, gain, gain[d] - gain[p] + noise.kinematics, rest, correction)
-    for k in range(3):
-        state.pull[k] = correction[_V + k]
     _apply(state, correction)
 
 
@@ -277,7 +221,7 @@ def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
         for b in range(3):
             S[a, b] = P[d + a, d + b] + P[_P + a, _P + b] - P[d + a, _P + b] - P[_P + a, d + b]
         S[a, a] += noise.kinematics
-    x, y, w = _cross(S[1], S[2]), _cross(S[2], S[0]), _cross(S[0], S[1])
+    x, y, w = cross(S[1], S[2]), cross(S[2], S[0]), cross(S[0], S[1])
     determinant = S[0, 0] * x[0] + S[0, 1] * x[1] + S[0, 2] * x[2]
     square = 0.0
     for k in range(3):
@@ -294,12 +238,12 @@ def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
 def _apply(state: Any, correction: FloatArray) -> None:
     """X <- exp(correction) X, biases added."""
     turn, jacobian, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    _exponential(correction[0], correction[1], correction[2], turn, jacobian)
-    _times(turn, state.rotation, turned)
+    exponential(correction[0], correction[1], correction[2], turn, jacobian)
+    times(turn, state.rotation, turned)
     state.rotation[:] = turned
     for i in range(4):
-        moved = _turn(turn, state.points[i])
-        shift = _turn(jacobian, correction[_V + 3 * i : _V + 3 * i + 3])
+        moved = rotated(turn, state.points[i])
+        shift = rotated(jacobian, correction[_V + 3 * i : _V + 3 * i + 3])
         for k in range(3):
             state.points[i, k] = moved[k] + shift[k]
     for k in range(3):
@@ -319,7 +263,7 @@ def _correct_by_attitude(
         z[k] = 0.0
         for a in range(3):
             z[k] += 0.5 * (measured[j, a] * R[i, a] - measured[i, a] * R[j, a])
-    late, gain = _turn(R, rate), np.empty(SIZE)
+    late, gain = rotated(R, rate), np.empty(SIZE)
     for k in range(3):
         z[k] += noise.attitude_delay * late[k]
         for j in range(SIZE):

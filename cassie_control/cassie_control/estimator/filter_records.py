@@ -16,7 +16,6 @@ FILTER_TYPE = np.dtype(
         ("soles", float, (2, 3, 3)),  # orientation of each foot in the world at the last sample
         ("ground", float),  # rise of the ground ahead, along the feet
         ("doubt", float, 2),  # 0..1, of each foot: 1 when it slips, fading
-        ("pull", float, 3),  # m/s, by which the feet corrected the velocity at the last sample
     ]
 )
 """State of the filter."""

@@ -77,8 +77,6 @@ class InvariantEstimator(LegEstimator):
         self._blind = False
         super().__init__(config, period)
         self._rotation = self._filter[0]["rotation"]
-        self._doubt: FloatArray = self._filter[0]["doubt"]
-        self.pull = self._filter[0]["pull"]
         self._soles: FloatArray = self._legs.states["foot_rotation"]
         self._arms = np.zeros((2, 3))
         self._set_noise()
@@ -106,12 +104,6 @@ class InvariantEstimator(LegEstimator):
         if blind is not self._blind:
             self._blind = blind
             self._set_noise()
-
-    @property
-    def footing(self) -> float:
-        """How firmly a foot stands, 0..1."""
-        firm = self._state.contact_probability * (1.0 - self._doubt)
-        return float(firm.max())
 
     def _move(self, sensors: Sensors) -> None:
         state = self._state

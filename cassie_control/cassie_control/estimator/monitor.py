@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
+from cassie_control.estimator.acceleration_kernels import expect_acceleration
 from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.monitor_kernels import inspect
@@ -59,8 +60,8 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
-    normal["mass"] = robot.total_mass()
-    normal["pulled"], normal["late_pull"] = (0.008, 0.01, math.inf), (0.0045, 0.0048, math.inf)
+    normal["weight"] = robot.total_mass() * 9.81
+    normal["late_acceleration"] = (0.0165, 0.0165, 0.0145)
     return record
 
 
@@ -72,10 +73,9 @@ class SensorMonitor:
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity grow apart: the sign of their difference by the velocity
       tells which of them is late; the IMU's orientation and gyro are such a pair as well.
-    - The feet correct the filter's velocity more than they ever need to, along with what the
-      accelerometer says: it is late, fore and aft or sideways. Up and down the feet do not know,
-      since they sink into soft ground; there the springs' force is compared with it: if what
-      they carried 20 ms ago fits much better than what they carry now, it is late.
+    - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20 or
+      40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
+      not among these forces; it fits neither. In the gantry nothing is compared.
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer
@@ -123,8 +123,7 @@ class SensorMonitor:
         self,
         sensors: Sensors,
         rotation: FloatArray,
-        pull: FloatArray,
-        footing: float,
+        expected: FloatArray,
         force: float,
     ) -> Sensors:
         """The sample to go on with: the same, or one in which bad channels are replaced.
@@ -132,9 +131,8 @@ class SensorMonitor:
         Args:
             sensors: One sample.
             rotation: Pelvis to world, last known. Shape (3, 3).
-            pull: How the feet corrected the velocity in the world at the last sample. (3,), m/s.
-            footing: How firmly a foot stands, 0..1.
-            force: Vertical force of both feet at the last sample. In N.
+            expected: Acceleration of the last sample as forces have it. Shape (3,), in m/s^2.
+            force: Of both feet at the last sample. In N.
         """
         seq = int(sensors.seq)
         if seq != self._seq + 1:
@@ -142,7 +140,7 @@ class SensorMonitor:
         self._seq = seq
         if sensors is not self._sensors:
             self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
-        if inspect(self._sample, self._watch, self._limits, rotation, pull, footing, force):
+        if inspect(self._sample, self._watch, self._limits, expected, force):
             self.mask = self.lost = 0
             return sensors
         return self._repair(sensors, rotation)
@@ -196,7 +194,7 @@ class MonitoredEstimator:
         self.core = core
         self._names: tuple[str, ...] = ()
         self._named = 0
-        self._force = 0.0
+        self._expected, self._force = np.zeros(3), 0.0
         self._monitor = SensorMonitor(
             period, core.config.filter.attitude_delay, core.config.distrust_time
         )
@@ -221,7 +219,7 @@ class MonitoredEstimator:
     def reset(self) -> None:
         """Start afresh."""
         self._monitor.reset()
-        self._force = 0.0
+        self._expected[:], self._force = 0.0, 0.0
         self.core.reset()
 
     def step(self, sensors: Sensors) -> RobotState:
@@ -234,11 +232,12 @@ class MonitoredEstimator:
             SensorError: if channels fail that nothing can replace; the message names them.
         """
         monitor, core = self._monitor, self.core
-        sample = monitor.step(sensors, core.rotation, core.pull, core.footing, self._force)
+        sample = monitor.step(sensors, core.rotation, self._expected, self._force)
         if monitor.lost:
             raise SensorError(f"no estimate without {', '.join(channels.names(monitor.lost))}")
         core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
         state = core.step(sample)
+        expect_acceleration(sample.drive_torque, state.foot_force, core.feet, self._expected)
         left, right = state.foot_force.tolist()
         self._force = left + right
         state.sensor_faults[...] = monitor.mask

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.estimator.monitor_kernels import PAIRS
-
-CARRIED = 64
-"""Ticks of the springs' force that are kept."""
+from cassie_control.estimator.acceleration_kernels import DELAYS, KEPT
+from cassie_control.estimator.pair_kernels import PAIRS
 
 WATCH_TYPE = np.dtype(
     [
@@ -39,17 +37,11 @@ WATCH_TYPE = np.dtype(
         ("acceleration", float, (3, 3)),  # measured, newest first, m/s^2
         ("same_acceleration", int, 3),
         ("acceleration_spikes", float, 3),
-        ("footing", float),  # s, for which a foot has been firm
-        (
-            "pulled",
-            float,
-            (3, 3),
-        ),  # by which feet correct the velocity, pelvis frame, in m/s; fading
-        # means of it x acceleration and of acceleration squared
-        ("carried", float, CARRIED),  # ring: what the springs' force accelerated, m/s^2
-        ("upward", float, 2),  # slow means of upward acceleration and of that, m/s^2
-        ("mismatch", float, 2),  # of both now, and of now with `LATE` before, (m/s^2)^2
-        ("late_upward", float),  # s, for which the latter has been much better
+        ("carried", float),  # share of late in which the feet carried her
+        ("smooth", float, (4, 3)),  # m/s^2, measured smoothed fast and slow, expected likewise
+        ("expected", float, (KEPT, 3)),  # ring: m/s^2, what changes within a step
+        ("power", float, 3),  # (m/s^2)^2, of that
+        ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
     ]
 )
@@ -70,9 +62,8 @@ LIMITS_TYPE = np.dtype(
         ("velocity_lag", int, PAIRS),  # and the other way round
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
-        ("mass", float),  # of the robot, kg
-        ("pulled", float, 3),  # m/s
-        ("late_pull", float, 3),  # s, by which that follows the acceleration
+        ("weight", float),  # of the robot, N
+        ("late_acceleration", float, 3),  # s, for which it fits a delay better until it is late
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]
 )

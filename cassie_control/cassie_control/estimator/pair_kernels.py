@@ -1,0 +1,186 @@
+"""Position and velocity that belong together, compared; compiled. See `monitor`.
+
+In all of this `watch` is a record of `monitor_records.WATCH_TYPE`, `limit` one of `LIMITS_TYPE`,
+and `i` the pair.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cassie_gaits.compiled import compiled
+
+PAIRS = 19
+P, V = 0, 1
+IMU = 16
+"""First pair of the IMU."""
+
+APART_TIME = 0.3
+"""Over which what position and velocity differ by fades. In s."""
+
+_TILTED = 0.02  # rad, of the IMU's orientation against its gyro: turning then seems to tilt it
+_LATE_TIME = 0.1  # s
+_SPIKE_TIME = 0.04  # s
+_LATE = 0.010  # s, of delay between position and velocity
+_PATIENCE = 0.03  # s, to see which of a pair is late
+_TAIL = 2.0  # of the velocity filter's delay
+_SMALL_SPIKE = 0.35  # of a clear one
+_STUCK_TICKS = 3
+_FROZEN_TICKS = 15  # for what carries noise
+_UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
+_WRONG_SPEED = 0.5  # rad/s
+_NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
+
+
+@compiled
+def look_at_pair(watch: Any, limit: Any, i: int) -> None:
+    """What a pair says of itself at this sample: `bad` of its position and velocity."""
+    p, v, dt, hold = watch.position[i], watch.velocity[i], limit.period, limit.hold
+    for kind in range(2):
+        watch.bad[kind, i] = max(0.0, watch.bad[kind, i] - dt)
+    if not limit.low[i] <= p <= limit.high[i]:
+        watch.bad[P, i] = hold
+        p = watch.last_position[i]
+    if not abs(v) <= limit.speed[i]:
+        watch.bad[V, i] = hold
+        v = watch.last_velocity[0, i]
+    step, turn = p - watch.last_position[i], 0.5 * dt * (v + watch.last_velocity[0, i])
+    if i >= IMU:
+        turn = dt * v
+    if abs(step - turn) > limit.jump[i]:
+        fast = abs(v - watch.last_velocity[0, i]) * dt > 0.5 * limit.jump[i]
+        watch.bad[V if fast else P, i] = hold
+        if fast:
+            turn = step
+        else:
+            step = turn
+    for k in (2, 1):
+        watch.steps[k, i], watch.turns[k, i] = watch.steps[k - 1, i], watch.turns[k - 1, i]
+    watch.steps[0, i], watch.turns[0, i] = step, turn
+    watch.peak[i] = max(abs(v), watch.peak[i] * math.exp(-dt / _LATE_TIME))
+    _count_same(watch, limit, i, p, v)
+    _look_for_spikes(watch, limit, i, v)
+    if watch.ticks > 3:
+        _look_apart(watch, limit, i, v)
+    watch.last_position[i], watch.last_velocity[1, i] = p, watch.last_velocity[0, i]
+    watch.last_velocity[0, i] = v
+
+
+@compiled
+def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
+    """A channel whose bits stay the same while its partner moves is stuck, or off."""
+    step, turn = watch.steps[0, i], watch.turns[0, i]
+    now, last, moved = (
+        (p, v),
+        (watch.last_position[i], watch.last_velocity[0, i]),
+        (turn, step - turn),
+    )
+    # A velocity that comes late goes on for a while after the position has stopped.
+    tail = (_TAIL * limit.velocity_lag[i] * limit.period * watch.peak[i], 0.0)
+    unseen = (_UNSEEN_POSITION, _UNSEEN_VELOCITY)
+    for kind in range(2):
+        if now[kind] == last[kind]:
+            watch.same[kind, i] += 1
+            watch.unseen[kind, i] += moved[kind]
+        else:
+            watch.same[kind, i] = 0
+            watch.unseen[kind, i] = 0.0
+        stuck = watch.same[kind, i] >= _STUCK_TICKS
+        stuck = stuck and abs(watch.unseen[kind, i]) > unseen[kind] + tail[kind]
+        if stuck and watch.bad[1 - kind, i] <= 0.0:
+            watch.bad[kind, i] = limit.hold
+
+
+@compiled
+def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
+    """Velocities of one tick that leave the line of their neighbours, again and again."""
+    fade = math.exp(-limit.period / _SPIKE_TIME)
+    out = abs(watch.last_velocity[0, i] - 0.5 * (v + watch.last_velocity[1, i]))
+    for k in range(2):
+        bound = limit.spike[i] * (1.0, _SMALL_SPIKE)[k]
+        watch.spikes[k, i] = fade * watch.spikes[k, i] + (1.0 if out > bound else 0.0)
+    if watch.spikes[0, i] > 2.0:
+        watch.bad[V, i] = limit.hold
+
+
+@compiled
+def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
+    """Position against integrated velocity; the sign of a delay tells which of them is late."""
+    dt, late = limit.period, watch.late[:, i]
+    step, turn = watch.steps[limit.velocity_lag[i], i], watch.turns[limit.position_lag[i], i]
+    watch.apart[i] = watch.apart[i] * math.exp(-dt / APART_TIME) + step - turn
+    leap = min(abs(step - turn), abs(step - watch.last_step[i]))
+    watch.leap[i] = max(leap, watch.leap[i] * math.exp(-dt / _LATE_TIME))
+    watch.last_step[i] = step
+    apart, rate, share = watch.apart[i], 0.5 * (step + turn) / dt, 1.0 - math.exp(-dt / _LATE_TIME)
+    late[0] += share * (apart - late[0])
+    late[1] += share * (rate - late[1])
+    late[2] += share * ((apart - late[0]) * (rate - late[1]) - late[2])
+    late[3] += share * ((rate - late[1]) ** 2 - late[3])
+    delay = late[2] / max(late[3], limit.excited[i])
+    bound = limit.apart[i] + limit.apart_at_speed[i] * watch.peak[i]
+    small = 0.5 * limit.apart[i]
+    if i >= IMU:
+        tilted = _TILTED * (np.abs(watch.turned).sum() - abs(watch.turned[i - IMU]))
+        bound, small = bound + tilted, small + tilted
+    if abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small):
+        return
+    known = False
+    for kind in range(2):
+        if watch.bad[kind, i] > 0.0:
+            watch.bad[kind, i] = limit.hold
+            known = True
+    if known:
+        return
+    kind = _blame(watch, i)
+    if kind < 0 and watch.unclear[i] < _PATIENCE:
+        watch.unclear[i] += dt
+        return
+    kind = abs(kind)
+    watch.unclear[i] = 0.0
+    watch.bad[kind, i] = limit.hold
+    if kind == P:
+        watch.trusted[P, i] = watch.position[i] - apart - watch.turns[0, i]
+
+
+@compiled
+def _blame(watch: Any, i: int) -> int:
+    """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
+    still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)
+    if still[0] != still[1]:
+        return P if still[0] else V
+    if watch.leap[i] > 0.6 * abs(watch.apart[i]):
+        return P
+    if watch.spikes[1, i] > 2.0:
+        return V
+    late = watch.late[2, i]
+    if abs(late) < 0.4 * _LATE * watch.late[3, i]:
+        return -1
+    return V if late > 0.0 else P
+
+
+@compiled
+def go_on(watch: Any, limit: Any, i: int) -> None:
+    """Replace what is bad: a position by the integrated velocity, a velocity by differences."""
+    dt = limit.period
+    bad_p, bad_v = watch.bad[P, i] > 0.0, watch.bad[V, i] > 0.0
+    if bad_v:
+        follow = 1.0 - math.exp(-dt / 0.004)
+        rate = watch.steps[0, i] / dt
+        if not bad_p:
+            watch.trusted[V, i] += follow * (rate - watch.trusted[V, i])
+        frozen = watch.same[V, i] >= _STUCK_TICKS and abs(rate) > 0.1
+        if frozen or not abs(watch.velocity[i] - watch.trusted[V, i]) < _WRONG_SPEED:
+            watch.bad[V, i] = limit.hold
+    else:
+        watch.trusted[V, i] = watch.velocity[i]
+    if bad_p:
+        near = _NOT_AGAIN if watch.same[P, i] < _FROZEN_TICKS else _UNSEEN_VELOCITY
+        watch.trusted[P, i] += dt * watch.trusted[V, i] if bad_v else watch.turns[0, i]
+        if not abs(watch.position[i] - watch.trusted[P, i]) < near:
+            watch.bad[P, i] = limit.hold
+    else:
+        watch.trusted[P, i] = watch.position[i]
