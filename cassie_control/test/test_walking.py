@@ -116,6 +116,19 @@ def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
 
 
 @STANCES
+def test_knees_press_on_at_a_touchdown_as_they_did_before(stance):
+    """A loaded leg is shorter than it aims at: that much of its push must not vanish."""
+    core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    readings = readings_of(state)
+    before = np.zeros(10)
+    while not core.step(readings, mode_of(), command):
+        before[:] = command.position
+    knees = command.position[[3, 8]]
+    assert np.abs(knees - state.q[[9, 16]]).max() > 0.02
+    assert knees == pytest.approx(before[[3, 8]], abs=5e-3)
+
+
+@STANCES
 def test_swing_leg_ends_where_leg_angle_adjustment_says(stance):
     law = replace(CONFIG, law="paper", paper_offset=0.05, paper_narrowing=0.0)
     core, command, state = walking(stance, config=law), MotorCommand(), swinging(stance)

@@ -193,6 +193,22 @@ def test_weight_is_fed_forward_to_the_leg_that_carries_it():
     assert np.abs(swing).max() == 0.0
 
 
+@pytest.mark.parametrize("law", ["pendulum", "paper"])
+def test_weight_goes_over_with_the_forces_of_the_feet_but_by_loads_under_the_papers_law(law):
+    """Loads saturate at 200 N: by them the change is steep, and rings in the leg springs."""
+    config = replace(CONFIG, law=law, swing_inertia=0.0)
+
+    def knee(force):
+        core, command = walking(config=config), MotorCommand()
+        core.step(readings_of(swinging(LEFT, swing_force=force)), mode_of(), command)
+        return command.torque[8]
+
+    by_law = {"pendulum": (50.0 / 380.0, 150.0 / 480.0), "paper": (0.0, 0.5 / 1.5)}
+    half = knee(330.0)
+    for force, share in zip((50.0, 150.0), by_law[law], strict=True):
+        assert knee(force) / half == pytest.approx(share / 0.5, abs=0.01)
+
+
 @STANCES
 def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
     """Virtual work: turning a hip moves the foot against that force."""

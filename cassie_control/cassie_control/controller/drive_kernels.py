@@ -156,9 +156,11 @@ def _knee_angle(figure: Any, length: float) -> float:
 @compiled
 def _hold_weight(figure: Any, robot: Any, i: int, jacobian: FloatArray, command: Any) -> None:
     """Torques that hold the leg's share of the weight, along the line from foot to CoM."""
-    total, share = robot.load[0] + robot.load[1], robot.load[i]
-    if total > 1.0:
-        share /= total
+    if figure.share_force > 0.0:
+        force, other = max(0.0, robot.force[i]), max(0.0, robot.force[1 - i])
+        share = force / max(1.0, 0.5 * figure.weight, force + other)
+    else:
+        share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
     z = max(0.4, robot.com[2] - robot.ankle[i, 2])
     held = holding_torques(jacobian, robot.tilt, figure.weight * share, x / z, y / z)

@@ -39,9 +39,9 @@ def figures(config: WalkConfig) -> RecordArray:
     for name in FIGURES_TYPE.names or ():
         if hasattr(config, name):
             figure[name] = getattr(config, name)
-    figure["straight"] = 1.0
+    figure["straight"] = figure["share_force"] = 1.0
     if config.law == "paper":
-        figure["straight"] = figure["level"] = figure["swing_inertia"] = 0.0
+        figure["straight"] = figure["share_force"] = figure["level"] = figure["swing_inertia"] = 0.0
     figure["weight"] = config.gravity * WEIGHT
     figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]

@@ -89,6 +89,7 @@ FIGURES_TYPE = np.dtype(
         *((name, float) for name in ("level", "level_back", "swing_inertia")),
         *((name, float) for name in ("heading_gain", "yaw_limit")),
         ("straight", float),  # 1 where the swing leg's angles go the way of least effort
+        ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
         ("weight", float),  # that is fed forward, N
         ("kp", float, 5),  # of hip_roll, hip_yaw, hip_pitch, knee, toe
         ("kd", float, 5),

@@ -12,7 +12,7 @@ class TransitionConfig:
     """Between standing and walking."""
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
-    lean_roll: float = tunable(0.16, "rad", 0.0, 0.2, "Roll to the left of that lean")
+    lean_roll: float = tunable(0.18, "rad", 0.0, 0.2, "Roll to the left of that lean")
     stop_spread: float = tunable(
         0.03, "m", 0.0, 0.1, "How much farther out each foot lands before walking ends"
     )

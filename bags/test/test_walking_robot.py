@@ -1,4 +1,4 @@
-"""A drawn robot walks fast without a limp and goes sideways as fast as it is told to."""
+"""Drawn robots walk fast without a limp, sideways as told to, and on slippery ground."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cassie_msgs.layout import ControllerStatus
 
 TEXT = """
 start: standing
-seed: 2
+seed: {seed}
 duration: {duration}
 operator:
   - {{t: 0.0, power: true, mode: stand, height: 0.95}}
@@ -25,8 +25,16 @@ supervisor: {{vx_forward: 1.6, acceleration: 0.5}}
 """
 
 
-def walk(wish: str, duration: float) -> tuple[Recording, Track]:
-    experiment = resolve(parse_experiment(TEXT.format(wish=wish, duration=duration), "walk"))
+SLIPPERY = """
+draw: {friction: 1.0}
+scene: waxed_floor
+scene_parameters: {friction: 0.25}
+"""
+
+
+def walk(wish: str, duration: float, more: str = "", seed: int = 2) -> tuple[Recording, Track]:
+    text = TEXT.format(wish=wish, duration=duration, seed=seed) + more
+    experiment = resolve(parse_experiment(text, "walk"))
     store = Store()
     recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
     return recording, make_track(recording)
@@ -46,3 +54,10 @@ def test_it_walks_at_one_and_a_half_metres_per_second_without_a_limp():
 def test_a_speed_to_the_side_is_kept_soon_after_it_is_asked_for():
     _, track = walk("vy: 0.3", 11.0)
     assert track.achieved["vy"][track.time > 7.0].mean() == pytest.approx(0.3, abs=0.04)
+
+
+def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
+    _, track = walk("vx: 0.5", 11.0, SLIPPERY, seed=3)
+    assert track.time[-1] == pytest.approx(11.0, abs=0.1)
+    assert np.abs(track.angles[:, 1:]).max() < 0.3
+    assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
