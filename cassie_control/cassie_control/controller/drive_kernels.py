@@ -16,6 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 _SHORTEST, _LONGEST = 0.4, 0.97  # m, of the leg lengths that are set
 _SHORTEST_SWING, _LONGEST_SWING = 0.45, 0.95  # m, for the swing leg's inertia
+_BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
 _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and until it does not
 
 
@@ -157,7 +158,8 @@ def _knee_angle(figure: Any, length: float) -> float:
 def _hold_weight(figure: Any, robot: Any, i: int, jacobian: FloatArray, command: Any) -> None:
     """Torques that hold the leg's share of the weight, along the line from foot to CoM."""
     if figure.share_force > 0.0:
-        force, other = max(0.0, robot.force[i]), max(0.0, robot.force[1 - i])
+        force = max(0.0, robot.force[i] - _BRUSHED)
+        other = max(0.0, robot.force[1 - i] - _BRUSHED)
         share = force / max(1.0, 0.5 * figure.weight, force + other)
     else:
         share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
