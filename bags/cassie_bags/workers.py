@@ -54,6 +54,35 @@ class ThisProcess:
         """Nothing to end."""
 
 
+class Remembering:
+    """Computes nothing twice: rows that look at the same runs share them.
+
+    Args:
+        crew: Who computes.
+    """
+
+    def __init__(self, crew: Workers) -> None:
+        self.count = crew.count
+        self._crew = crew
+        self._known: dict[str, Any] = {}
+
+    def results(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[int, Result]]:
+        """See `Workers.results`; items with the same `repr` are the same."""
+        keys = [repr(item) for item in items]
+        found = {index: self._known[key] for index, key in enumerate(keys) if key in self._known}
+        yield from found.items()
+        rest = [index for index in range(len(items)) if index not in found]
+        for place, result in self._crew.results(function, [items[index] for index in rest]):
+            self._known[keys[rest[place]]] = result
+            yield rest[place], result
+
+    def close(self) -> None:
+        """End those who compute."""
+        self._crew.close()
+
+
 class LocalProcesses:
     """Computes in processes of this machine.
 

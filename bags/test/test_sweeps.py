@@ -5,22 +5,18 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
-from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.sweeps.course import Budget, push, step_time
 from cassie_bags.sweeps.picture import reached
+from cassie_bags.sweeps.radio_rows import jumps
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
 from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
-from cassie_bags.workers import LocalProcesses, ThisProcess
+from cassie_bags.workers import LocalProcesses, Remembering, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -55,6 +51,45 @@ def test_the_hardest_level_that_holds_is_found_from_either_side(limit: float, me
     result = measure(row(), strong(limit))
     assert result.measured == min(5.0, math.floor(limit))
     assert result.met is met
+
+
+def test_no_more_levels_are_tried_beyond_a_target_than_wanted():
+    budget = dataclasses.replace(BUDGET, beyond=1)
+    result = measure_row(row(), budget, ThisProcess(), lambda word: None, strong(9.0))
+    assert [level.level for level in result.levels] == [3.0, 4.0]
+    assert result.met
+
+
+def test_rows_that_look_at_the_same_runs_share_them():
+    runs, crew = [], Remembering(ThisProcess())
+
+    def counted(trial: Trial) -> Figures:
+        runs.append(trial)
+        return strong(9.0)(trial)
+
+    for name in ("group.one", "group.other"):
+        shown = row((3.0,), start=0, name=name)
+        assert measure_row(shown, BUDGET, crew, lambda word: None, counted).met
+    assert len(runs) == 10
+
+
+def test_a_radio_that_jumps_is_the_same_for_the_same_seed():
+    steps = jumps(3, 5.0, 35.0)
+    assert steps == jumps(3, 5.0, 35.0)
+    assert steps != jumps(4, 5.0, 35.0)
+    times = [step["t"] for step in steps]
+    assert times == sorted(times)
+    assert 5.0 <= times[0] < times[-1] < 35.0
+    assert {step["mode"] for step in steps if "mode" in step} >= {"walk", "stand"}
+    assert {1.2, -0.7} <= {step.get("vx") for step in steps}
+
+
+def test_a_radio_that_jumps_does_not_make_her_fall():
+    (row,) = chosen_rows(["radio"])
+    (trial,) = row.trials(Budget(seeds=1, seconds=2.0), 0.0)
+    figures = run_trial(trial)
+    assert figures["fell"] == 0.0
+    assert figures["end"] == pytest.approx(20.0, abs=0.01)
 
 
 def test_what_holds_nowhere_is_no_figure():
@@ -195,83 +230,6 @@ def test_kept_results_come_back_for_the_same_budget_alone(tmp_path: Path):
         load(path, [shown], BUDGET)
 
 
-def sweep(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cassie_bags.ros.sweep", *words]
-    return subprocess.run(
-        command, capture_output=True, text=True, env=environment(), check=False, timeout=100
-    )
-
-
-def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
-    budget = ["--seeds", "1", "--seconds", "6", "--jobs", "1"]
-    process = sweep("speed.+0", *budget, "--no-compare", "--out", str(tmp_path))
-    assert process.returncode == 0, process.stderr
-    assert "speed error at 0 m/s" in process.stdout
-    (kept,) = json.loads((tmp_path / "sweeps.json").read_text())["rows"]
-    assert kept["results"]["measured"]["measured"] < 0.03
-    assert (tmp_path / "sweeps.png").stat().st_size > 5000
-    again = sweep("speed.+0", *budget, "--no-compare", "--resume", "--out", str(tmp_path))
-    assert again.returncode == 0, again.stderr
-    assert again.stdout == process.stdout
-    assert again.stderr == ""  # nothing was measured anew
-
-
-def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
-    script = (
-        "from cassie_bags.workers import workers\n"
-        "if __name__ == '__main__':\n"
-        "    crew = workers(2, None)\n"
-        "    print(sorted(result for _, result in crew.results(abs, [-1, 2])))\n"
-        "    crew.close()\n"
-    )
-    path = tmp_path / "crew.py"
-    path.write_text(script)
-    done = subprocess.run(
-        [sys.executable, path], capture_output=True, text=True, env=environment(), check=True
-    )
-    assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
-
-
-@pytest.mark.parametrize("later", [0.0, 0.1, 1.0])  # while the workers start, and after it
-def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, later: float):
-    words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
-    with subprocess.Popen(
-        [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-        start_new_session=True,
-    ) as process:
-        group = process.pid
-        while process.poll() is None and len(members(group)) < 3:
-            time.sleep(0.01)
-        time.sleep(later)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=30)
-    assert process.returncode == 130, errors
-    assert errors.splitlines()[-1] == "sweep: stopped"
-    assert "Traceback" not in errors
-    for _ in range(50):
-        if not members(group):
-            break
-        time.sleep(0.1)
-    assert members(group) == []
-
-
-def members(group: int) -> list[int]:
-    """Processes of a group, without zombies."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[2]) == group and fields[0] != "Z":
-            found.append(int(path.parent.name))
-    return found
-
-
 @pytest.mark.parametrize(
     ("at_least", "measured", "share"),
     [(True, 1.5, 0.5), (True, 6.0, 2.0), (False, 6.0, 0.5), (False, 0.0, 2.0)],
@@ -281,21 +239,3 @@ def test_the_picture_shows_the_share_of_the_target(at_least, measured, share):
     assert reached(row(at_least=at_least), result) == pytest.approx(share)
     nothing = RowResult("group.word", math.nan, False)
     assert reached(row(at_least=at_least), nothing) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (["stopp"], "unknown row stopp: did you mean stop"),
-        (["--seeds", "0"], "0 is not a whole number of 1 or more"),
-        (["--seconds", "nan"], "nan is not 2 .. 600 s"),
-        (["speed.+0", "--set", "durtion=3"], "unknown key durtion: did you mean duration"),
-    ],
-)
-def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
-    process = sweep(
-        *words, "--seeds" if "--seeds" not in words else "--phases", "1", "--out", str(tmp_path)
-    )
-    assert process.returncode == 2, process.stdout
-    assert reason in process.stderr
-    assert "Traceback" not in process.stderr

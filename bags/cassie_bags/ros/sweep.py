@@ -20,7 +20,7 @@ from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, cell, chosen_rows, load, save, table
 from cassie_bags.trial import experiment_of
-from cassie_bags.workers import Workers, completed, workers
+from cassie_bags.workers import Remembering, Workers, completed, workers
 
 MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -63,29 +63,44 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
         variants[arguments.compare] = (*arguments.set, arguments.compare)
     for changes in variants.values():
         experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
-    budget = Budget(arguments.seeds, arguments.phases, arguments.seconds, tuple(arguments.set))
-    kept = arguments.out / "sweeps.json"
+    budget = Budget(
+        arguments.seeds,
+        arguments.phases,
+        arguments.seconds,
+        arguments.beyond,
+        tuple(arguments.set),
+    )
+    kept, every = arguments.out / "sweeps.json", all_rows()
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     if arguments.resume:
-        for name, found in load(kept, rows, budget).items():
+        for name, found in load(kept, every, budget).items():
             results.setdefault(name, {}).update(found)
+    fewer = {} if arguments.compare_seeds is None else _fewer(budget, arguments.compare_seeds)
     open_rows = [
-        (row, name, dataclasses.replace(budget, changes=changes))
+        (row, name, dataclasses.replace(budget, changes=changes, **(fewer if compared else {})))
         for row in rows
-        for name, changes in variants.items()
+        for compared, (name, changes) in enumerate(variants.items())
         if row.name not in results[name]
     ]
     try:
         for row, name, result in _measured(open_rows, arguments):
             results[name][row.name] = result
-            save(kept, rows, results, budget)
+            save(kept, every, results, budget)
     finally:
-        done = [row for row in rows if row.name in results[MEASURED]]
-        print(table(done, results))
-        if done:
+        print(table(_done(rows, results), results))
+        if done := _done(every, results):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             draw(arguments.out / "sweeps.png", done, results)
     return results
+
+
+def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row]:
+    return [row for row in rows if row.name in results[MEASURED]]
+
+
+def _fewer(budget: Budget, seeds: int) -> dict[str, int]:
+    """What changes in a budget with no more robots than these."""
+    return {"seeds": min(seeds, budget.seeds), "phases": min(seeds, budget.phases)}
 
 
 def _measured(
@@ -93,8 +108,9 @@ def _measured(
 ) -> Iterator[tuple[Row, str, RowResult]]:
     """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
-    crew = workers(arguments.jobs, arguments.scheduler)
-    lanes = max(1, 2 * crew.count // max(arguments.seeds, arguments.phases))
+    crew = Remembering(workers(arguments.jobs, arguments.scheduler))
+    # Two rows at least, so that the last runs of one do not keep the others waiting.
+    lanes = max(min(2, crew.count), 2 * crew.count // max(arguments.seeds, arguments.phases))
     # The crew is closed before the threads that wait for it are.
     with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
         futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
@@ -135,6 +151,11 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--seconds", type=seconds, help="length of the part that is measured (40)")
     parser.add_argument(
+        "--beyond",
+        type=positive,
+        help="harder levels to try where a target is met; until one does not hold if left out",
+    )
+    parser.add_argument(
         "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, unless they are given"
     )
     parser.add_argument(
@@ -146,6 +167,9 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument(
         "--compare", default=PAPER, metavar="KEY=VALUE", help=f"measure also with this ({PAPER})"
+    )
+    parser.add_argument(
+        "--compare-seeds", type=positive, help="robots and moments for that, if fewer will do"
     )
     parser.add_argument("--no-compare", action="store_true", help="measure only as it is")
     parser.add_argument(

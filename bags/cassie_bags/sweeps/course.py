@@ -37,12 +37,14 @@ class Budget:
         seeds: Robots that each setting is tried on: those of seeds 1 to this.
         phases: Moments over two steps at which events are tried.
         seconds: Length of the part that speeds are measured over. In s.
+        beyond: Levels tried beyond a target that is met; None: until one does not hold.
         changes: `key=value` words for every run.
     """
 
     seeds: int = 10
     phases: int = 10
     seconds: float = 40.0
+    beyond: int | None = None
     changes: tuple[str, ...] = ()
 
     def each_seed(self) -> range:

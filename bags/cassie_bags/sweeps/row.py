@@ -121,8 +121,11 @@ def measure_row(
         return tried[index].passed
 
     index = row.start
+    last = len(row.levels) - 1
+    if budget.beyond is not None:
+        last = min(last, index + budget.beyond)
     if holds(index):
-        while index + 1 < len(row.levels) and holds(index + 1):
+        while index < last and holds(index + 1):
             index += 1
     else:
         while index > 0 and not holds(index - 1):

@@ -14,6 +14,7 @@ from cassie_bags.provenance import versions
 from cassie_bags.sweeps.course import Budget
 from cassie_bags.sweeps.ground_rows import ground_rows
 from cassie_bags.sweeps.loop_rows import loop_rows
+from cassie_bags.sweeps.radio_rows import radio_rows
 from cassie_bags.sweeps.row import Level, Row, RowResult
 from cassie_bags.sweeps.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
@@ -24,7 +25,7 @@ Results = Mapping[str, Mapping[str, RowResult]]
 
 def all_rows() -> list[Row]:
     """Every row, in the order of the table."""
-    return [*walking_rows(), *ground_rows(), *loop_rows()]
+    return [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
@@ -92,6 +93,7 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
                 },
             }
             for row in rows
+            if any(row.name in found for found in results.values())
         ],
     }
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,119 @@
+"""The command `sweep`: its table and files, pieces of it, Ctrl-C, wrong words."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_experiment_command import environment
+
+
+def sweep(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "cassie_bags.ros.sweep", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=100
+    )
+
+
+def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
+    budget = ["--seeds", "1", "--seconds", "6", "--jobs", "1"]
+    process = sweep("speed.+0", *budget, "--no-compare", "--out", str(tmp_path))
+    assert process.returncode == 0, process.stderr
+    assert "speed error at 0 m/s" in process.stdout
+    (kept,) = json.loads((tmp_path / "sweeps.json").read_text())["rows"]
+    assert kept["results"]["measured"]["measured"] < 0.03
+    assert (tmp_path / "sweeps.png").stat().st_size > 5000
+    again = sweep("speed.+0", *budget, "--no-compare", "--resume", "--out", str(tmp_path))
+    assert again.returncode == 0, again.stderr
+    assert again.stdout == process.stdout
+    assert again.stderr == ""  # nothing was measured anew
+
+
+def test_pieces_of_a_sweep_come_together(tmp_path: Path):
+    words = ["--seeds", "1", "--seconds", "2", "--jobs", "1", "--out", str(tmp_path), "--resume"]
+    few = [*words, "--compare-seeds", "1"]
+    assert "speed error at 0 m/s" in sweep("speed.+0", *few).stdout
+    second = sweep("speed.+0.25", *few)
+    assert "speed error at 0 m/s" not in second.stdout
+    content = json.loads((tmp_path / "sweeps.json").read_text())
+    assert [row["name"] for row in content["rows"] if row["results"]] == ["speed.+0", "speed.+0.25"]
+    assert (tmp_path / "sweeps.txt").read_text().count("speed error") == 2
+
+
+def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
+    script = (
+        "from cassie_bags.workers import workers\n"
+        "if __name__ == '__main__':\n"
+        "    crew = workers(2, None)\n"
+        "    print(sorted(result for _, result in crew.results(abs, [-1, 2])))\n"
+        "    crew.close()\n"
+    )
+    path = tmp_path / "crew.py"
+    path.write_text(script)
+    done = subprocess.run(
+        [sys.executable, path], capture_output=True, text=True, env=environment(), check=True
+    )
+    assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
+
+
+@pytest.mark.parametrize("later", [0.0, 0.1, 1.0])  # while the workers start, and after it
+def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, later: float):
+    words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+        start_new_session=True,
+    ) as process:
+        group = process.pid
+        while process.poll() is None and len(members(group)) < 3:
+            time.sleep(0.01)
+        time.sleep(later)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130, errors
+    assert errors.splitlines()[-1] == "sweep: stopped"
+    assert "Traceback" not in errors
+    for _ in range(50):
+        if not members(group):
+            break
+        time.sleep(0.1)
+    assert members(group) == []
+
+
+def members(group: int) -> list[int]:
+    """Processes of a group, without zombies."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[2]) == group and fields[0] != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["stopp"], "unknown row stopp: did you mean stop"),
+        (["--seeds", "0"], "0 is not a whole number of 1 or more"),
+        (["--seconds", "nan"], "nan is not 2 .. 600 s"),
+        (["speed.+0", "--set", "durtion=3"], "unknown key durtion: did you mean duration"),
+    ],
+)
+def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
+    process = sweep(
+        *words, "--seeds" if "--seeds" not in words else "--phases", "1", "--out", str(tmp_path)
+    )
+    assert process.returncode == 2, process.stdout
+    assert reason in process.stderr
+    assert "Traceback" not in process.stderr
