@@ -23,6 +23,8 @@ CONFIG = WalkConfig(
     pendulum_fade_x=0.0,
     pendulum_fade_y=0.0,
     sidestep=0.0,
+    step_ahead=0.0,
+    step_ahead_fast=0.0,
     slowest_step=1.0,
     landing_depth=0.0,
 )
@@ -172,19 +174,21 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
     assert lead(3.0) == lead(1.5)
 
 
-def test_sidesteps_go_farther_out_with_the_speed():
-    config = replace(CONFIG, sidestep=0.1, least_foot_distance=0.05)
+def test_feet_go_farther_ahead_and_out_with_the_speed():
+    offsets = {"sidestep": 0.1, "step_ahead": 0.1, "step_ahead_fast": 0.2}
+    config = replace(CONFIG, least_foot_distance=0.05, **offsets)
     readings, ahead = pose(), StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
     moving(readings, 0.0, -0.3)
     feet = [
         foot_from_com(
             readings,
             readings.legs[RIGHT],
-            placement(c).swing_end(readings, *readings.legs, Wish(vy=0.2), ahead),
-        )[1]
+            placement(c).swing_end(readings, *readings.legs, Wish(vx=-0.3, vy=0.2), ahead),
+        )
         for c in (config, CONFIG)
     ]
-    assert feet[0] - feet[1] == pytest.approx(0.02)
+    assert feet[0][1] - feet[1][1] == pytest.approx(0.02)
+    assert feet[0][0] - feet[1][0] == pytest.approx(-0.3 * (0.1 - 0.3 * 0.2))
 
 
 def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():

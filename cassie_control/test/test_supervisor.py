@@ -135,6 +135,24 @@ def test_walking_ends_after_stepping_in_place(walking):
     assert walking.mode is STAND
 
 
+def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(walking):
+    walking.wish(pitch=0.2, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
+    assert float(walking.run(2.0).pitch) == pytest.approx(0.2)
+    walking.wish(mode=int(STAND), height=0.6)
+    for _ in range(1000):
+        walking.run()
+        if walking.mode is STAND:
+            break
+    assert walking.mode is STAND
+    for time in (0.0, 0.9):
+        mode = walking.run(time)
+        assert max(abs(float(x)) for x in (mode.pitch, mode.roll, *mode.trims[2:])) < 1e-3
+        assert float(mode.height) == pytest.approx(CONFIG.walk_height)
+    mode = walking.run(3.0)
+    assert float(mode.pitch) == pytest.approx(0.2)
+    assert float(mode.height) == pytest.approx(0.6)
+
+
 def test_a_lost_operator_stops_and_stands(walking):
     walking.wish(vx=0.5)
     walking.run(3.0)

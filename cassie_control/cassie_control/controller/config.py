@@ -110,6 +110,12 @@ class WalkConfig:
     sidestep: float = tunable(
         0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
     )
+    step_ahead: float = tunable(
+        0.03, "s", 0.0, 0.2, "The same ahead, by the speed wished for, forward or back"
+    )
+    step_ahead_fast: float = tunable(
+        0.035, "s/(m/s)", 0.0, 0.2, "By how much less that is for each m/s"
+    )
     still_speed: float = tunable(
         0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
     )

@@ -52,9 +52,9 @@ class PendulumPlacement:
     longer step brakes by its impact too. With all of it long and short steps alternate. So the
     gains fall with the low-passed speed forward, by `pendulum_fade_x` and `_y` for each m/s, and
     `pendulum_gain_still` is added in place; not after a push. The foot then also meets the ground
-    earlier before the end of the step, by `contact_lead_speed`. To the side the feet go farther out
-    by `sidestep` times the speed wished for: as that map has it, they land too close to the CoM by
-    the pendulum.
+    earlier before the end of the step, by `contact_lead_speed`. Feet also go farther by `sidestep`
+    and by `step_ahead`, less `step_ahead_fast` for each m/s, times the speed wished for: as that
+    map has it, they land too close to the CoM by the pendulum.
 
     `sum` adds up the error of each step's mean speed, against the wish in the mean of the same two
     steps, bounded: it takes out what the pendulum leaves out.

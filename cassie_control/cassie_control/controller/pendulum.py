@@ -31,7 +31,7 @@ LAW_TYPE = np.dtype(
             *("double_support", "slowest_step", "foot_spread"),
             *("pendulum_gain_x", "pendulum_gain_back", "pendulum_gain_y"),
             *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
-            "sidestep",
+            *("sidestep", "step_ahead", "step_ahead_fast"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
         )
     ]
@@ -294,8 +294,9 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
     forward = max(0.0, now.speed)
     share_x = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_x * forward)
     share_y = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_y * forward)
+    ahead = law.step_ahead - law.step_ahead_fast * abs(now.wish_vx)
     return Aim(
-        vx * (coast + tanh_half) + now.sum_x,
+        vx * (coast + tanh_half) + ahead * now.wish_vx + now.sum_x,
         vy * (coast + tanh_half)
         + law.sidestep * now.wish_vy
         + sway * (coast + coth_half)

@@ -12,9 +12,11 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.set_points import (
     SetPoints,
     approach,
+    is_upright,
     refusal,
     requested_mode,
     riding,
+    upright,
     wishes,
 )
 from cassie_control.supervisor.status import SupervisorStatus
@@ -28,6 +30,7 @@ _WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
+_TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
 _STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
@@ -74,7 +77,7 @@ class ModeSupervisor:
         self._still = 0.0
         self._upright = 0.0
         self._slow = 0.0
-        self._fallen = False
+        self._fallen = self._walked = False
         self._low = self._grounded = False
         self._height = self._lifted = 0.0
         self._speed = (0.0, 0.0)
@@ -111,6 +114,8 @@ class ModeSupervisor:
         previous = self._current
         self._current = self._next(reasons, powered, controller_lost)
         self._since = 0.0 if self._current is not previous else self._since + self._period
+        walked = previous is RobotMode.WALK or (self._walked and self._since < _TAKING_OVER)
+        self._walked = walked and self._current is RobotMode.STAND
         self._limit()
         self.status = SupervisorStatus(
             mode=self._current,
@@ -262,6 +267,8 @@ class ModeSupervisor:
                 wish = replace(wish, com_x=0.0, com_y=0.0)
         if self._current is RobotMode.SEGWAY:
             c = riding(c)
+        if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
+            wish = upright(wish, c.walk_height)
         if requested is RobotMode.WALK or self._current is RobotMode.WALK:
             wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
         approach(self._set_points, wish, c, self._period)
@@ -269,6 +276,7 @@ class ModeSupervisor:
             self._current is RobotMode.WALK
             and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0
             and math.hypot(*self._speed) < c.stop_speed
+            and is_upright(self._set_points)
         )
         self._slow = self._slow + self._period if slow else 0.0
 

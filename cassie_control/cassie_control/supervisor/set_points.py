@@ -118,6 +118,20 @@ def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: 
     )
 
 
+def upright(wish: SetPoints, walk_height: float) -> SetPoints:
+    """A wish without tilt, at the height of walking: with that, standing takes over from walking.
+
+    With a tilted torso the legs give way meanwhile.
+    """
+    trims = (*wish.trims[:2], 0.0, 0.0)
+    return replace(wish, roll=0.0, pitch=0.0, trims=trims, height=walk_height, com_x=0.0, com_y=0.0)
+
+
+def is_upright(now: SetPoints) -> bool:
+    """Whether set-points have come to `upright`, its height aside."""
+    return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < 1e-3
+
+
 def _walkable(
     vx: float, vy: float, yaw_rate: float, c: SupervisorConfig
 ) -> tuple[float, float, float]:
