@@ -19,12 +19,13 @@ def stood(height: float, duration: float, **scenario) -> Robot:
     return robot
 
 
-@pytest.mark.parametrize("force", [(90.0, 0.0, 0.0), (-80.0, 0.0, 0.0), (0.0, 180.0, 0.0)])
+@pytest.mark.parametrize("force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)])
 def test_pushes_are_stood_without_a_step(force):
-    robot = stood(0.75, 6.0, pushes=[{"t": 4.0, "duration": 0.1, "force": force}])
+    robot = stood(0.9, 7.0, pushes=[{"t": 4.0, "duration": 0.1, "force": force}])
     assert not robot.fallen
     assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}
     assert abs(robot.moments[-1].velocity).max() < 0.05
+    assert robot.moments[-1].position[2] == pytest.approx(0.9, abs=0.02)
 
 
 @pytest.mark.parametrize("force", [(200.0, 0.0, 0.0), (-145.0, -145.0, 0.0)])

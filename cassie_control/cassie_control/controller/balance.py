@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from cassie_control.controller.config import StandConfig
 from cassie_control.controller.readings import WEIGHT, Readings
 from cassie_msgs.layout import Mode
 
-_REACH = 0.075  # m, centre of pressure from the middle of the sole
+_REACH = 0.079  # m, centre of pressure from the middle of the sole
+_HELD = 0.9  # contact of the lighter foot while she settles
+_FIRM = 0.9  # how far settled she must be to rise
+_LOST = 0.3  # contact of the heavier one at which she starts anew
+_BOUNCE = 0.1  # m/s, speed of the pelvis up to which she does
+_RUSH = 0.016  # m of the capture point that are due to speed, more than when she moves by herself
 _GRAVITY = 9.81  # m/s^2
+_SAFE, _FADE = 0.35, 0.15  # capture point over reach at which, and over what, the torso may bend
 _BIAS = 0.05  # m, bound of the learnt error of the CoM
 _BIAS_STEP = 0.02  # m, so that a push teaches little
 _SWAY = 0.5  # bound of the sideways force over the weight: less than a dry floor's friction
@@ -31,11 +38,14 @@ class Balance:
       regulation gives way meanwhile.
 
     Attributes:
-        pressure: Of the feet, fore and aft, from the pelvis origin, heading frame. In m.
+        pressed: Centre of pressure of each foot, ahead of the middle of its sole. In m.
         left: Share of the weight on the left foot, 0..1.
         lean: Horizontal over vertical ground force, forward and to the left.
         moment: Torque that bends the torso forward. In Nm.
         give: What is left of the torso's own regulation, pitch and roll, 0..1.
+        settled: How far she has settled on her feet, 0..1.
+        capture: Capture point from the middle of the feet, forward and to the left. In m.
+        urgent: Whether a push drives it forward to the toes, so that legs that push up help.
         beyond: How far the capture point is outside the support, forward and sideways. In m.
 
     Args:
@@ -51,75 +61,122 @@ class Balance:
         self._period = period
         self._bias = [0.0, 0.0]
         self._velocity = [0.0, 0.0]
-        self._pressed = 0.0
+        self.pressed = self.settled = 0.0
         self._rest = (0.0, 0.0)
-        self.pressure = 0.0
         self.left = 0.5
         self.lean = (0.0, 0.0)
         self.moment = 0.0
         self.give = (1.0, 1.0)
-        self.beyond = (0.0, 0.0)
+        self.capture = self.beyond = (0.0, 0.0)
+        self.urgent = False
 
     def start(self, readings: Readings) -> None:
         """Begin with the velocity that the robot has, and no error learnt."""
         self._bias = [0.0, 0.0]
         self._velocity = list(readings.com_velocity[:2])
-        self._pressed = 0.0
-        self.beyond = (0.0, 0.0)
+        self.pressed = self.settled = 0.0
+        self.capture = self.beyond = (0.0, 0.0)
+        self.urgent = False
 
-    def step(self, readings: Readings, mode: Mode, com_y: float, both: float) -> None:
+    def unsettle(self) -> None:
+        """Go back to the gains before she settled: she is told to move herself."""
+        self.settled = 0.0
+
+    def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes.
 
         Args:
             readings: The robot now.
             mode: Set-points for CoM x and pitch.
             com_y: Where the CoM is wanted, to the left of the feet's midpoint. In m.
-            both: Contact of the foot that has less of it, 0..1.
+            ground: Contact of each foot, 0..1.
         """
-        c = self.config
-        share = 1.0 - math.exp(-self._period * c.velocity_bandwidth)
+        c, both = self.config, min(ground)
+        settled = self._settle(readings, ground)
+        bandwidth = _between(c.velocity_bandwidth, c.settled_bandwidth, settled)
+        share = 1.0 - math.exp(-self._period * bandwidth)
         for k in (0, 1):
             self._velocity[k] += share * (readings.com_velocity[k] - self._velocity[k])
         if both > 0.7:
             self._learn(readings)
-        x = readings.com_from_feet[0] + self._bias[0]
+        # The foot that carries her is what she stands on, wherever a lifted one swings.
+        middle = self._standing_on(readings, ground)
+        x = readings.com[0] - middle + self._bias[0]
         y = readings.com_from_feet[1] + self._bias[1]
         height = max(0.3, readings.com_from_feet[2])
-        ahead, left = self._rest
-        force = c.kp_com_x * (x - float(mode.com_x)) + c.kd_com_x * self._velocity[0]
-        wanted = x - ahead + force / WEIGHT
-        self._pressed = max(-_REACH, min(_REACH, wanted))
-        self.pressure = readings.com[0] - readings.com_from_feet[0] + self._pressed
-        excess_x = wanted - self._pressed
-        force = c.kp_com_y * (y - com_y) + c.kd_com_y * self._velocity[1]
-        wanted = y - left + force / WEIGHT
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
-        self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
         self._look_ahead(x, y, math.sqrt(height / _GRAVITY), 0.5 * apart)
+        excess_x = self._press_x(x - float(mode.com_x), x, settled)
+        excess_y = self._press_y(y - com_y, y, apart, settled)
         pressed_y = (self.left - 0.5) * apart
-        excess_y = wanted - pressed_y
-        moment_y = self._bend(c.roll_gain, excess_y, readings.roll - float(mode.roll))
+        moment_y = self._bend(c.roll_gain, excess_y, readings.roll - float(mode.roll), c.roll_limit)
         sway = (y - pressed_y - moment_y / WEIGHT) / height
-        self.lean = (both * (x - self._pressed) / height, max(-_SWAY, min(_SWAY, sway)))
+        self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
-            max(0.3, 1.0 - abs(excess_y) / c.give),
+            max(c.roll_give, 1.0 - abs(excess_y) / c.give),
         )
-        self.moment = self._bend(c.bend_gain, excess_x, float(mode.pitch) - readings.pitch)
+        self.moment = self._bend(
+            c.bend_gain, excess_x, float(mode.pitch) - readings.pitch, c.bend_limit
+        )
 
-    def _bend(self, gain: float, excess: float, unbent: float) -> float:
+    def _press_x(self, error: float, x: float, settled: float) -> float:
+        """Set `pressed`; returns how much farther she wants to press, in m.
+
+        As long as the capture point is safely inside, the torso need not bend for that.
+        """
+        c = self.config
+        kd = _between(c.kd_com_x, c.settled_kd_com_x, settled)
+        wanted = x - self._rest[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
+        self.pressed = max(-_REACH, min(_REACH, wanted))
+        bends = (abs(self.capture[0]) / _REACH - _SAFE) / _FADE
+        return settled * max(0.0, min(1.0, bends)) * (wanted - self.pressed)
+
+    def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
+        """Set `left`; returns how much farther to the side she wants to press, in m."""
+        c = self.config
+        kd = _between(c.kd_com_y, c.settled_kd_com_y, settled)
+        wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
+        self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
+        return wanted - (self.left - 0.5) * apart
+
+    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+        """How far she has settled, 0..1: gains that meet a push would shake a landing."""
+        if max(ground) < _LOST:
+            self.settled = 0.0
+        elif min(ground) > _HELD and max(map(abs, readings.velocity)) < _BOUNCE:
+            self.settled = min(1.0, self.settled + self._period / self.config.settle_time)
+        return self.settled
+
+    def _bend(self, gain: float, excess: float, unbent: float, limit: float) -> float:
         """Torque of the hip strategy; `unbent` is how far the torso is from upright, rad."""
         c = self.config
         moment = max(-c.bend_torque, min(c.bend_torque, gain * WEIGHT * excess))
-        return (
-            moment * max(0.0, 1.0 - abs(unbent) / c.bend_limit) if unbent * excess < 0.0 else moment
-        )
+        return moment * max(0.0, 1.0 - abs(unbent) / limit) if unbent * excess < 0.0 else moment
 
     def _look_ahead(self, x: float, y: float, time: float, half: float) -> None:
-        """Find `beyond`, with the CoM at x, y (m), and feet that are `half` (m) off the middle."""
-        ahead = abs(x + time * self._velocity[0]) - _REACH
-        aside = abs(y + time * self._velocity[1]) - half
-        self.beyond = (max(0.0, ahead), max(0.0, aside))
+        """Find `capture`, `beyond` and `urgent`.
+
+        Args:
+            x, y: Of the CoM. In m.
+            time: Of the pendulum, sqrt(height / g). In s.
+            half: Of the distance of the feet. In m.
+        """
+        vx, vy = (time * v for v in self._velocity)
+        self.capture = (x + vx, y + vy)
+        self.beyond = (max(0.0, abs(x + vx) - _REACH), max(0.0, abs(y + vy) - half))
+        edge = _REACH - self.config.rise_margin
+        forward = vx > max(_RUSH, 2.0 * abs(vy))
+        self.urgent = self.settled > _FIRM and forward and x + vx > edge
+
+    @staticmethod
+    def _standing_on(readings: Readings, ground: Sequence[float]) -> float:
+        """Middle of the feet that carry her, ahead of the pelvis origin. In m."""
+        left, right = (leg.foot[0] for leg in readings.legs)
+        carried = ground[0] + ground[1]
+        if carried < 0.1:
+            return 0.5 * (left + right)
+        return (ground[0] * left + ground[1] * right) / carried
 
     @staticmethod
     def _carried(readings: Readings) -> float:
@@ -131,7 +188,11 @@ class Balance:
 
     def _learn(self, readings: Readings) -> None:
         share = self._period / self.config.bias_time
-        for k, pressed in enumerate((self._pressed, self._carried(readings))):
+        for k, pressed in enumerate((self.pressed, self._carried(readings))):
             error = pressed - readings.com_from_feet[k] - self._bias[k]
             learnt = self._bias[k] + share * max(-_BIAS_STEP, min(_BIAS_STEP, error))
             self._bias[k] = max(-_BIAS, min(_BIAS, learnt))
+
+
+def _between(first: float, last: float, share: float) -> float:
+    return first + share * (last - first)

@@ -166,12 +166,22 @@ class StandConfig:
         600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
     kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    settled_kd_com_x: float = tunable(
+        500.0, "Ns/m", 0.0, 1000.0, "The same once she has settled, to meet a push at once"
+    )
     kp_com_y: float = tunable(
         250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
     kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
+    settled_kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "The same once she has settled")
+    settled_kp_hip_roll: float = tunable(
+        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once she has settled"
+    )
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
+    kp_sole: float = tunable(
+        30.0, "Nm/rad", 0.0, 200.0, "Toe torque that keeps a sole flat that tips over its edge"
+    )
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
     roll_length: float = tunable(
         1.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"
@@ -189,12 +199,24 @@ class StandConfig:
         8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
     )
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of that torque")
-    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend at which it ends")
+    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend at which it ends")
     roll_gain: float = tunable(
         2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
     )
+    roll_limit: float = tunable(
+        0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
+    )
+    roll_give: float = tunable(
+        0.5, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
+    )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
+    )
+    settled_bandwidth: float = tunable(
+        160.0, "1/s", 5.0, 1000.0, "The same once she has settled and nothing bounces"
+    )
+    settle_time: float = tunable(
+        1.0, "s", 0.1, 10.0, "Both feet down and hardly any vertical speed for so long: settled"
     )
     bias_time: float = tunable(
         1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
@@ -210,6 +232,14 @@ class StandConfig:
     height_damping: float = tunable(
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
     )
+    rise: float = tunable(
+        0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings her to the edge"
+    )
+    rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate of that")
+    rise_acceleration: float = tunable(6.0, "m/s^2", 0.5, 20.0, "Change of that rate")
+    rise_margin: float = tunable(
+        0.075, "m", 0.0, 0.1, "How far inside the toes the capture point then is"
+    )
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
 
 
@@ -221,6 +251,19 @@ class SegwayConfig(StandConfig):
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
     kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
+    roll_give: float = tunable(
+        0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
+    )
+    settled_kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "CoM x once she has settled")
+    settled_kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same sideways")
+    settled_kp_hip_roll: float = tunable(
+        400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once she has settled"
+    )
+    settled_bandwidth: float = tunable(
+        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity once she has settled"
+    )
+    rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
     )

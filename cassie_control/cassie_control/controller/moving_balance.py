@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cassie_control.controller.balance import Balance
 from cassie_control.controller.config import SegwayConfig
 from cassie_control.controller.readings import Readings
@@ -62,18 +64,18 @@ class MovingBalance(Balance):
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
 
-    def step(self, readings: Readings, mode: Mode, com_y: float, both: float) -> None:
+    def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes; arguments as `Balance.step`."""
         per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
         self._rest = self.rest(readings)
         before = self._velocity[0]
-        super().step(readings, mode, com_y, both)
-        self._observe(readings, both, per_acceleration)
+        super().step(readings, mode, com_y, ground)
+        self._observe(readings, min(ground), per_acceleration)
         self.speed -= self._velocity[0] - before
 
     def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
         share = self._period / self.config.moving_time
-        for k, pressed in enumerate((self._pressed, self._carried(readings))):
+        for k, pressed in enumerate((self.pressed, self._carried(readings))):
             away = readings.com_from_feet[k] + self._bias[k] - pressed
             falling = both * away / per_acceleration
             if k == 0:
@@ -86,3 +88,8 @@ class MovingBalance(Balance):
     def _learn(self, readings: Readings) -> None:
         if self.learns:
             super()._learn(readings)
+
+    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+        """A platform moves: here she counts as settled at once, with gains that know no other."""
+        self.settled = 1.0
+        return self.settled

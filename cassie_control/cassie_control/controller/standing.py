@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cassie_control.controller.approach import approach
 from cassie_control.controller.balance import Balance
 from cassie_control.controller.config import StandConfig
 from cassie_control.controller.pendulum import HIP_Y
@@ -15,6 +16,7 @@ from cassie_control.controller.readings import (
     LegReadings,
     Readings,
 )
+from cassie_control.controller.rise import Rise
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import Mode, MotorCommand
 
@@ -22,6 +24,10 @@ _NOMINAL_STANCE = 0.16  # m, half the distance of the feet: the paper stands wit
 _GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
 _HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
+_GRAVITY = 9.81  # m/s^2
+_FLAT = 0.05  # m, pressed no farther from its middle a sole lies flat on the ground
+_OVERBENT = 0.15  # rad, beyond the limit of the bend at which the torso is held again
+_TIPS = 0.3  # rad, tilt of a sole that is pressed at its edge from which it tips over
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
 
@@ -55,10 +61,13 @@ class StandingController:
     def __init__(self, config: StandConfig, period: float, balance: Balance | None = None) -> None:
         self._period = period
         self._balance = balance or Balance(config, period)
+        self._rise = Rise(period)
         self._height = (0.0, 0.0)
         self._height_sum = 0.0
+        self._weight = WEIGHT
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
+        self._soles = [0.0, 0.0]
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
 
     @property
@@ -84,8 +93,15 @@ class StandingController:
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
         self._height_sum = 0.0
+        self._rise.start()
         self._ground = [leg.contact for leg in readings.legs]
         self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
+        self._soles = [
+            virtual_leg.foot_pitch(
+                readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
+            )
+            for leg in readings.legs
+        ]
         self._balance.start(readings)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
@@ -105,7 +121,9 @@ class StandingController:
         # The CoM goes to a side as the whole robot leans about the feet.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
-        balance.step(readings, mode, com_y, both)
+        if lean != 0.0:
+            balance.unsettle()
+        balance.step(readings, mode, com_y, self._ground)
         roll = float(mode.roll) - com_y / height
         # Only while both feet carry: to shorten the leg of a lifted foot would rock on.
         difference = both * (
@@ -114,6 +132,7 @@ class StandingController:
             - self.config.lean_length * roll
         )
         length = self._mean_length(readings, float(mode.height), both)
+        self._weight = WEIGHT * (1.0 + self._rise.acceleration / _GRAVITY)
         for i, leg in enumerate(readings.legs):
             share = balance.left if i == 0 else 1.0 - balance.left
             other = self._ground[1 - i]
@@ -133,6 +152,8 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
+        self._rise.step(c, height, self._balance.urgent, max(self._ground) > 0.7)
+        height, rate = height + self._rise.height, rate + self._rise.rate
         if both > 0.7:
             error = height - readings.height
             self._height_sum += c.height_integral * self._period * error
@@ -158,36 +179,66 @@ class StandingController:
         length = virtual_leg.clamp_length(length, 0.25, 0.97)
         hips = self._hips[i]
         self._release_hips(hips, leg, ground)
-        in_air = (readings.com[0] - HIP_X - _FOOT_MIDDLE) / max(length, 0.4)
+        in_air = self._in_air(i, readings) / max(length, 0.4)
         command.position[base : base + 5] = (
             # A lifted leg stays where it was in the world, to come down where it left.
             hips[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
             hips[1],
-            virtual_leg.hip_pitch_angle(in_air, 0.0, length),
+            virtual_leg.hip_pitch_angle(in_air, self._ground[1 - i] * readings.pitch, length),
             virtual_leg.knee_angle(length),
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
         )
         command.velocity[base : base + 5] = 0.0
-        kp_hip_roll, kp_hip = c.kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
+        kp_hip_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
+        kp_hip_roll, kp_hip = kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
         kd_hip = c.kd_hip_pitch * air + c.kd_leg_pitch * ground
         command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
         command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = leg.weight_torques(
-            readings.tilt, c.gravity * WEIGHT * share, *balance.lean
+            readings.tilt, c.gravity * self._weight * share, *balance.lean
         )
-        toe = self._toe_torque(leg)
+        toe = self._toe_torque(leg) + ground * self._flat(i, leg, readings)
         # As torques: set-points that follow the measured joint would shake when they come late.
-        torso = c.kp_hip_pitch * give[0] * (float(mode.pitch) - readings.pitch)
+        bent = float(mode.pitch) - readings.pitch
+        torso = c.kp_hip_pitch * (
+            give[0] * bent + (1.0 - give[0]) * beyond(bent, c.bend_limit + _OVERBENT)
+        )
         torso -= c.kd_hip_pitch * max(0.3, give[0]) * readings.pitch_rate
-        pitch += toe + 0.5 * balance.moment + ground * torso
+        # A leg that stands alone turns the torso for both.
+        alone = 2.0 / max(1.0, sum(self._ground))
+        pitch += toe + alone * ground * (0.5 * balance.moment + torso)
         command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
 
+    def _in_air(self, i: int, readings: Readings) -> float:
+        """Where the toe joint of leg `i` is kept in the air, ahead of its hip. In m.
+
+        Below the CoM while she hangs; beside the other foot while that one carries her.
+        """
+        other = readings.legs[1 - i]
+        hanging = readings.com[0] - _FOOT_MIDDLE - HIP_X
+        beside = other.ankle[0] - HIP_X + HIP_TO_PELVIS * readings.pitch
+        return hanging + self._ground[1 - i] * (beside - hanging)
+
     def _toe_torque(self, leg: LegReadings) -> float:
-        """Torque, in Nm, that puts the centre of pressure where it is wanted."""
+        """Torque, in Nm, that puts the foot's centre of pressure where it is wanted on its sole.
+
+        On both soles alike: the edges of feet that stand one ahead of the other are not in line.
+        """
         balance, limit = self._balance, self.config.toe_torque
-        arm = balance.pressure - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
+        arm = leg.foot[0] + balance.pressed - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))
+
+    def _flat(self, i: int, leg: LegReadings, readings: Readings) -> float:
+        """Toe torque, in Nm, against a sole that tips; how the ground is tilted is learnt."""
+        pitch = virtual_leg.foot_pitch(
+            readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
+        )
+        if self._ground[i] < 0.5:
+            self._soles[i] = pitch
+        elif abs(self._balance.pressed) < _FLAT:
+            self._soles[i] += self._settle * (pitch - self._soles[i])
+        return self.config.kp_sole * beyond(self._soles[i] - pitch, _TIPS)
 
     def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
         """Let the hips of a foot in the air go to where the paper stands. In rad."""
@@ -199,22 +250,6 @@ class StandingController:
         hips[1] += max(-limit, min(limit, -hips[1]))
 
 
-def approach(
-    value: float, rate: float, target: float, fastest: float, acceleration: float, period: float
-) -> tuple[float, float]:
-    """The next value and rate on the way to a target, with bounded rate and acceleration.
-
-    Args:
-        value, rate: Now.
-        target: Where to rest.
-        fastest, acceleration: Bounds.
-        period: In s.
-    """
-    away, change = target - value, acceleration * period
-    # The rate from which the acceleration just brakes, half a tick early as it acts a tick late.
-    brake = math.sqrt(2.0 * acceleration * abs(away) + (0.5 * change) ** 2) - 0.5 * change
-    wanted = math.copysign(min(fastest, max(0.0, brake)), away)
-    rate += max(-change, min(change, wanted - rate))
-    if abs(away) <= abs(rate) * period and abs(rate) <= 2.0 * change:
-        return target, 0.0
-    return value + rate * period, rate
+def beyond(value: float, limit: float) -> float:
+    """How far a value is outside of -limit .. limit; 0 within."""
+    return value - max(-limit, min(limit, value))

@@ -28,7 +28,7 @@ class TransitionConfig:
     recovery_x: float = tunable(
         0.04, "m", 0.01, 0.3, "Capture point ahead of the toes or behind the heels that asks for it"
     )
-    recovery_y: float = tunable(0.02, "m", 0.01, 0.3, "The same outside the feet")
+    recovery_y: float = tunable(0.03, "m", 0.01, 0.3, "The same outside the feet")
     recovery_height: float = tunable(
         0.8, "m", 0.4, 1.05, "Pelvis height below which she does not step"
     )
