@@ -227,6 +227,16 @@ def test_the_switch_fades_them():
     assert not faded[-1].any()
 
 
+def test_a_failed_sensor_takes_them_away_within_50_ms_until_it_is_back():
+    walker = Walker(TorqueLearning(config(), learned(stance_knee=10.0), PERIOD))
+    walker.steps(2)
+    walker.readings.state.sensor_faults[...] = 1 << 3
+    gone = walker.steps(1)
+    assert not gone[round(0.052 / PERIOD) :].any()
+    walker.readings.state.sensor_faults[...] = 0
+    assert walker.steps(2)[-1, 3] == pytest.approx(10.0)
+
+
 def test_a_tick_allocates_nothing():
     walker = Walker(TorqueLearning(config(), learned(stance_knee=9.0), PERIOD))
     walker.steps(2)

@@ -22,6 +22,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _BRIDGE = 0.03  # s, over which the torques of one step become those of the next
 _FADE = 0.5  # s, in which all of it comes and goes with the switch
+_FADE_FAILED = 0.05  # s, in which it goes once a sensor has failed
 _FIRST = 4  # steps after walking began from which on it learns
 _LATEST = 1.15  # phase at the end of a step that still teaches
 _OFF_SPEED = 0.15  # m/s, from the commanded speed at which a step still teaches
@@ -55,7 +56,8 @@ class TorqueLearning:
 
     Between its points and its speeds the table is linear; beyond phase 1 and the outermost speeds
     it stays as it is. At a touchdown the torques go over to those of the new step within 30 ms.
-    A stance leg gets them in proportion to its load, a swing leg as far as its foot is free.
+    A stance leg gets them in proportion to its load, a swing leg as far as its foot is free. With a
+    failed sensor they go at once: they were learned where the drives' loops see their joints.
 
     Under the paper's own law nothing is added.
 
@@ -129,8 +131,10 @@ class TorqueLearning:
             mode: What is commanded.
             command: Set-points of this tick, complete.
         """
-        change = self._period / _FADE
-        wanted = 1.0 if self._adds else 0.0
+        failed = int(readings.state.sensor_faults) != 0
+        change = self._period / (_FADE_FAILED if failed else _FADE)
+        wanted = 1.0 if self._adds and not failed else 0.0
+        self._teaches = self._teaches and not failed
         self._share += max(-change, min(change, wanted - self._share))
         if self._share == 0.0:
             return
