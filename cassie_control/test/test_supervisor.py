@@ -78,7 +78,7 @@ def test_walking_needs_standing_still_for_a_while(scene):
     assert scene.mode is WALK
 
 
-def test_riding_begins_and_ends_crouched_and_at_rest(standing):
+def test_riding_begins_crouched_at_rest_and_ends_when_it_is_confirmed(standing):
     standing.wish(mode=int(SEGWAY), height=1.0)
     standing.run(3.0)
     assert standing.mode is STAND
@@ -94,9 +94,18 @@ def test_riding_begins_and_ends_crouched_and_at_rest(standing):
     standing.wish(mode=int(WALK))
     standing.run(2.0)
     assert (standing.mode, standing.readiness) == (SEGWAY, "stand first")
-    standing.wish(mode=int(STAND))
-    standing.run()
+    leave(standing)
     assert standing.mode is STAND
+
+
+def leave(riding):
+    """Ask to stand, wait until she has braked, and confirm."""
+    riding.wish(mode=int(STAND))
+    riding.run(CONFIG.ride_stop_time + 0.1)
+    riding.wish(mode=int(SEGWAY))
+    riding.run(0.2)
+    riding.wish(mode=int(STAND))
+    riding.run()
 
 
 def test_riding_is_refused_with_a_foot_in_the_air(standing):
@@ -300,3 +309,54 @@ def test_an_accelerometer_that_contradicts_carried_feet_does_not_stop_a_ride(rid
     assert float(riding.run(2.0).com_x) == pytest.approx(0.03)
     riding.state.sensor_faults[...] = 1 << GYRO
     assert float(riding.run(2.0).com_x) == 0.0
+
+
+def test_who_asks_to_stand_while_riding_first_brakes_and_is_asked_to_confirm(riding):
+    riding.wish(mode=int(STAND), vx=4.0, com_x=0.05)
+    mode = riding.run(1.0)
+    assert riding.mode is SEGWAY
+    assert (float(mode.vx), float(mode.com_x)) == (0.0, 0.0)
+    assert riding.readiness == f"braking for {CONFIG.ride_stop_time - 1.0:.1f} s more"
+    riding.run(60.0)
+    assert riding.mode is SEGWAY
+    assert "ask for segway and stand once more" in riding.readiness
+
+
+def test_to_ask_again_too_late_or_too_early_confirms_nothing(riding):
+    for braked, waited in ((CONFIG.ride_stop_time - 1.0, 0.2), (CONFIG.ride_stop_time + 1.0, 2.5)):
+        riding.wish(mode=int(STAND))
+        riding.run(braked)
+        riding.wish(mode=int(SEGWAY))
+        riding.run(waited)
+        riding.wish(mode=int(STAND))
+        riding.run(1.0)
+        assert riding.mode is SEGWAY
+
+
+def test_a_confirmed_end_still_waits_for_rest(riding):
+    riding.state.com_velocity[0] = 0.2
+    leave(riding)
+    assert riding.mode is SEGWAY
+    assert "standing still" in riding.readiness
+    riding.state.com_velocity[0] = 0.0
+    riding.run(CONFIG.stand_time + 0.1)
+    assert riding.mode is STAND
+
+
+def test_who_is_lifted_off_a_segway_stands(riding):
+    riding.wish(mode=int(STAND))
+    riding.state.foot_force[:] = 10.0
+    riding.run(0.3)
+    assert riding.mode is SEGWAY
+    riding.run(0.3)
+    assert riding.mode is STAND
+
+
+def test_a_lost_link_is_no_confirmation(riding):
+    riding.wish(mode=int(STAND))
+    riding.run(CONFIG.ride_stop_time + 1.0)
+    riding.wish(link=False)
+    riding.run(0.5)
+    riding.wish(link=True)
+    riding.run(1.0)
+    assert riding.mode is SEGWAY

@@ -70,9 +70,19 @@ class Balance:
         self.capture = self.beyond = (0.0, 0.0)
         self.urgent = False
 
-    def start(self, readings: Readings) -> None:
-        """Begin with the velocity that the robot has, and no error learnt."""
-        self._bias = [0.0, 0.0]
+    @property
+    def bias(self) -> tuple[float, float]:
+        """What the CoM was found to be farther forward and to the left than estimated. In m."""
+        return self._bias[0], self._bias[1]
+
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Begin with the velocity that the robot has.
+
+        Args:
+            readings: The robot now.
+            bias: What is known of the CoM's error. In m.
+        """
+        self._bias = list(bias)
         self._velocity = list(readings.com_velocity[:2])
         self.pressed = self.settled = 0.0
         self.capture = self.beyond = (0.0, 0.0)

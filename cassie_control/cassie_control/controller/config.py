@@ -286,6 +286,9 @@ class SegwayConfig(StandConfig):
     kp_yaw_rate: float = tunable(
         0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
     )
+    speed_time: float = tunable(
+        5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans her"
+    )
     rest_speed: float = tunable(
         0.4,
         "m/s",
@@ -294,6 +297,12 @@ class SegwayConfig(StandConfig):
         "Estimated speed that counts as rest once she is told to stop",
     )
     rest_time: float = tunable(2.0, "s", 0.1, 60.0, "In which the estimate then goes to zero")
+    rest_back: float = tunable(
+        0.003, "m", 0.0, 0.02, "CoM x against the way she came, so that what still rolls stops"
+    )
+    speed_sum: float = tunable(
+        0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that she estimates"
+    )
     tilt_margin: float = tunable(
         0.03,
         "rad",

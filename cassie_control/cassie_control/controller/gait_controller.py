@@ -138,8 +138,9 @@ class GaitController:
                 self._enter(Activity.STANDING)
                 self.standing.start(self.readings)
         elif mode == RobotMode.SEGWAY and self.activity is not Activity.RIDING:
+            stood = self.activity is Activity.STANDING
             self._enter(Activity.RIDING)
-            self.riding.start(self.readings)
+            self.riding.start(self.readings, self.standing.bias if stood else (0.0, 0.0))
         elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:

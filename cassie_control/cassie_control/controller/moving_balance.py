@@ -27,13 +27,12 @@ class MovingBalance(Balance):
 
     A Segway accelerates by what the feet press on its platform, W p / (r M): there this law holds c
     at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
-    stiff, and it needs to know nothing of the vehicle. The error of c is learnt only while
-    `learns`.
+    stiff, and it needs to know nothing of the vehicle. The error of c is that learnt by who stood
+    before: on ground that moves it cannot be told from an acceleration.
 
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
         speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
-        learns: Whether the ground is known to be at rest.
 
     Args:
         config: Gains.
@@ -44,7 +43,6 @@ class MovingBalance(Balance):
 
     def __init__(self, config: SegwayConfig, period: float) -> None:
         super().__init__(config, period)
-        self.learns = False
         self._forget()
 
     def _forget(self) -> None:
@@ -53,9 +51,9 @@ class MovingBalance(Balance):
         self._mean = [0.0, 0.0]
         self._slow = list(self._velocity)
 
-    def start(self, readings: Readings) -> None:
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin on ground at rest."""
-        super().start(readings)
+        super().start(readings, bias)
         self._forget()
 
     def rest(self, readings: Readings) -> tuple[float, float]:
@@ -86,8 +84,7 @@ class MovingBalance(Balance):
             self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
 
     def _learn(self, readings: Readings) -> None:
-        if self.learns:
-            super()._learn(readings)
+        return
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
         """A platform moves: here she counts as settled at once, with gains that know no other."""

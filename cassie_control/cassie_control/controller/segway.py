@@ -14,6 +14,10 @@ from cassie_msgs.layout import Mode, MotorCommand
 
 _GOES = 0.3  # m/s^2
 _TILT_TIME = 0.3  # s, low-pass of the platform's tilt
+_STEADY = 5.0  # s of the same commanded speed, after which she goes at it
+_FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
+_NEUTRAL = 0.05  # m, bound of that
+_ERROR = 0.1  # m/s^2, bound of the learnt error of the ground's acceleration
 
 
 class RidingController:
@@ -22,11 +26,18 @@ class RidingController:
     The body is held as in standing, with gains of its own and with `MovingBalance`. On top:
 
         c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
-        c_x* = kp_speed (vx - v)                   while he does not: Cassie holds vx, and brakes
+        c_x* = n + kp_speed (vx - v)               while he does not: Cassie holds vx, and brakes
         c_y* = kp_yaw_rate (yaw_rate - r)          if that is 0, by what she herself feels,
 
     with v the sum of the ground's acceleration since riding began and r the yaw rate. v drifts, as
-    nothing measures the speed of a vehicle: told to stop, she takes `rest_speed` for rest. c_x*
+    nothing measures the speed of a vehicle: told to stop, she takes `rest_speed` for rest. Who
+    leans her sees how fast she goes: once his vx has been the same for a while, it is that,
+
+        v' = a + b + (vx - v) / speed_time,    b' = (vx - v) / (2 speed_time)^2,
+
+    and b, the error of a, is known from then on; so is n, the CoM x by which she neither gains nor
+    loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
+    rest she leans `rest_back` less, so that it stops her. c_x*
     keeps the feet's pressure, c_x* - h a / g, within `press_limit`, and gives way where the
     platform tilts against it: that is how a Segway says that it will go no faster.
 
@@ -47,6 +58,8 @@ class RidingController:
         self._level = Level(period)
         self._readings = Readings()
         self._tilt = 0.0
+        self._said = self._since = self._error = 0.0
+        self._neutral = self._went = self._slow = 0.0
 
     @property
     def config(self) -> SegwayConfig:
@@ -62,11 +75,18 @@ class RidingController:
         """Forward, as Cassie estimates it. In m/s."""
         return self._balance.speed
 
-    def start(self, readings: Readings) -> None:
-        """Begin at rest, from the present pose."""
-        self._stand.start(readings)
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Begin at rest, from the present pose.
+
+        Args:
+            readings: The robot now.
+            bias: What standing has learnt of the CoM's error. In m.
+        """
+        self._stand.start(readings, bias)
         self._level.start(readings.state)
         self._tilt = 0.0
+        self._said = self._since = self._error = 0.0
+        self._neutral = self._went = self._slow = 0.0
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.
@@ -83,23 +103,52 @@ class RidingController:
         readings.update(state)
         wanted = self._mode
         wanted.copy_from(mode)
+        self._balance.speed += self._period * self._error
         if float(mode.com_x) == 0.0 == float(mode.com_y):
             self._hold(readings, mode, wanted)
+        else:
+            self._hear(float(mode.vx), float(mode.com_x))
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
         left = self._balance.rest(readings)[1]
         limit = self.config.press_limit_y
         wanted.com_y[...] = max(left - limit, min(left + limit, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
 
+    def _hear(self, vx: float, com_x: float) -> None:
+        """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""
+        self._since = self._since + self._period if vx == self._said else 0.0
+        self._said = vx
+        if vx == 0.0 or self._since < _STEADY:
+            return
+        time, away = self.config.speed_time, vx - self._balance.speed
+        self._balance.speed += self._period / time * away
+        error = self._error + self._period / (2.0 * time) ** 2 * away
+        self._error = max(-_ERROR, min(_ERROR, error))
+        self._learn_neutral(com_x, time)
+
     def _hold(self, readings: Readings, mode: Mode, wanted: Mode) -> None:
         """Lean so as to keep the commanded speed and yaw rate."""
         c, balance = self.config, self._balance
         vx, yaw_rate = float(mode.vx), float(mode.yaw_rate)
+        away, back = vx - balance.speed, 0.0
         if vx == 0.0 and abs(balance.speed) < c.rest_speed:
             balance.speed *= math.exp(-self._period / c.rest_time)
-        wanted.com_x[...] = c.kp_speed * (vx - balance.speed)
+            self._slow = c.rest_back / 3.0 + (self._slow - c.rest_back / 3.0) * math.exp(
+                -self._period / c.rest_time
+            )
+            back = math.copysign(self._slow, self._went) if self._went else 0.0
+        else:
+            self._went, self._slow = balance.speed, c.rest_back
+        if _FELT < abs(away) < _NEAR:
+            self._learn_neutral(self._neutral + c.speed_sum * away, 1.0)
+        wanted.com_x[...] = self._neutral - back + c.kp_speed * away
         if vx != 0.0 or yaw_rate != 0.0:
             wanted.com_y[...] = c.kp_yaw_rate * (yaw_rate - readings.yaw_rate)
+
+    def _learn_neutral(self, com_x: float, time: float) -> None:
+        """Draw the CoM x at which nothing accelerates to a value (m) over a time (s)."""
+        self._neutral += self._period / time * (com_x - self._neutral)
+        self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
 
     def _bounded(self, readings: Readings, com_x: float) -> float:
         """Where the CoM may be without pressing too far out, or against the platform's tilt."""

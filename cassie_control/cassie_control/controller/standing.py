@@ -84,11 +84,17 @@ class StandingController:
         """How far the capture point is outside the support, forward and sideways. In m."""
         return self._balance.beyond
 
-    def start(self, readings: Readings) -> None:
+    @property
+    def bias(self) -> tuple[float, float]:
+        """What the CoM was found to be farther forward and to the left than estimated. In m."""
+        return self._balance.bias
+
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin from the present pose: feet stay where they are, legs keep their length at first.
 
         Args:
             readings: The robot now.
+            bias: What is known of the CoM's error. In m.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
@@ -102,7 +108,7 @@ class StandingController:
             )
             for leg in readings.legs
         ]
-        self._balance.start(readings)
+        self._balance.start(readings, bias)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
         """Fill in the set-points.

@@ -40,6 +40,12 @@ class SupervisorConfig:
     ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "The same sideways")
     ride_shift_rate: float = tunable(0.3, "m/s", 0.01, 0.5, "Change of these shifts")
     ride_height: float = tunable(0.75, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
+    ride_stop_time: float = tunable(
+        6.0, "s", 0.0, 60.0, "So long she brakes before riding may be left"
+    )
+    ride_confirm_time: float = tunable(
+        2.0, "s", 0.2, 20.0, "In which the operator asks for stand again to leave it"
+    )
     weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
     stop_speed: float = tunable(0.15, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
     stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")

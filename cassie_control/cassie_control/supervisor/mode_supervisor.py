@@ -9,6 +9,7 @@ from cassie_control.errors import ControlError
 from cassie_control.estimator.channels import ACCELEROMETER, names
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.leaving import Leaving
 from cassie_control.supervisor.set_points import (
     SetPoints,
     approach,
@@ -44,8 +45,8 @@ class ModeSupervisor:
       touchdown.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - Segway: from standing, crouched, on both feet and at rest; so is the way back. It changes the
-      gains, not what she does, so that she also stands on plain ground with it.
+    - Segway: from standing, crouched, on both feet and at rest. It is another law for the same
+      pose, so that she also stands on plain ground with it. `Leaving` says when it ends.
     - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
       hold still on it.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
@@ -79,6 +80,7 @@ class ModeSupervisor:
         self._slow = 0.0
         self._fallen = self._walked = False
         self._low = self._grounded = False
+        self._leaving = Leaving()
         self._height = self._lifted = 0.0
         self._speed = (0.0, 0.0)
 
@@ -110,6 +112,11 @@ class ModeSupervisor:
         self._linked = linked and not failed
         refused = self._hear(operator if self._linked else None)
         powered = float(state.power) > 0.5
+        asked = self._requested is RobotMode.STAND if self._linked else None
+        if self._current is RobotMode.SEGWAY:
+            self._leaving.step(asked, float(state.foot_force.sum()), self.config, self._period)
+        else:
+            self._leaving.reset()
         reasons = self._reasons(state, powered, controller_lost)
         previous = self._current
         self._current = self._next(reasons, powered, controller_lost)
@@ -193,8 +200,7 @@ class ModeSupervisor:
     def _why_not_stand(self) -> str:
         c = self.config
         if self._current is RobotMode.SEGWAY:
-            # With the gains of standing a Segway shakes: only who sees it rest may leave.
-            return self._restless() if self._linked else "riding on without the operator"
+            return self._leaving.refusal(c, self._restless())
         if self._current is not RobotMode.WALK:
             return ""
         if self._slow >= c.stop_time:
@@ -272,6 +278,8 @@ class ModeSupervisor:
         if requested is RobotMode.WALK or self._current is RobotMode.WALK:
             wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
         approach(self._set_points, wish, c, self._period)
+        if self._current is RobotMode.SEGWAY is not requested:
+            self._set_points.vx = 0.0  # at once: she brakes as hard as she can
         slow = (
             self._current is RobotMode.WALK
             and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0
