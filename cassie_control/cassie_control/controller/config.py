@@ -303,15 +303,18 @@ class SegwayConfig(StandConfig):
     speed_sum: float = tunable(
         0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that she estimates"
     )
+    back_speed: float = tunable(
+        2.0, "m/s", 0.0, 5.0, "Speed backward, as she estimates it, beyond which no lean adds"
+    )
     tilt_margin: float = tunable(
-        0.03,
+        0.02,
         "rad",
         0.0,
         0.3,
         "Tilt of the platform against the lean that is not minded",
     )
     tilt_gain: float = tunable(
-        1.0, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
+        2.5, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
     )
 
 

@@ -10,10 +10,13 @@ from cassie_control.controller.moving_balance import MovingBalance
 from cassie_control.controller.readings import LegReadings, Readings
 from cassie_control.controller.standing import StandingController
 from cassie_gaits import virtual_leg
+from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.layout import Mode, MotorCommand
 
 _GOES = 0.3  # m/s^2
-_TILT_TIME = 0.3  # s, low-pass of the platform's tilt
+_TILT_TIME = 0.15  # s, low-pass of the platform's tilt
+_TURN_TIME, _TURNS = 0.7, 0.03  # s and (rad/s)^2, a turn's low-pass and what counts as one
+_BACKWARD, _ASIDE = 0.35, 0.2  # m/s backward at which she leans to a side by a share only
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
@@ -60,6 +63,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
+        self._turn = [0.0, 0.0]
 
     @property
     def config(self) -> SegwayConfig:
@@ -87,6 +91,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
+        self._turn = [0.0, 0.0]
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.
@@ -101,6 +106,7 @@ class RidingController:
         )
         readings = self._readings
         readings.update(state)
+        readings.height = height_above_soles(readings)
         wanted = self._mode
         wanted.copy_from(mode)
         self._balance.speed += self._period * self._error
@@ -108,10 +114,12 @@ class RidingController:
             self._hold(readings, mode, wanted)
         else:
             self._hear(float(mode.vx), float(mode.com_x))
+            # Backward nothing but this ends a lean: no limiter, and turns that throw her out.
+            slowest = -self.config.back_speed - self._balance.speed
+            lowest = self._neutral + self.config.kp_speed * slowest
+            wanted.com_x[...] = max(float(wanted.com_x), min(0.0, lowest))
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
-        left = self._balance.rest(readings)[1]
-        limit = self.config.press_limit_y
-        wanted.com_y[...] = max(left - limit, min(left + limit, float(wanted.com_y)))
+        wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
         self._stand.step(readings, wanted, command, 0.0)
 
     def _hear(self, vx: float, com_x: float) -> None:
@@ -163,6 +171,34 @@ class RidingController:
         ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
         back = c.press_limit + c.press_more * max(0.0, min(1.0, -along))
         return max(rest - back, min(rest + ahead, com_x))
+
+    def _bounded_y(self, readings: Readings, com_y: float) -> float:
+        """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
+        c, balance = self.config, self._balance
+        # Backward a lean to a side turns to the other side, and throws her out.
+        backward = max(0.0, min(1.0, -self._speed_of_turn(readings.yaw_rate) / _BACKWARD))
+        aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
+        left, limit = balance.rest(readings)[1], c.press_limit_y
+        if backward > 0.0:
+            com_y = max(-aside, min(aside, com_y))
+        return max(left - limit, min(left + limit, com_y))
+
+    def _speed_of_turn(self, rate: float) -> float:
+        """Forward (m/s): in a turn the ground accelerates to a side by speed times yaw rate.
+
+        Too small by what the bar presses against her.
+        """
+        sideways, share = self._balance.acceleration[1], self._period / _TURN_TIME
+        self._turn[0] += share * (sideways * rate - self._turn[0])
+        self._turn[1] += share * (rate * rate - self._turn[1])
+        return self._turn[0] / self._turn[1] if self._turn[1] > _TURNS else self._balance.speed
+
+
+def height_above_soles(readings: Readings) -> float:
+    """Of the pelvis by the legs alone, as the estimate may drift on a vehicle. In m."""
+    weights = [leg.contact + 0.01 for leg in readings.legs]
+    below = sum(weight * leg.foot[2] for weight, leg in zip(weights, readings.legs, strict=True))
+    return SOLE_RADIUS - below / sum(weights)
 
 
 def sole_tilt(leg: LegReadings, torso_pitch: float) -> float:

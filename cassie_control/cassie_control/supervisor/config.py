@@ -39,7 +39,12 @@ class SupervisorConfig:
     ride_com_x: float = tunable(0.095, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
     ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "The same sideways")
     ride_shift_rate: float = tunable(0.3, "m/s", 0.01, 0.5, "Change of these shifts")
-    ride_height: float = tunable(0.75, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
+    ride_height: float = tunable(0.67, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
+    ride_height_low: float = tunable(
+        0.6, "m", 0.4, 0.9, "Lowest one: the knees stay at the pads of the bar"
+    )
+    ride_height_rate: float = tunable(0.05, "m/s", 0.01, 1.0, "Change of the height on a Segway")
+    ride_tilt: float = tunable(0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway")
     ride_stop_time: float = tunable(
         6.0, "s", 0.0, 60.0, "So long she brakes before riding may be left"
     )

@@ -45,10 +45,9 @@ class ModeSupervisor:
       touchdown.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - Segway: from standing, crouched, on both feet and at rest. It is another law for the same
-      pose, so that she also stands on plain ground with it. `Leaving` says when it ends.
+    - Segway: from standing, crouched, on both feet and at rest. `Leaving` says when it ends.
     - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
-      hold still on it.
+      brake and stay on it.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
       holds, without its speeds.
     - After damping with feet on the ground, standing begins from the height the pelvis has.

@@ -93,7 +93,10 @@ def riding(config: SupervisorConfig) -> SupervisorConfig:
         com_x_limit=config.ride_com_x,
         com_y_limit=config.ride_com_y,
         shift_rate=config.ride_shift_rate,
+        height_low=min(config.ride_height_low, config.ride_height),
         height_high=config.ride_height,
+        height_rate=config.ride_height_rate,
+        tilt_limit=config.ride_tilt,
     )
 
 
