@@ -16,7 +16,7 @@ from cassie_msgs.layout import Mode, MotorCommand
 _GOES = 0.3  # m/s^2
 _TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURN_TIME, _TURNS = 0.7, 0.03  # s and (rad/s)^2, a turn's low-pass and what counts as one
-_BACKWARD, _ASIDE = 0.35, 0.2  # m/s backward at which she leans to a side by a share only
+_SLOW, _ASIDE = 0.8, 0.25  # m/s of a turn from which on she leans to a side by a share only
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
@@ -176,22 +176,27 @@ class RidingController:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
         # Backward a lean to a side turns to the other side, and throws her out.
-        backward = max(0.0, min(1.0, -self._speed_of_turn(readings.yaw_rate) / _BACKWARD))
+        backward = self._backward(readings.yaw_rate)
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
         left, limit = balance.rest(readings)[1], c.press_limit_y
         if backward > 0.0:
             com_y = max(-aside, min(aside, com_y))
         return max(left - limit, min(left + limit, com_y))
 
-    def _speed_of_turn(self, rate: float) -> float:
-        """Forward (m/s): in a turn the ground accelerates to a side by speed times yaw rate.
+    def _backward(self, rate: float) -> float:
+        """How sure she rolls backward, 0..1; `rate` is the yaw rate, in rad/s.
 
-        Too small by what the bar presses against her.
+        In a turn the ground accelerates to a side by speed times yaw rate: that tells the speed,
+        too high by what the bar presses against her.
         """
         sideways, share = self._balance.acceleration[1], self._period / _TURN_TIME
         self._turn[0] += share * (sideways * rate - self._turn[0])
         self._turn[1] += share * (rate * rate - self._turn[1])
-        return self._turn[0] / self._turn[1] if self._turn[1] > _TURNS else self._balance.speed
+        if self._turn[1] > _TURNS:
+            slow = 1.0 - self._turn[0] / (_SLOW * self._turn[1])
+        else:
+            slow = -2.0 * (self._balance.speed + 1.0)
+        return max(0.0, min(1.0, slow))
 
 
 def height_above_soles(readings: Readings) -> float:
