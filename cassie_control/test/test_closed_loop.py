@@ -29,7 +29,7 @@ def test_steps_in_place_by_the_papers_law():
     config = ControllerConfig(walk=WalkConfig(law="paper"))
     robot = Robot(Scenario(start="standing"), config=config)
     robot.wish(height=0.98)
-    robot.run(1.8)
+    robot.run(2.5)
     robot.wish(mode=int(RobotMode.WALK))
     robot.run(5.2)
     assert not robot.fallen

@@ -58,11 +58,13 @@ def test_without_the_recovery_step_such_a_push_is_a_fall():
     assert robot.fallen
 
 
-def test_late_torques_and_set_points_do_not_shake_her():
-    robot = stood(0.9, 4.0, delays={"torque": 0.002, "set_point": 0.015})
-    late = [m.velocity for m in robot.moments if m.time > 3.0]
+@pytest.mark.parametrize("force", [(50.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (0.0, 50.0, 0.0)])
+def test_late_torques_and_set_points_do_not_shake_her(force):
+    push = {"t": 4.0, "duration": 0.1, "force": force}
+    robot = stood(0.9, 6.0, delays={"torque": 0.002, "set_point": 0.015}, pushes=[push])
+    calm = [m.velocity for m in robot.moments if 3.0 < m.time < 4.0]
     assert not robot.fallen
-    assert np.abs(late).max() < 0.02
+    assert np.abs(calm).max() < 0.02
 
 
 def test_she_stands_up_from_a_crouch_in_the_harness():
@@ -77,3 +79,35 @@ def test_she_stands_up_from_a_crouch_in_the_harness():
     robot.run(5.0)
     assert not robot.fallen
     assert robot.moments[-1].position[2] == pytest.approx(0.85, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("scene", "parameters"),
+    [
+        ("block", {"height": 0.1, "side": "right", "start": 3.0, "rate": 0.1}),
+        ("tilting", {"rise_deg": 7.0, "side_deg": 7.0, "start": 3.0, "rate_deg": 5.0}),
+    ],
+)
+def test_ground_that_moves_under_her_is_stood(scene, parameters):
+    robot = stood(0.85, 6.5, scene=scene, scene_parameters=parameters)
+    assert not robot.fallen
+    assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}
+    late = [m.angles for m in robot.moments if m.time > 6.0]
+    assert np.abs(np.array(late)[:, 1:]).max() < np.radians(5.0)
+
+
+def test_random_wishes_do_not_make_her_fall():
+    """Every wish the radio can make of standing, changing at random within seconds."""
+    robot = stood(0.9, 2.0)
+    draw = np.random.default_rng(5)
+    for _ in range(10):
+        robot.wish(
+            height=draw.uniform(0.3, 1.1),
+            com_x=draw.uniform(-0.1, 0.1),
+            com_y=draw.uniform(-0.1, 0.1),
+            roll=draw.uniform(-0.4, 0.4),
+            pitch=draw.uniform(-0.4, 0.4),
+        )
+        robot.run(draw.uniform(0.2, 2.0))
+        assert not robot.fallen
+    assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}

@@ -11,6 +11,7 @@ from cassie_msgs.layout import Mode
 
 _REACH = 0.079  # m, centre of pressure from the middle of the sole
 _HELD = 0.9  # contact of the lighter foot while she settles
+_UNSETTLE = 0.2  # s, in which she goes back to the gains before she settled
 _FIRM = 0.9  # how far settled she must be to rise
 _LOST = 0.3  # contact of the heavier one at which she starts anew
 _BOUNCE = 0.1  # m/s, speed of the pelvis up to which she does
@@ -90,7 +91,7 @@ class Balance:
 
     def unsettle(self) -> None:
         """Go back to the gains before she settled: she is told to move herself."""
-        self.settled = 0.0
+        self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
 
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes.
@@ -119,16 +120,16 @@ class Balance:
         excess_x = self._press_x(x - float(mode.com_x), x, settled)
         excess_y = self._press_y(y - com_y, y, apart, settled)
         pressed_y = (self.left - 0.5) * apart
-        moment_y = self._bend(c.roll_gain, excess_y, readings.roll - float(mode.roll), c.roll_limit)
+        bent_y = readings.roll - float(mode.roll)
+        moment_y = self._bend(c.roll_gain, excess_y, bent_y, c.roll_torque, c.roll_limit)
         sway = (y - pressed_y - moment_y / WEIGHT) / height
         self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
             max(c.roll_give, 1.0 - abs(excess_y) / c.give),
         )
-        self.moment = self._bend(
-            c.bend_gain, excess_x, float(mode.pitch) - readings.pitch, c.bend_limit
-        )
+        bent_x = float(mode.pitch) - readings.pitch
+        self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
 
     def _press_x(self, error: float, x: float, settled: float) -> float:
         """Set `pressed`; returns how much farther she wants to press, in m.
@@ -158,10 +159,10 @@ class Balance:
             self.settled = min(1.0, self.settled + self._period / self.config.settle_time)
         return self.settled
 
-    def _bend(self, gain: float, excess: float, unbent: float, limit: float) -> float:
-        """Torque of the hip strategy; `unbent` is how far the torso is from upright, rad."""
-        c = self.config
-        moment = max(-c.bend_torque, min(c.bend_torque, gain * WEIGHT * excess))
+    @staticmethod
+    def _bend(gain: float, excess: float, unbent: float, most: float, limit: float) -> float:
+        """Torque of the hip strategy, at most so much; `unbent` is how far from upright, rad."""
+        moment = max(-most, min(most, gain * WEIGHT * excess))
         return moment * max(0.0, 1.0 - abs(unbent) / limit) if unbent * excess < 0.0 else moment
 
     def _look_ahead(self, x: float, y: float, time: float, half: float) -> None:

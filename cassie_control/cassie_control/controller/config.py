@@ -198,10 +198,13 @@ class StandConfig:
     bend_gain: float = tunable(
         8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
     )
-    bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of that torque")
+    bend_torque: float = tunable(40.0, "Nm", 0.0, 200.0, "Bound of that torque")
     bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend at which it ends")
     roll_gain: float = tunable(
         2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
+    )
+    roll_torque: float = tunable(
+        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
     )
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
@@ -238,7 +241,7 @@ class StandConfig:
     rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate of that")
     rise_acceleration: float = tunable(6.0, "m/s^2", 0.5, 20.0, "Change of that rate")
     rise_margin: float = tunable(
-        0.075, "m", 0.0, 0.1, "How far inside the toes the capture point then is"
+        0.04, "m", 0.0, 0.1, "How far inside the toes the capture point then is"
     )
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
 
@@ -251,6 +254,7 @@ class SegwayConfig(StandConfig):
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
     kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"

@@ -9,7 +9,7 @@ _TOP = 1.03  # m, pelvis height above which nothing is gained: the knees are all
 _HOLD = 0.3  # s, for which the height is kept once the capture point is safe again
 _BACK = 0.2  # m/s, at which it is given back, with
 _SETTLE = 1.0  # m/s^2
-_BRAKING = 6.0  # m/s^2, or with the springs' own bounce the feet would leave the ground
+_BRAKING = 3.0  # m/s^2, or with the springs' own bounce the feet would leave the ground
 
 
 class Rise:
