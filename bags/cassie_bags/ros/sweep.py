@@ -109,8 +109,7 @@ def _measured(
     """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
     crew = Remembering(workers(arguments.jobs, arguments.scheduler))
-    # Two rows at least, so that the last runs of one do not keep the others waiting.
-    lanes = max(min(2, crew.count), 2 * crew.count // max(arguments.seeds, arguments.phases))
+    lanes = max(1, 2 * crew.count // max(arguments.seeds, arguments.phases))
     # The crew is closed before the threads that wait for it are.
     with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
         futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
