@@ -30,13 +30,13 @@ class WalkConfig:
 
     joints: JointGains = field(default_factory=JointGains)
     kp_torso_pitch: float = tunable(
-        300.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
+        267.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
     )
-    kd_torso_pitch: float = tunable(20.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_pitch: float = tunable(15.0, "Nms/rad", 0.0, 200.0, "Its damping")
     kp_torso_roll: float = tunable(
-        400.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
+        426.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
     )
-    kd_torso_roll: float = tunable(25.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_roll: float = tunable(18.6, "Nms/rad", 0.0, 200.0, "Its damping")
     law: str = tunable(
         "pendulum",
         choices=("pendulum", "paper"),
