@@ -101,7 +101,7 @@ class WalkConfig:
         0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
     pendulum_fade_x: float = tunable(
-        0.35, "1/(m/s)", 0.0, 0.6, "Share by which the sagittal gain falls with speed forward"
+        0.3, "1/(m/s)", 0.0, 0.6, "Share by which the sagittal gain falls with speed forward"
     )
     pendulum_fade_y: float = tunable(0.12, "1/(m/s)", 0.0, 0.6, "The same of the lateral gain")
     pendulum_gain_still: float = tunable(
@@ -114,7 +114,7 @@ class WalkConfig:
         0.03, "s", 0.0, 0.2, "The same ahead, by the speed wished for, forward or back"
     )
     step_ahead_fast: float = tunable(
-        0.035, "s/(m/s)", 0.0, 0.2, "By how much less that is for each m/s"
+        0.03, "s/(m/s)", 0.0, 0.2, "By how much less that is for each m/s"
     )
     still_speed: float = tunable(
         0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
