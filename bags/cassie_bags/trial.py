@@ -23,6 +23,7 @@ from cassie_bags.in_process import Store
 from cassie_bags.metrics import FALLEN_HEIGHT, FALLEN_TILT
 from cassie_bags.recording import Rows, stamps, stamps_ns
 from cassie_bags.resolve import resolve
+from cassie_bags.ride import measure_ride
 from cassie_bags.track import Track, make_track
 from cassie_bags.yaml_file import apply_changes
 from cassie_gaits.gait_library import OUTPUTS
@@ -98,8 +99,8 @@ def run_trial(trial: Trial) -> Figures:
 
     Returns:
         Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode;
-        and of the window those of `measure_window`, NaN where the run did not get there. Of the
-        run beside the same with "beside_" in front.
+        and of the window those of `measure_window` and `measure_ride`, NaN where the run did not
+        get there. Of the run beside the same with "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
@@ -137,7 +138,7 @@ def _figures_of(trial: Trial) -> Figures:
     figures |= measure_window(
         track, recording.rows(RobotState), recording.rows(ControllerStatus), trial.window
     )
-    return figures
+    return figures | measure_ride(recording, experiment.rider, trial.window)
 
 
 def has_fallen(plant: Plant) -> bool:

@@ -78,6 +78,18 @@ def test_walking_needs_standing_still_for_a_while(scene):
     assert scene.mode is WALK
 
 
+def test_a_height_that_is_wrong_for_a_moment_as_she_lands_is_no_fall(standing):
+    height = float(standing.state.q[2])
+    standing.state.q[2] = 0.15
+    standing.run(0.06)
+    assert standing.mode is STAND
+    standing.state.q[2] = height
+    standing.run(1.0)
+    standing.state.q[2] = 0.15
+    standing.run(0.2)
+    assert standing.mode is DAMP
+
+
 def test_riding_begins_crouched_at_rest_and_ends_when_it_is_confirmed(standing):
     standing.wish(mode=int(SEGWAY), height=1.0)
     standing.run(3.0)
@@ -225,7 +237,7 @@ def test_tilt_on_the_way_up_starts_the_wait_anew(walking):
 
 def test_sinking_onto_the_ground_upright_is_a_fall_too(standing):
     standing.state.q[2] = 0.3
-    standing.run()
+    standing.run(0.12)
     assert standing.mode is DAMP
     assert standing.core.status.fallen
     for _ in range(250):

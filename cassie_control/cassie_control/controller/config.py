@@ -307,9 +307,10 @@ class SegwayConfig(StandConfig):
     speed_sum: float = tunable(
         0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that she estimates"
     )
-    back_speed: float = tunable(
-        2.0, "m/s", 0.0, 5.0, "Speed backward, as she estimates it, beyond which no lean adds"
+    top_speed: float = tunable(
+        5.5, "m/s", 0.0, 10.0, "Speed, as she estimates it, beyond which no lean adds"
     )
+    back_speed: float = tunable(2.0, "m/s", 0.0, 5.0, "The same backward")
     tilt_margin: float = tunable(
         0.02,
         "rad",

@@ -114,13 +114,17 @@ class RidingController:
             self._hold(readings, mode, wanted)
         else:
             self._hear(float(mode.vx), float(mode.com_x))
-            # Backward nothing but this ends a lean: no limiter, and turns that throw her out.
-            slowest = -self.config.back_speed - self._balance.speed
-            lowest = self._neutral + self.config.kp_speed * slowest
-            wanted.com_x[...] = max(float(wanted.com_x), min(0.0, lowest))
+            wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
         wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
         self._stand.step(readings, wanted, command, 0.0)
+
+    def _bounded_by_speed(self, com_x: float) -> float:
+        """Of a lean (m) what does not add to too high a speed: the Segway's motors give out."""
+        c, speed = self.config, self._balance.speed
+        highest = self._neutral + c.kp_speed * (c.top_speed - speed)
+        lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
+        return max(min(0.0, lowest), min(max(0.0, highest), com_x))
 
     def _hear(self, vx: float, com_x: float) -> None:
         """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""

@@ -32,6 +32,7 @@ _WEIGHT = robot.total_mass() * 9.81
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
 _TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
+_SUNK_TIME = 0.1  # s; the estimate finds the ground so late when she is let down
 _STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
@@ -80,7 +81,7 @@ class ModeSupervisor:
         self._fallen = self._walked = False
         self._low = self._grounded = False
         self._leaving = Leaving()
-        self._height = self._lifted = 0.0
+        self._height = self._lifted = self._sunk = 0.0
         self._speed = (0.0, 0.0)
 
     def step(
@@ -158,8 +159,10 @@ class ModeSupervisor:
         self._grounded = float(state.foot_force.max()) > _GROUNDED
         single = self._grounded and float(state.foot_force.min()) < _GROUNDED
         self._lifted = _STEP_TIME if single else max(0.0, self._lifted - self._period)
-        self._low = self._grounded and self._height < c.fall_height
+        low = self._grounded and self._height < c.fall_height
+        self._sunk = self._sunk + self._period if low else 0.0
         moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
+        self._low = low and (self._sunk >= _SUNK_TIME or not moving)
         upright = tilt < c.upright_tilt and not self._low
         self._upright = self._upright + self._period if upright else 0.0
         if tilt > c.fall_tilt or (self._low and moving):
