@@ -65,7 +65,7 @@ class WalkConfig:
     late_reach: float = tunable(
         0.12, "m", 0.0, 0.2, "How far the swing leg grows while the ground is late"
     )
-    late_speed: float = tunable(0.4, "m/s", 0.05, 1.0, "How fast it grows")
+    late_speed: float = tunable(1.0, "m/s", 0.05, 2.0, "How fast it grows")
     level: float = tunable(
         1.0, "", 0.0, 1.0, "From the gait's stance leg length, 0, to a hip that travels level, 1"
     )
