@@ -24,6 +24,7 @@ from cassie_bags.metrics import FALLEN_HEIGHT, FALLEN_TILT
 from cassie_bags.recording import Rows, stamps, stamps_ns
 from cassie_bags.resolve import resolve
 from cassie_bags.ride import measure_ride
+from cassie_bags.standing_figures import STANDING_FIGURES, measure_standing
 from cassie_bags.track import Track, make_track
 from cassie_bags.yaml_file import apply_changes
 from cassie_gaits.gait_library import OUTPUTS
@@ -51,6 +52,7 @@ WINDOW_FIGURES = (
     "odometry",
     "tracking",
     *TRACKING,
+    *STANDING_FIGURES,
 )
 """What `measure_window` gives."""
 
@@ -168,7 +170,8 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         the sway (m); depth: of the lower sole below the height of the start, median (m);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
         odometry: error of the estimated displacement by its length; tracking: RMS of the
-        errors of the nine outputs (rad and m), and that of each as `TRACKING` names them.
+        errors of the nine outputs (rad and m), and that of each as `TRACKING` names them; and
+        those of `measure_standing`.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)
@@ -182,6 +185,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     figures["drift_of_steps"] = _drift_of_steps(away, round(AVERAGED_OVER / tick))
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
     figures |= _estimate(track, state, inside)
+    figures |= measure_standing(track, state, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
     squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)

@@ -17,6 +17,7 @@ from cassie_bags.sweeps.loop_rows import loop_rows
 from cassie_bags.sweeps.radio_rows import radio_rows
 from cassie_bags.sweeps.row import Level, Row, RowResult
 from cassie_bags.sweeps.segway_rows import segway_rows
+from cassie_bags.sweeps.standing_rows import standing_rows
 from cassie_bags.sweeps.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
 
@@ -26,7 +27,8 @@ Results = Mapping[str, Mapping[str, RowResult]]
 
 def all_rows() -> list[Row]:
     """Every row, in the order of the table."""
-    return [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
+    rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
+    return [*rows, *standing_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
