@@ -26,9 +26,10 @@ _SWAY = 0.5  # bound of the sideways force over the weight: less than a dry floo
 class Balance:
     """The centre of pressure from the CoM, and what the hips do where the feet cannot.
 
-    With c the CoM from the feet's midpoint, c* where it is wanted, v its velocity and W the weight:
+    With c the CoM from the middle of the feet that carry, c* where it is wanted, v its velocity and
+    W the weight:
 
-        p       = c + (kp (c - c*) + kd v) / W, cut to the support,
+        p       = c + (kp (c - c*) + kd v) / W, cut to the edges of each sole, and to both feet,
         excess  = what was cut off.
 
     - CoM: at rest it is above the centre of pressure, whatever the IMU's tilt is worth. What the
@@ -36,7 +37,10 @@ class Balance:
     - The ground's force leans from p towards the CoM, so that it turns the torso by no more than
       its own regulation asks for.
     - Excess: the torso bends towards the fall, which pushes the CoM back (hip strategy); its own
-      regulation gives way meanwhile.
+      regulation gives way meanwhile. Not while the capture point is well inside: to stand up
+      straight again costs what bending has gained.
+    - Gains that meet a push at once, and the bending, come in as she settles. Ground that has just
+      been met bounces, and with late commands they would feed that.
 
     Attributes:
         pressed: Centre of pressure of each foot, ahead of the middle of its sole. In m.

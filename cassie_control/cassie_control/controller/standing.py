@@ -37,7 +37,8 @@ class StandingController:
     `Balance` says where the feet press, which share each carries and how the force leans:
 
         toe torque of foot i   = -F_i (centre of pressure - toe joint), with the lean's own moment
-                                 about the toe joint; in the air the toe keeps the sole level,
+                                 about the toe joint, and against a sole that tips over its edge;
+                                 in the air the toe keeps the sole level,
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
                                  the leg hands on to the torso,
         hip roll, hip yaw      = held at the angle with which the foot took load,
@@ -46,7 +47,8 @@ class StandingController:
 
     The ground's forces are fed forward through the leg Jacobians, and a leg is told to be longer
     by what its springs give way under its share of the weight. The height follows its set-point
-    with bounded rate and acceleration. `height_damping` takes the bounce out of the leaf springs.
+    with bounded rate and acceleration; a push forward adds `Rise`. `height_damping` takes the
+    bounce out of the leaf springs. A foot that a push has lifted stays beside the one that carries.
 
     Args:
         config: Gains.
