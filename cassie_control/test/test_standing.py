@@ -17,9 +17,9 @@ from robot_states import (
     state_of,
 )
 
-from cassie_control.controller.config import StandConfig
 from cassie_control.controller.readings import ANKLE_HEIGHT, HIP_TO_PELVIS, WEIGHT
 from cassie_control.controller.standing import StandingController
+from cassie_control.controller.standing_config import StandConfig
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import MotorCommand
 

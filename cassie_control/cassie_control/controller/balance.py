@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from cassie_control.controller.config import StandConfig
 from cassie_control.controller.readings import WEIGHT, Readings
+from cassie_control.controller.standing_config import StandConfig
 from cassie_msgs.layout import Mode
 
 _REACH = 0.079  # m, centre of pressure from the middle of the sole

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cassie_control.controller.balance import Balance
-from cassie_control.controller.config import SegwayConfig
 from cassie_control.controller.readings import Readings
+from cassie_control.controller.standing_config import SegwayConfig
 from cassie_msgs.layout import Mode
 
 _GRAVITY = 9.81

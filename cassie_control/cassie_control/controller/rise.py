@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cassie_control.controller.approach import approach
-from cassie_control.controller.config import StandConfig
+from cassie_control.controller.standing_config import StandConfig
 
 _TOP = 1.03  # m, pelvis height above which nothing is gained: the knees are all but straight
 _HOLD = 0.3  # s, for which the height is kept once the capture point is safe again

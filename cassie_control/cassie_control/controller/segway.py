@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.controller.config import SegwayConfig
 from cassie_control.controller.level import Level
 from cassie_control.controller.moving_balance import MovingBalance
 from cassie_control.controller.readings import LegReadings, Readings
 from cassie_control.controller.standing import StandingController
+from cassie_control.controller.standing_config import SegwayConfig
 from cassie_gaits import virtual_leg
 from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.layout import Mode, MotorCommand

@@ -6,7 +6,6 @@ import math
 
 from cassie_control.controller.approach import approach
 from cassie_control.controller.balance import Balance
-from cassie_control.controller.config import StandConfig
 from cassie_control.controller.pendulum import HIP_Y
 from cassie_control.controller.readings import (
     ANKLE_HEIGHT,
@@ -17,6 +16,7 @@ from cassie_control.controller.readings import (
     Readings,
 )
 from cassie_control.controller.rise import Rise
+from cassie_control.controller.standing_config import StandConfig
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import Mode, MotorCommand
 
@@ -206,16 +206,22 @@ class StandingController:
             readings.tilt, c.gravity * self._weight * share, *balance.lean
         )
         toe = self._toe_torque(leg) + ground * self._flat(i, leg, readings)
-        # As torques: set-points that follow the measured joint would shake when they come late.
-        bent = float(mode.pitch) - readings.pitch
-        torso = c.kp_hip_pitch * (
-            give[0] * bent + (1.0 - give[0]) * beyond(bent, c.bend_limit + _OVERBENT)
-        )
-        torso -= c.kd_hip_pitch * max(0.3, give[0]) * readings.pitch_rate
+        pitch += toe + self._torso(readings, float(mode.pitch), ground)
+        command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
+
+    def _torso(self, readings: Readings, wanted: float, ground: float) -> float:
+        """Torque of one hip, in Nm, that holds the torso's pitch or bends it.
+
+        As a torque: set-points that follow the measured joint would shake when they come late.
+        """
+        c, balance, give = self.config, self._balance, self._balance.give[0]
+        bent = wanted - readings.pitch
+        overbent = beyond(bent, c.bend_limit + _OVERBENT)
+        torso = c.kp_hip_pitch * (give * bent + (1.0 - give) * overbent)
+        torso -= c.kd_hip_pitch * max(0.3, give) * readings.pitch_rate
         # A leg that stands alone turns the torso for both.
         alone = 2.0 / max(1.0, sum(self._ground))
-        pitch += toe + alone * ground * (0.5 * balance.moment + torso)
-        command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
+        return alone * ground * (0.5 * balance.moment + torso)
 
     def _in_air(self, i: int, readings: Readings) -> float:
         """Where the toe joint of leg `i` is kept in the air, ahead of its hip. In m.
