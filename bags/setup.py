@@ -33,6 +33,7 @@ setup(
             "learn_torques = cassie_bags.ros.learn_torques:main",
             "return_map = cassie_bags.ros.return_map:main",
             "sweep = cassie_bags.ros.sweep:main",
+            "toe_gains = cassie_bags.ros.toe_gains:main",
             "tune = cassie_bags.ros.tune:main",
         ],
     },

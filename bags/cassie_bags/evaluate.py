@@ -35,7 +35,8 @@ def evaluate(
     Raises:
         BagError: if the recording holds nothing to look at.
     """
-    metrics = measure(recording, make_track(recording), phases_of(experiment))
+    track = make_track(recording)
+    metrics = measure(recording, track, phases_of(experiment), experiment.rider)
     failures = experiment.expect.failures(metrics)
     if not experiment.expect.lockstep_broken:
         if lockstep_broken:

@@ -6,13 +6,15 @@ The velocities are those of the pelvis origin in the heading frame, from the tru
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.recording import Recording
+from cassie_bags.ride import gate_miss
 from cassie_bags.track import TRACKED, Track
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_gaits.robot import DRIVES as DRIVE_TABLE
@@ -35,10 +37,12 @@ PHASE_METRICS = (
     "distance",
     "turn_deg",
     "speed_peak",
+    "vx_min",
+    "vx_max",
 )
 """Mean of each tracked quantity, RMS of its error, mean roll and pitch, greatest horizontal
 distance from the start of the phase, distance and turn from its start to its end, greatest
-mean speed over a second."""
+mean speed over a second, least and greatest speed forward."""
 
 RUN_METRICS = (
     *(f"{name}_mean" for name in TRACKED),
@@ -53,12 +57,13 @@ RUN_METRICS = (
     "height_max",
     "peak_torque_ratio",
     "steps",
+    "gate_miss",
     "real_time_factor",
 )
 """Means and errors of the tracked quantities while the robot carries itself, time of the fall
 (NaN if none), greatest and final horizontal distance from where it began to carry itself,
 greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
-walked."""
+walked, greatest distance of a Segway from the middle of a gate (NaN without gates)."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +104,19 @@ class Metrics:
     phases: tuple[PhaseMetrics, ...]
 
 
-def measure(recording: Recording, track: Track, phases: Iterable[Phase]) -> Metrics:
+def measure(
+    recording: Recording,
+    track: Track,
+    phases: Iterable[Phase],
+    rider: Mapping[str, Any] | None = None,
+) -> Metrics:
     """A run in numbers.
 
     Args:
         recording: The run.
         track: Its signals.
         phases: Parts of it to look at.
+        rider: Section of the operator who rode, with the gates that he was to pass.
     """
     fall_time = _fall_time(track)
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
@@ -114,6 +125,7 @@ def measure(recording: Recording, track: Track, phases: Iterable[Phase]) -> Metr
     run["peak_torque_ratio"] = float((peak / _torque_limits()).max())
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
+    run["gate_miss"] = gate_miss(recording, rider)
     run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
     return Metrics(
         fell=fall_time is not None,
@@ -177,6 +189,8 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
         "distance": float(away[-1]),
         "turn_deg": math.degrees(float(yaw[-1] - yaw[0])),
         "speed_peak": _speed_peak(track.position[inside, :2], tick),
+        "vx_min": float(track.achieved["vx"][inside].min()),
+        "vx_max": float(track.achieved["vx"][inside].max()),
     }
     return PhaseMetrics(phase, reached, values, commanded)
 

@@ -98,6 +98,41 @@ def _check_other_topics(bag: Path) -> None:
         assert topics["/robot_description"].msgcount == 1
 
 
+RIDE = """
+scene: segway
+scene_parameters: {let_go: 5.5}
+start: gantry
+seed: 6
+duration: 8.0
+gantry:
+  - {t: 0.02, hold: 1.35, speed: 1.0}
+  - {t: 1.0, height: 0.785, speed: 0.3}
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.65}
+  - {t: 4.2, mode: segway}
+rider:
+  targets:
+    - {t: 5.0, speed: 1.0, heading: 0.1}
+expect:
+  fell: false
+  metrics:
+    drift: {min: 0.3}
+"""
+
+
+def test_a_ride_is_the_same_over_dds_and_in_one_process(tmp_path: Path):
+    """Its rider sees the truth, and the Segway's own topics are in the bag."""
+    path = tmp_path / "ride.yaml"
+    path.write_text(RIDE)
+    folders = [tmp_path / name for name in ("dds", "process")]
+    for folder, words in zip(folders, ((), ("--in-process",)), strict=True):
+        run = experiment(path, "--out", folder, "--no-pictures", *words)
+        assert run.returncode == 0, run.stderr
+    dds, process = (read_recording(folder / "bag.mcap") for folder in folders)
+    assert len(process.segway) == len(process.segway_imu) == 800
+    assert differences(dds, process, RECORDED_TOPICS) == []
+
+
 def test_a_node_that_ends_ends_the_run_with_its_words(file: Path):
     run = experiment(file, "--set", "simulator.video=/none/such/film.mp4")
     assert run.returncode == 3

@@ -4,16 +4,18 @@ Its figures, where they come from, and how far they may be off:
 
 | figure | value | source, uncertainty |
 |---|---|---|
-| mass | 12.8 kg | maker's data sheet |
+| mass | 12.8 kg | as the maker gives it (28 lb); the sheet itself was not at hand |
 | hub motors | 2.9 kg each | estimate for 10 in hub wheels with tyre, 0.5 kg either way |
-| tyres | 10.5 in, 0.13 m under load | data sheet: 0.1334 m unloaded; 2 to 5 mm of deflection |
-| track | 0.485 m | data sheet's width of 0.546 m less a tyre's width (2.1 to 2.5 in) |
+| tyres | 10.5 in, 0.13 m under load | as given: 0.1334 m unloaded; 2 to 5 mm of deflection |
+| track | 0.485 m | width of 0.546 m as given, less a tyre's (2.1 to 2.5 in) |
 | platform | 0.015 m above the axle | photographs; 10 mm either way |
-| inertia | that of a box of 0.26 x 0.42 x 0.09 m | data sheet's length; 30 % |
-| power | 400 W each | data sheet: 800 W in all |
+| inertia | that of a box of 0.26 x 0.42 x 0.09 m | length as given; 30 % |
+| power | 400 W each | as given: 800 W in all |
 | torque | 30 Nm each | 100 kg on its slope of 15 degrees ask for 19 Nm; 20 to 40 Nm |
 | no-load speed | 53 rad/s | it rolls backward at 25 km/h (electricunicycle.org, topic 7293) |
-| bar | pads 0.42 m above the axle | data sheet: 0.6 to 0.87 m in all, set to the knees |
+| bar | pads 0.42 m above the axle | 0.6 to 0.87 m in all as given, set to the knees |
+| steering | by the knees, at a centre arm | teardown of fictiv.com; Boston Globe, 29 June 2016 |
+| limiter | forward only | Boston Globe; electricunicycle.org, topic 7293 |
 | pivot | 60 Nm/rad, 3 Nms/rad | estimate: some 30 N at the pads for 12 degrees; half to double |
 | pads | 0.19 m apart | set to Cassie's legs, as to any rider's |
 | rolling resistance | 0.015 | engineeringtoolbox.com: 0.01 to 0.02; see `segway_ground` |

@@ -59,7 +59,7 @@ def test_a_softer_platform_tilts_further():
     assert soft > 1.3 * stiff
 
 
-def test_it_weighs_what_the_data_sheet_says():
+def test_it_weighs_what_its_maker_says():
     model = ridden(0.0, PERIOD)[3]
     assert model.body("segway").subtreemass[0] - 33.0 == pytest.approx(MASS)
 

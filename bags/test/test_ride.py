@@ -1,0 +1,137 @@
+"""Rides in figures: gates, speeds, shaking; the rows that ask for them; toe gains."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from synthetic import glide
+
+from cassie_bags.odometry import odometry_dtype
+from cassie_bags.recording import Recording, Rows
+from cassie_bags.ride import gate_miss, measure_ride
+from cassie_bags.sweeps.course import Budget
+from cassie_bags.sweeps.segway_rows import leans, segway_rows
+from cassie_bags.toe_gains import (
+    SOFTNESS,
+    Setting,
+    Shaking,
+    draw,
+    gains,
+    settings,
+    shaking,
+    table,
+    trial_of,
+    verdict,
+)
+from cassie_bags.trial import experiment_of
+from cassie_control.controller.readings import WEIGHT
+
+GATES = {"first": 2.0, "spacing": 3.0, "offset": 0.2, "count": 2}
+RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
+
+
+def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
+    """Rows of a Segway at 1 m/s, `left` of the x axis (m), whose pitch swings at 4 Hz (rad)."""
+    time = np.arange(round(100 * seconds)) / 100.0
+    rows = np.zeros(len(time), odometry_dtype(bytes(1100)))
+    rows["sec"], rows["nanosec"] = time, np.round(1e9 * (time % 1.0))
+    rows["position"][:, 0], rows["position"][:, 1] = time, left
+    angle = 0.5 * pitch * np.sin(2.0 * math.pi * 4.0 * time)
+    rows["orientation"][:, 1], rows["orientation"][:, 3] = np.sin(angle), np.cos(angle)
+    rows["linear"][:, 0] = 1.0
+    return rows
+
+
+def ride(seconds: float = 10.0, left: float = 0.0, pitch: float = 0.0) -> Recording:
+    return dataclasses.replace(glide(seconds, vx=1.0), segway=segway(seconds, left, pitch))
+
+
+def test_gates_are_where_the_rider_saw_the_robot_when_he_wanted_them():
+    # He saw it at 1.8 m: gates at 3.8 m, 0.2 m to the left, and at 6.8 m, 0.2 m to the right.
+    assert gate_miss(ride(left=0.0), RIDER) == pytest.approx(0.2)
+    assert gate_miss(ride(left=0.15), RIDER) == pytest.approx(0.35)
+
+
+def test_a_gate_that_is_not_reached_is_missed_and_without_gates_there_is_no_figure():
+    assert gate_miss(ride(seconds=5.0), RIDER) == math.inf
+    assert math.isnan(gate_miss(ride(), {"targets": [{"t": 1.0, "speed": 1.0}]}))
+    assert math.isnan(gate_miss(ride(), None))
+
+
+def test_a_ride_in_figures():
+    figures = measure_ride(ride(pitch=0.01), RIDER, (3.0, 9.0))
+    assert figures["ride_min"] == pytest.approx(1.0, abs=1e-3)
+    assert figures["ride_drift"] == pytest.approx(6.0, abs=0.02)
+    assert figures["stop_time"] == math.inf
+    assert figures["platform_rms"] == pytest.approx(math.degrees(0.01 / math.sqrt(2.0)), rel=0.02)
+
+
+def test_slow_tilts_are_no_shaking():
+    rows = segway(20.0)
+    tilt = 0.5 * 0.02 * np.arange(len(rows)) / len(rows)
+    rows["orientation"][:, 1], rows["orientation"][:, 3] = np.sin(tilt), np.cos(tilt)
+    figures = measure_ride(dataclasses.replace(ride(20.0), segway=rows), None, (1.0, 19.0))
+    assert figures["platform_rms"] < 0.001
+
+
+@pytest.mark.parametrize("window", [(3.0, 12.0), (20.0, 30.0)])
+def test_a_ride_that_ended_early_has_no_figures(window):
+    assert all(map(math.isnan, measure_ride(ride(), RIDER, window).values()))
+
+
+def test_without_a_segway_there_are_no_figures():
+    assert all(map(math.isnan, measure_ride(glide(4.0), None, (1.0, 3.0)).values()))
+
+
+@pytest.mark.parametrize("row", segway_rows(), ids=lambda row: row.name)
+def test_the_runs_of_each_row_can_be_run(row):
+    for trial in row.trials(Budget(seeds=2), row.levels[row.start]):
+        experiment = experiment_of(trial)
+        assert experiment.scenario.scene == "segway"
+        assert experiment.duration >= trial.window[1]
+
+
+def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
+    steps = leans(1, 16.0, 316.0)
+    assert steps == leans(1, 16.0, 316.0) != leans(2, 16.0, 316.0)
+    assert max(step["com_x"] for step in steps) > 0.09
+    assert min(step["height"] for step in steps) < 0.45
+
+
+def test_nominal_gains_are_those_of_two_feet():
+    assert gains(1.0) == pytest.approx((1200.0 - WEIGHT, 160.0))
+    assert gains(0.1)[0] == 0.0
+
+
+def test_each_setting_stands_on_a_segway_with_its_law():
+    for setting in (Setting("standing", 1.0, 2.0), Setting("riding", None, 0.5)):
+        experiment = experiment_of(trial_of(setting, 1))
+        modes = {step.get("mode") for step in experiment.operator}
+        assert ("segway" in modes) == (setting.law == "riding")
+        assert experiment.scenario.scene_parameters["softness"] == setting.softness
+
+
+def shaken(nominal: float, fell: int = 0) -> list[Shaking]:
+    found = []
+    for setting in settings():
+        hot = setting.law == "standing" and setting.factor == 1.0
+        found.append(Shaking(setting, nominal if hot else 0.1, fell if hot else 0, 3))
+    return found
+
+
+def test_the_verdict_is_that_of_the_worst_platform(tmp_path):
+    assert verdict(shaken(0.4)) == pytest.approx((0.1, 4.0))
+    assert verdict(shaken(math.nan, fell=3)) == (0.1, math.inf)
+    assert "0.400 (3 fell)" in table(shaken(0.4, fell=3))
+    draw(tmp_path / "toe.png", shaken(math.nan, fell=3))
+    assert (tmp_path / "toe.png").stat().st_size > 1000
+
+
+def test_the_worst_robot_counts_and_who_fell_is_told():
+    runs = [{"fell": 0.0, "platform_rms": 0.1}, {"fell": 0.0, "platform_rms": 0.3}]
+    runs.append({"fell": 1.0, "platform_rms": math.nan})
+    summed = shaking(Setting("riding", None, SOFTNESS[0]), runs)
+    assert (summed.rms, summed.fell, summed.run) == (0.3, 1, 3)

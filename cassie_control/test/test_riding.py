@@ -1,0 +1,149 @@
+"""Riding: which way is up, what the ground does, and where she leans."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from robot_states import (
+    leg_joints,
+    mirrored_command,
+    mirrored_mode,
+    mirrored_state,
+    mode_of,
+    random_state,
+    readings_of,
+    state_of,
+)
+
+from cassie_control.controller.level import Level
+from cassie_control.controller.moving_balance import MovingBalance
+from cassie_control.controller.segway import RidingController
+from cassie_control.controller.standing_config import SegwayConfig
+from cassie_msgs.layout import MotorCommand
+
+CONFIG = SegwayConfig()
+PERIOD = 0.002
+GRAVITY = 9.81
+
+
+def crouched():
+    return state_of(leg_joints(), leg_joints(), height=0.65)
+
+
+def test_the_torso_tilts_by_the_gyro_where_the_ground_accelerates():
+    level, state = Level(PERIOD), crouched()
+    level.start(state)
+    state.angular_velocity[1] = 0.1
+    state.q[4] = -0.2  # what the estimate makes of the acceleration
+    for _ in range(500):
+        found = level.corrected(state, 120.0, (2.0, 0.0))
+    assert found.q[4] == pytest.approx(0.1, abs=0.002)
+    assert found.v[4] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_at_rest_the_estimate_comes_in_over_its_time():
+    level, state = Level(PERIOD), crouched()
+    level.start(state)
+    state.q[5] = 0.1
+    for _ in range(500):
+        found = level.corrected(state, 1.0, (0.0, 0.0))
+    assert found.q[5] == pytest.approx(0.1 * (1.0 - np.exp(-1.0)), rel=0.01)
+
+
+def test_the_com_moves_with_the_vertical_and_its_velocity_is_seen_from_the_feet():
+    level, state = Level(PERIOD), crouched()
+    level.start(state)
+    before = float(state.com_position[0])
+    state.q[4] = -0.05
+    state.com_velocity[0] = 3.0  # that of the vehicle
+    found = level.corrected(state, 1000.0, (2.0, 0.0))
+    assert found.com_position[0] - before == pytest.approx(0.05 * found.com_position[2], rel=1e-3)
+    state.com_position[0] += 0.001
+    found = level.corrected(state, 1000.0, (2.0, 0.0))
+    assert found.com_velocity[0] == pytest.approx(0.001 / PERIOD, rel=0.01)
+
+
+class Pendulum:
+    """A point mass above feet on ground that accelerates, held by `MovingBalance`."""
+
+    def __init__(self, config=CONFIG) -> None:
+        self.readings = readings_of(crouched())
+        self.balance = MovingBalance(config, PERIOD)
+        self._middle = self.readings.com[0] - self.readings.com_from_feet[0]
+        self._height = self.readings.com_from_feet[2]
+        self.x = self.v = 0.0
+        self._show()
+        self.balance.start(self.readings)
+
+    def _show(self) -> None:
+        _, y, z = self.readings.com
+        self.readings.com = (self._middle + self.x, y, z)
+        self.readings.com_from_feet = (self.x, 0.0, self._height)
+        self.readings.com_velocity = (self.v, 0.0, 0.0)
+
+    def run(self, duration: float, acceleration: float, com_x: float = 0.0) -> None:
+        """The ground's acceleration (m/s^2) comes up in a second."""
+        mode = mode_of(height=0.65, com_x=com_x)
+        for tick in range(round(duration / PERIOD)):
+            ground = acceleration * min(1.0, tick * PERIOD)
+            self._show()
+            self.balance.step(self.readings, mode, 0.0, (1.0, 1.0))
+            fall = GRAVITY * (self.x - self.balance.pressed) / self._height
+            self.v += PERIOD * (fall - ground)
+            self.x += PERIOD * self.v
+
+
+@pytest.mark.parametrize("acceleration", [0.0, 0.5, -0.5])
+def test_the_grounds_acceleration_is_found_and_the_com_held_in_spite_of_it(acceleration):
+    pendulum = Pendulum()
+    wanted = 0.04 * acceleration  # a Segway goes where she leans
+    pendulum.run(6.0, acceleration, wanted)
+    assert pendulum.balance.acceleration[0] == pytest.approx(acceleration, abs=0.02)
+    assert pendulum.balance.speed == pytest.approx(5.5 * acceleration, abs=0.1)
+    assert pendulum.x == pytest.approx(wanted, abs=0.005)
+    assert abs(pendulum.v) < 0.005
+
+
+def test_what_standing_learnt_of_the_com_holds_while_riding():
+    pendulum = Pendulum()
+    pendulum.balance.start(pendulum.readings, (0.01, 0.0))
+    pendulum.run(6.0, 0.0, 0.02)
+    assert pendulum.balance.bias == (0.01, 0.0)
+    assert pendulum.x == pytest.approx(0.01, abs=0.005)  # estimated, while 0.02 is where it is
+
+
+def ridden(state, mode, ticks=1, config=CONFIG):
+    """The controller and its command after so many ticks in one state."""
+    core, command, readings = RidingController(config, PERIOD), MotorCommand(), readings_of(state)
+    core.start(readings)
+    for _ in range(ticks):
+        core.step(readings, mode, command)
+    return core, command
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_left_and_right_are_alike(seed):
+    state, mode = random_state(seed), mode_of(height=0.65, com_x=0.03, com_y=0.05)
+    _, command = ridden(state, mode, 5)
+    _, other = ridden(mirrored_state(state), mirrored_mode(mode), 5)
+    mirrored = mirrored_command(other)
+    for name in ("torque", "position", "kp"):
+        np.testing.assert_allclose(getattr(command, name), getattr(mirrored, name), atol=1e-9)
+
+
+def test_who_leans_her_at_a_steady_speed_tells_her_that_speed():
+    """In one state all the time the ground seems to accelerate: without him she drifts off."""
+    quick = replace(CONFIG, speed_time=0.5)
+    leaning = mode_of(height=0.65, com_x=0.01, vx=3.0)
+    told, _ = ridden(crouched(), leaning, 6000, quick)
+    silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 6000, quick)
+    assert told.speed == pytest.approx(3.0, abs=0.2)
+    assert abs(silent.speed - 3.0) > 1.0
+
+
+def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
+    told, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01, vx=3.0), 2000)
+    silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 2000)
+    assert told.speed == pytest.approx(silent.speed, abs=1e-9)

@@ -1,0 +1,111 @@
+"""A simulated Cassie rides: on plain ground, on a Segway until she is stopped and lifted off."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from closed_loop import Robot
+
+from cassie_msgs.layout import RobotMode
+from cassie_sim.scenario import Draw, Scenario
+
+SEGWAY, STAND = int(RobotMode.SEGWAY), int(RobotMode.STAND)
+
+LET_DOWN = {
+    "scene": "segway",
+    "start": "gantry",
+    "gantry": [
+        {"t": 0.02, "action": "hold", "height": 1.35, "speed": 1.0},
+        {"t": 1.0, "action": "lower", "height": 0.785, "speed": 0.3},
+        {"t": 30.0, "action": "hold", "height": 1.2, "speed": 0.5},
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    "force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)], ids=["fore", "aft", "side"]
+)
+def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
+    push = {"t": 6.0, "duration": 0.1, "force": force}
+    scenario = {"start": "standing", "pushes": [push]}
+    robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
+    robot.wish(height=0.65, mode=SEGWAY)
+    robot.run(5.0)
+    assert robot.mode is RobotMode.SEGWAY
+    robot.run(6.0)
+    assert not robot.fallen
+    assert abs(robot.moments[-1].velocity).max() < 0.05
+
+
+@pytest.fixture(scope="module")
+def riding() -> Robot:
+    """At more than 3 m/s, leant forward for a while; the gantry lifts her at 30 s."""
+    scenario = Scenario.from_mapping(
+        {**LET_DOWN, "scene_parameters": {"let_go": 8.0, "take_hold": 28.0}}
+    )
+    robot = Robot(scenario, "faithful", record=True)
+    robot.wish(height=0.65)
+    robot.run(5.0)
+    robot.wish(mode=SEGWAY)
+    robot.run(5.0)
+    robot.wish(com_x=0.06)
+    robot.run(3.5)
+    robot.wish(com_x=0.001)
+    robot.run(1.0)
+    return robot
+
+
+def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
+    assert riding.mode is RobotMode.SEGWAY
+    assert _forward(riding) > 3.0
+    riding.wish(mode=STAND, com_x=0.0)  # 14.5 s
+    riding.run(8.0)
+    assert abs(_forward(riding)) < 0.6
+    riding.run(7.0)  # 29.5 s, held by its bar since 28 s
+    assert abs(_forward(riding)) < 0.2
+    assert not riding.fallen
+    assert riding.mode is RobotMode.SEGWAY
+    riding.run(2.5)  # lifted by 0.9 m, and then by as much as it takes
+    assert riding.mode is RobotMode.STAND
+    assert not riding.fallen
+    assert riding.plant.pelvis_pose[0][2] > 0.95
+
+
+def test_without_the_operators_link_she_brakes_and_stays_on_it():
+    scenario = Scenario.from_mapping(
+        {**LET_DOWN, "gantry": LET_DOWN["gantry"][:2], "scene_parameters": {"let_go": 8.0}}
+    )
+    robot = Robot(scenario, "faithful", record=True)
+    robot.wish(height=0.65)
+    robot.run(5.0)
+    robot.wish(mode=SEGWAY)
+    robot.run(4.0)
+    robot.wish(com_x=0.05)
+    robot.run(3.0)
+    assert _forward(robot) > 0.8
+    robot.wish(link=False)
+    robot.run(8.0)
+    assert not robot.fallen
+    assert robot.mode is RobotMode.SEGWAY
+    assert abs(_forward(robot)) < 0.4
+
+
+def test_a_robot_whose_height_is_found_late_is_not_damped_as_it_lands():
+    scenario = Scenario.from_mapping({**LET_DOWN, "gantry": LET_DOWN["gantry"][:2]})
+    drawn = Scenario(
+        scene=scenario.scene, start="gantry", gantry=scenario.gantry, draw=Draw.from_seed(7)
+    )
+    robot = Robot(drawn, "faithful", record=True)
+    robot.wish(height=0.65)
+    robot.run(4.5)
+    assert robot.mode is RobotMode.STAND
+    assert not robot.fallen
+
+
+def _forward(robot: Robot) -> float:
+    """Mean speed ahead over the last half second. In m/s."""
+    last = robot.moments[-250:]
+    yaw = last[-1].angles[0]
+    moved = last[-1].position - last[0].position
+    return float(math.cos(yaw) * moved[0] + math.sin(yaw) * moved[1]) / (0.002 * 249)
