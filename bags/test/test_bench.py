@@ -11,7 +11,12 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from cassie_bags.cores import make_cores
 from cassie_bags.errors import RunError
+from cassie_bags.experiment_file import parse_experiment
+from cassie_bags.resolve import resolve
+from cassie_bags.ros.bench import EXPERIMENT
+from cassie_bags.ros.bench_executor import once
 from cassie_bags.ros.processes import executable
 
 KEYS = (
@@ -44,3 +49,15 @@ def test_a_short_run_leaves_every_figure(tmp_path: Path):
         assert key in run.stdout
     assert figures["rtf_in_process_500hz"] > figures["rtf_default_executor_500hz"]
     assert figures["round_trip_p99_us"] >= figures["round_trip_p50_us"]
+
+
+def test_a_sample_that_is_sent_again_is_answered_again_but_not_estimated_twice():
+    experiment = resolve(parse_experiment(EXPERIMENT, "bench"))
+    estimator = make_cores(experiment).estimator
+    plant = make_cores(experiment).plant
+    answer = once(estimator.step)
+    sample = plant.sense()
+    first = answer(sample).q.copy()
+    for _ in range(50):  # a monitor that took them for new samples would find everything stuck
+        assert (answer(sample).q == first).all()
+    assert not estimator.faults

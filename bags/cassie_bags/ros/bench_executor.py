@@ -63,6 +63,19 @@ def copied(sample: SampleT) -> SampleT:
     return copy
 
 
+def once(step: Callable[..., SampleT]) -> Callable[..., SampleT]:
+    """A step that is taken once for each sample; a repeated one gets the same answer again."""
+    last: list[tuple[tuple[int, int], SampleT]] = []
+
+    def answer(sample: Sample, *others: Sample) -> SampleT:
+        key = int(sample.episode), int(sample.seq)
+        if not last or last[0][0] != key:
+            last[:] = [(key, step(sample, *others))]
+        return last[0][1]
+
+    return answer
+
+
 class LoopNode(Node):
     """A node with one core."""
 
@@ -91,8 +104,8 @@ class Estimator(LoopNode):
 
     def __init__(self, cores: Cores) -> None:
         super().__init__("state_estimator", cores)
-        send = self.sends(RobotState)
-        self.takes(Sensors, lambda sensors: send(cores.estimator.step(sensors)))
+        send, answer = self.sends(RobotState), once(cores.estimator.step)
+        self.takes(Sensors, lambda sensors: send(answer(sensors)))
 
 
 class Operator(LoopNode):
@@ -101,11 +114,12 @@ class Operator(LoopNode):
     def __init__(self, cores: Cores) -> None:
         super().__init__("scripted_operator", cores)
         self._send = self.sends(OperatorCommand)
+        self._operate = once(cores.operator.answer)
         self.takes(RobotState, self._answer)
 
     def _answer(self, state: RobotState) -> None:
         if int(state.seq) % PERIOD == 0:
-            self._send(self.cores.operator.answer(state))
+            self._send(self._operate(state))
 
 
 class Supervisor(LoopNode):
@@ -119,6 +133,7 @@ class Supervisor(LoopNode):
         self._send = self.sends(Mode)
         self._states: dict[int, RobotState] = {}
         self._commands: dict[int, OperatorCommand] = {}
+        self._supervise = once(cores.supervisor.step)
         self.takes(RobotState, self._take_state)
         self.takes(OperatorCommand, self._take_operator)
 
@@ -133,7 +148,7 @@ class Supervisor(LoopNode):
 
     def _answer(self) -> None:
         for seq in sorted(self._states.keys() & self._commands.keys()):
-            self._send(self.cores.supervisor.step(self._states.pop(seq), self._commands.pop(seq)))
+            self._send(self._supervise(self._states.pop(seq), self._commands.pop(seq)))
 
 
 class Controller(LoopNode):
