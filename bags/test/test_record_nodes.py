@@ -20,9 +20,9 @@ from rosbags.highlevel import AnyReader
 from cassie_bags.continuity import differences, gaps
 from cassie_bags.errors import RunError
 from cassie_bags.mcap_recover import recover
-from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages, read_recording
+from cassie_bags.recording import RECORDED_TOPICS, TYPES, Recording, from_messages, read_recording
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
-from cassie_bags.ros.record import COMPLETE, LANE_TYPES
+from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
@@ -74,7 +74,7 @@ def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[]
     """
     publishers = {
         topic: node.create_publisher(message_class(kind), topic, WRITER)
-        for topic, kind in LANE_TYPES.items()
+        for topic, kind in TYPES.items()
     }
     wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
     ticks = len(messages["/cassie/state"])
