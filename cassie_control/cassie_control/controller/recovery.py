@@ -18,6 +18,7 @@ _CARRIED = 0.4  # share of it below which the robot is in the air
 _CONTACT = 0.7  # probability of contact of each foot that counts as standing
 _REST_X = 0.06  # m, of the capture point from the feet's midpoint from which standing brings rest
 _REST_APART = (0.2, 0.45)  # m, distance of the feet that standing takes over
+_REST_BOUNCE = 0.2  # m/s, vertical speed with which both feet stay on the ground
 _REST_TILT = 0.15  # rad
 _SOLE = 0.065  # m, from its middle to the edge that carries
 
@@ -30,8 +31,9 @@ def rests(readings: Readings, config: TransitionConfig) -> bool:
     apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
     within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * apart
     slow = abs(vx) <= config.stop_vx and abs(vy) <= config.stop_vy
+    calm = abs(readings.velocity[2]) < _REST_BOUNCE
     upright = max(abs(readings.roll), abs(readings.pitch)) < _REST_TILT
-    return within and slow and upright and _REST_APART[0] < apart < _REST_APART[1]
+    return within and slow and calm and upright and _REST_APART[0] < apart < _REST_APART[1]
 
 
 def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) -> None:
