@@ -128,6 +128,6 @@ def _late(watch: Any, limit: Any, k: int, measured: float, expected: float) -> b
         before = watch.expected[(watch.ticks - count) % KEPT, k] if watch.ticks >= count else now
         gain = misfit - min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
         total = max(0.0, watch.late_acceleration[j, k] + dt * gain)
-        watch.late_acceleration[j, k] = min(_LARGEST * limit.late_acceleration[k], total)
-        late = late or total > limit.late_acceleration[k]
+        watch.late_acceleration[j, k] = min(_LARGEST * limit.late_acceleration[j, k], total)
+        late = late or total > limit.late_acceleration[j, k]
     return late

@@ -54,14 +54,14 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["apart_at_speed"] = 0.001
     normal["apart_at_speed"][_JOINT] = 0.0045  # also where no filter delays the velocity
     normal["apart_at_speed"][_IMU] = 0.002
-    normal["spike"][_DRIVE] = np.tile([0.3, 0.3, 0.6, 1.2, 5.5], 2)
+    normal["spike"][_DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
     normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 2.0], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
     normal["weight"] = robot.total_mass() * 9.81
-    normal["late_acceleration"] = (0.0165, 0.0165, 0.0145)
+    normal["late_acceleration"] = ((0.0155, 0.0155, 0.0145), (0.027, 0.0155, 0.0155))
     return record
 
 

@@ -63,7 +63,7 @@ LIMITS_TYPE = np.dtype(
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
         ("weight", float),  # of the robot, N
-        ("late_acceleration", float, 3),  # s, for which it fits a delay better until it is late
+        ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it must fit a delay better
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]
 )
