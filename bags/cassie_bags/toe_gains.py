@@ -166,7 +166,7 @@ def draw(path: Path, found: Sequence[Shaking]) -> None:
         found: Of `settings`.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+        figure = Figure(figsize=(8.0, 4.0), layout="constrained")
         axes = figure.subplots()
         for law, colour in zip(LAWS, (ORANGE, BLUE), strict=True):
             for softness, style in zip(SOFTNESS, (":", "-", "--"), strict=True):
@@ -185,7 +185,9 @@ def draw(path: Path, found: Sequence[Shaking]) -> None:
         axes.set_xlabel("gains of the feet, by the paper's nominal 600 / 80")
         axes.set_ylabel("RMS of the platform's pitch (deg)")
         axes.set_title("A Segway that is let go: which gains shake it")
-        axes.legend(fontsize=7, ncols=2)
+        if any(e.fell for e in found):
+            axes.set_ylim(top=2.0 * _FALLEN)
+        figure.legend(fontsize=7, loc="outside right upper")
         figure.savefig(path)
 
 
@@ -196,8 +198,9 @@ def _line(axes: Any, line: Sequence[Shaking], **style: Any) -> None:
     for factor, entry in zip(x, line, strict=True):
         if entry.fell:
             high = entry.rms if math.isfinite(entry.rms) else _FALLEN
-            text = f"{entry.fell} of {entry.run} fell"
-            axes.annotate(text, (factor, high), fontsize=6, color=style["color"])
+            axes.plot(factor, high, "x", color=style["color"])
+            text = f"{entry.fell} of {entry.run} fell   "
+            axes.annotate(text, (factor, high), fontsize=6, color=style["color"], ha="right")
 
 
 def _cell(entry: Shaking) -> str:
