@@ -10,8 +10,9 @@ from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.foot_placement import PendulumPlacement, placement
+from cassie_control.controller.leg_aim import HIP_Y
 from cassie_control.controller.paper_placement import PaperPlacement
-from cassie_control.controller.pendulum import GRAVITY, HIP_Y
+from cassie_control.controller.pendulum import GRAVITY
 from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X
 from cassie_control.controller.step_ahead import StepAhead, Wish
 

@@ -12,18 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.leg_aim import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, aim_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg_records import RecordArray
 
 FloatArray = npt.NDArray[np.float64]
 
 GRAVITY = 9.81
-HIP_ROLL_X, HIP_Y = 0.021, 0.135
-"""Hip roll axis in the pelvis frame, left; y mirrored. In m."""
-
-HIP_BACK, HIP_DOWN = 0.07, 0.09
-"""From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
-
 LAW_TYPE = np.dtype(
     [
         (name, float)
@@ -182,29 +177,6 @@ def touchdown_time(
 def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> float:
     missed = foot(aim, reach, fallen(fall, time))[2]
     return float(missed * missed + _LATENESS * change * change)
-
-
-@compiled
-def aim_leg(
-    x: float, y: float, down: float, hip_yaw: float, torso_pitch: float
-) -> tuple[float, float, float]:
-    """Leg roll, leg pitch and leg length that put the toe joint at a point.
-
-    Args:
-        x, y, down: Of the point from the hip roll joint, heading frame. In m.
-        hip_yaw: Hip yaw angle. In rad.
-        torso_pitch: In rad.
-
-    Returns:
-        Roll and pitch in rad, as the outputs of eq:h0, and length in m.
-    """
-    c, s = math.cos(torso_pitch), math.sin(torso_pitch)
-    forward, low = x * c + down * s + HIP_BACK, down * c - x * s  # pelvis frame, from the yaw axis
-    across = forward * math.tan(hip_yaw)
-    below = math.sqrt(max(0.04, y * y + low * low - across * across))
-    roll = math.atan2(y, low) - math.atan2(across, below)
-    along, depth = forward / math.cos(hip_yaw), below - HIP_DOWN
-    return roll, math.atan2(along, depth) - torso_pitch, math.hypot(along, depth)
 
 
 @compiled

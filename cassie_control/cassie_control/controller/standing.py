@@ -6,7 +6,7 @@ import math
 
 from cassie_control.controller.approach import approach
 from cassie_control.controller.balance import Balance
-from cassie_control.controller.pendulum import HIP_Y
+from cassie_control.controller.leg_aim import HIP_Y
 from cassie_control.controller.readings import (
     ANKLE_HEIGHT,
     HIP_TO_PELVIS,

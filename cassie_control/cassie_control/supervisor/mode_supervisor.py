@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from cassie_control.errors import ControlError
@@ -10,6 +9,7 @@ from cassie_control.estimator.channels import ACCELEROMETER, names
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.leaving import Leaving
+from cassie_control.supervisor.posture import Posture
 from cassie_control.supervisor.set_points import (
     SetPoints,
     approach,
@@ -30,10 +30,7 @@ PERIOD_TICKS = 10
 _WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
-_GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
 _TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
-_SUNK_TIME = 0.1  # s; the estimate finds the ground so late when she is let down
-_STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
 class ModeSupervisor:
@@ -75,14 +72,10 @@ class ModeSupervisor:
         self._current = RobotMode.OFF
         self._linked = False
         self._since = 0.0
-        self._still = 0.0
-        self._upright = 0.0
         self._slow = 0.0
-        self._fallen = self._walked = False
-        self._low = self._grounded = False
+        self._walked = False
+        self._posture = Posture()
         self._leaving = Leaving()
-        self._height = self._lifted = self._sunk = 0.0
-        self._speed = (0.0, 0.0)
 
     def step(
         self,
@@ -104,7 +97,8 @@ class ModeSupervisor:
             ControlError: if the state holds a value that is not finite; it then changes nothing.
         """
         check(state, "state", ControlError)
-        self._observe(state)
+        moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
+        self._posture.step(state, moving, self.config, self._period)
         linked = operator is not None and bool(operator.link)
         failed = int(state.sensor_faults)
         if self._current is RobotMode.SEGWAY:
@@ -131,8 +125,8 @@ class ModeSupervisor:
             walk=reasons[RobotMode.WALK],
             segway=reasons[RobotMode.SEGWAY],
             faults=self._faults(linked, refused, controller_lost, failed),
-            fallen=self._fallen,
-            stepping=self._current is RobotMode.STAND and self._lifted > 0.0,
+            fallen=self._posture.fallen,
+            stepping=self._current is RobotMode.STAND and self._posture.stepping,
             link=linked,
         )
         return self._answer(state)
@@ -151,33 +145,6 @@ class ModeSupervisor:
             self._requested = requested_mode(operator)
         return refused
 
-    def _observe(self, state: RobotState) -> None:
-        c = self.config
-        pitch, roll = float(state.q[4]), float(state.q[5])
-        tilt = max(abs(pitch), abs(roll))
-        self._height = float(state.q[2])
-        self._grounded = float(state.foot_force.max()) > _GROUNDED
-        single = self._grounded and float(state.foot_force.min()) < _GROUNDED
-        self._lifted = _STEP_TIME if single else max(0.0, self._lifted - self._period)
-        low = self._grounded and self._height < c.fall_height
-        self._sunk = self._sunk + self._period if low else 0.0
-        moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
-        self._low = low and (self._sunk >= _SUNK_TIME or not moving)
-        upright = tilt < c.upright_tilt and not self._low
-        self._upright = self._upright + self._period if upright else 0.0
-        if tilt > c.fall_tilt or (self._low and moving):
-            self._fallen = True
-        elif self._upright >= c.upright_time:
-            self._fallen = False
-        vx, vy, _ = state.com_velocity.tolist()
-        still = math.hypot(vx, vy) < c.still_speed
-        self._still = self._still + self._period if still else 0.0
-        share = min(1.0, self._period / _STEP_TIME)
-        self._speed = (
-            self._speed[0] + share * (vx - self._speed[0]),
-            self._speed[1] + share * (vy - self._speed[1]),
-        )
-
     def _reasons(
         self, state: RobotState, powered: bool, controller_lost: bool
     ) -> dict[RobotMode, str]:
@@ -187,11 +154,11 @@ class ModeSupervisor:
             common = "the drives have no power"
         elif controller_lost:
             common = "the controller is silent"
-        elif self._fallen:
+        elif self._posture.fallen:
             common = "Cassie fell: hang her up or set her upright"
-        elif self._low:
-            common = f"the pelvis is at {self._height:.2f} m: lift her"
-        elif self._upright <= 0.0:
+        elif self._posture.low:
+            common = f"the pelvis is at {self._posture.height:.2f} m: lift her"
+        elif self._posture.upright <= 0.0:
             common = f"the torso is tilted by more than {self.config.upright_tilt:g} rad"
         return {
             RobotMode.STAND: common or self._why_not_stand(),
@@ -207,7 +174,7 @@ class ModeSupervisor:
             return ""
         if self._slow >= c.stop_time:
             return ""
-        speed = math.hypot(*self._speed)
+        speed = self._posture.speed
         if max(abs(self._set_points.vx), abs(self._set_points.vy)) > 0.0:
             return f"slowing down from {speed:.2f} m/s"
         return f"stepping in place first: {speed:.2f} m/s, stands below {c.stop_speed:g} m/s"
@@ -220,8 +187,8 @@ class ModeSupervisor:
             return "stand first"
         if unloaded := self._unloaded(state):
             return unloaded
-        if abs(self._height - c.walk_height) > c.height_tolerance:
-            return f"walking begins at {c.walk_height:g} m, pelvis at {self._height:.2f} m"
+        if abs(self._posture.height - c.walk_height) > c.height_tolerance:
+            return f"walking begins at {c.walk_height:g} m, pelvis at {self._posture.height:.2f} m"
         return self._restless()
 
     def _why_not_ride(self, state: RobotState) -> str:
@@ -233,8 +200,9 @@ class ModeSupervisor:
             return "stand first"
         if unloaded := self._unloaded(state):
             return unloaded
-        if self._height > c.ride_height + c.height_tolerance:
-            return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {self._height:.2f} m"
+        height = self._posture.height
+        if height > c.ride_height + c.height_tolerance:
+            return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {height:.2f} m"
         return self._restless()
 
     def _unloaded(self, state: RobotState) -> str:
@@ -247,7 +215,7 @@ class ModeSupervisor:
         return ""
 
     def _restless(self) -> str:
-        still, needed = min(self._still, self._since), self.config.stand_time
+        still, needed = min(self._posture.still, self._since), self.config.stand_time
         return f"standing still for {still:.1f} s of {needed:g} s" if still < needed else ""
 
     def _next(
@@ -255,7 +223,7 @@ class ModeSupervisor:
     ) -> RobotMode:
         if not powered:
             return RobotMode.OFF
-        if self._fallen or controller_lost:
+        if self._posture.fallen or controller_lost:
             return RobotMode.DAMP
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             return RobotMode.DAMP if reasons[RobotMode.STAND] else RobotMode.STAND
@@ -265,8 +233,8 @@ class ModeSupervisor:
         """Move the set-points towards what the mode in force permits of the wish."""
         c, wish, requested = self.config, self._wish, self._requested
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
-            height = max(c.height_low, min(c.height_high, self._height))
-            self._set_points = SetPoints(height=height if self._grounded else wish.height)
+            height = max(c.height_low, min(c.height_high, self._posture.height))
+            self._set_points = SetPoints(height=height if self._posture.grounded else wish.height)
         if self._current is not requested or requested is RobotMode.STAND:
             wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
         if RobotMode.SEGWAY in (requested, self._current):
@@ -285,7 +253,7 @@ class ModeSupervisor:
         slow = (
             self._current is RobotMode.WALK
             and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0
-            and math.hypot(*self._speed) < c.stop_speed
+            and self._posture.speed < c.stop_speed
             and is_upright(self._set_points)
         )
         self._slow = self._slow + self._period if slow else 0.0
@@ -294,7 +262,7 @@ class ModeSupervisor:
         self, linked: bool, refused: str, controller_lost: bool, failed: int
     ) -> tuple[str, ...]:
         faults = []
-        if self._fallen:
+        if self._posture.fallen:
             faults.append("fallen: drives damp")
         if not linked:
             faults.append("operator lost: stopping and standing")
