@@ -165,7 +165,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
 
     Returns:
         vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame; vy_slip: largest
-        sideways mean over a second (m/s); drift: greatest distance from where the window
+        sideways mean over two steps (m/s); drift: greatest distance from where the window
         began (m); drift_of_steps: the same of the mean place over two steps, which leaves out
         the sway (m); depth: of the lower sole below the height of the start, median (m);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
@@ -180,7 +180,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         return dict.fromkeys(WINDOW_FIGURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
     figures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
-    figures["vy_slip"] = _slip(track.achieved["vy"][inside], round(1.0 / tick))
+    figures["vy_slip"] = _slip(track.achieved["vy"][inside], round(AVERAGED_OVER / tick))
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
     figures["drift_of_steps"] = _drift_of_steps(away, round(AVERAGED_OVER / tick))
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
@@ -194,11 +194,11 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     return figures
 
 
-def _slip(vy: FloatArray, second: int) -> float:
-    """Largest mean of the sideways velocity over a second, which the sway of steps leaves out."""
-    if len(vy) < second:
+def _slip(vy: FloatArray, width: int) -> float:
+    """Largest mean of the sideways velocity over two steps, which leaves out their sway."""
+    if len(vy) < width:
         return math.nan
-    means = np.convolve(vy, np.full(second, 1.0 / second), mode="valid")
+    means = np.convolve(vy, np.full(width, 1.0 / width), mode="valid")
     return float(np.abs(means).max())
 
 

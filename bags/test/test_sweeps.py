@@ -7,6 +7,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
@@ -15,7 +16,7 @@ from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.radio_rows import jumps
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
-from cassie_bags.trial import Figures, Trial, experiment_of, run_trial
+from cassie_bags.trial import Figures, Trial, _slip, experiment_of, run_trial
 from cassie_bags.workers import LocalProcesses, Remembering, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
@@ -161,6 +162,13 @@ def test_a_trial_keeps_the_written_times_and_draws_the_robot():
     assert (experiment.seed, experiment_of(trial)) == (7, experiment)
     fixed = experiment_of(Trial({"duration": 3.0, "draw": {"mass": 1.1}}, 7, (0.0, 1.0)))
     assert fixed.scenario.draw.mass == 1.1
+
+
+def test_the_sway_of_steps_is_no_side_slip():
+    time = np.arange(0.0, 20.0, 0.002)
+    sway = 0.25 * np.sin(2.0 * np.pi * time / 0.78)
+    assert _slip(sway, 400) < 0.03
+    assert _slip(sway + 0.2, 400) == pytest.approx(0.2, abs=0.03)
 
 
 STAND = {
