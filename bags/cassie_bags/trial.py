@@ -164,8 +164,9 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         window: From and to. In s.
 
     Returns:
-        vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame; vy_slip: largest
-        sideways mean over two steps (m/s); drift: greatest distance from where the window
+        vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame, the last of means over
+        two steps, which leaves out the sway at both ends; vy_slip: largest sideways mean over
+        two steps (m/s); drift: greatest distance from where the window
         began (m); drift_of_steps: the same of the mean place over two steps, which leaves out
         the sway (m); depth: of the lower sole below the height of the start, median (m);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
@@ -180,9 +181,11 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         return dict.fromkeys(WINDOW_FIGURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
     figures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
-    figures["vy_slip"] = _slip(track.achieved["vy"][inside], round(AVERAGED_OVER / tick))
+    two_steps = round(AVERAGED_OVER / tick)
+    figures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
+    figures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
-    figures["drift_of_steps"] = _drift_of_steps(away, round(AVERAGED_OVER / tick))
+    figures["drift_of_steps"] = _drift_of_steps(away, two_steps)
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
     figures |= _estimate(track, state, inside)
     figures |= measure_standing(track, state, status, inside)
@@ -194,12 +197,19 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     return figures
 
 
+def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
+    """Means over every two steps, `width` ticks, which leave out the sway of steps."""
+    return np.convolve(values, np.full(width, 1.0 / width), mode="valid")
+
+
 def _slip(vy: FloatArray, width: int) -> float:
-    """Largest mean of the sideways velocity over two steps, which leaves out their sway."""
-    if len(vy) < width:
-        return math.nan
-    means = np.convolve(vy, np.full(width, 1.0 / width), mode="valid")
-    return float(np.abs(means).max())
+    """Largest mean of the sideways velocity over two steps."""
+    return float(np.abs(_over_two_steps(vy, width)).max()) if len(vy) >= width else math.nan
+
+
+def _without_sway(values: FloatArray, width: int) -> float:
+    """Mean of a window that may begin and end anywhere in the sway of two steps."""
+    return float((_over_two_steps(values, width) if len(values) > 2 * width else values).mean())
 
 
 def _drift_of_steps(away: FloatArray, width: int) -> float:

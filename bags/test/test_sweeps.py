@@ -16,7 +16,7 @@ from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.radio_rows import jumps
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
-from cassie_bags.trial import Figures, Trial, _slip, experiment_of, run_trial
+from cassie_bags.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
 from cassie_bags.workers import LocalProcesses, Remembering, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
@@ -169,6 +169,9 @@ def test_the_sway_of_steps_is_no_side_slip():
     sway = 0.25 * np.sin(2.0 * np.pi * time / 0.78)
     assert _slip(sway, 400) < 0.03
     assert _slip(sway + 0.2, 400) == pytest.approx(0.2, abs=0.03)
+    cut = 0.5 + sway[: round(2.25 * 390)]  # ends a quarter of two steps later than it begins
+    assert abs(cut.mean() - 0.5) > 0.015
+    assert _without_sway(cut, 400) == pytest.approx(0.5, abs=0.003)
 
 
 STAND = {

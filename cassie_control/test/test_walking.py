@@ -182,6 +182,22 @@ def test_hip_yaws_turn_towards_the_heading_within_their_bound():
         assert core.desired[YAW_SW] == pytest.approx(expected, abs=5e-3)
 
 
+@STANCES
+def test_a_foot_that_landed_turned_in_turns_the_body_at_an_even_rate(stance):
+    """Turned by jerks, the body makes the stance foot slip."""
+    turn = 0.5 * 0.8 * 0.4
+    state = state_of(*[leg_joints(hip_yaw=turn, knee=-1.3)] * 2, forces=(330.0, 0.0))
+    state.foot_force[:] = (330.0, 0.0) if stance == LEFT else (0.0, 330.0)
+    core, command = walking(stance, config=replace(CONFIG, level=0.0), state=state), MotorCommand()
+    readings = readings_of(state)
+    while core.timing.phase < 0.98:
+        core.step(readings, mode_of(yaw_rate=0.8), command)
+        assert core.desired[YAW_ST] == pytest.approx(
+            turn * (1.0 - 2.0 * core.timing.phase), abs=5e-3
+        )
+        assert core.desired_rates[YAW_ST] == pytest.approx(-2.0 * turn * core.timing.rate, rel=0.1)
+
+
 def test_turning_does_not_wind_up_while_the_robot_is_held():
     core, command, readings = walking(), MotorCommand(), readings_of(swinging(LEFT))
     for _ in range(3000):

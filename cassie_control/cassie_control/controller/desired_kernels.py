@@ -100,7 +100,7 @@ def adjust(figures: RecordArray, robots: RecordArray, steps: RecordArray) -> Non
     _fade_in(step, LENGTH_SW, step.length - gait[LENGTH_SW, 5], phase, rate)
     _fade_in(step, YAW_SW, step.yaw - gait[YAW_SW, 5], phase, rate)
     _fade_in(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
-    _fade_in(step, YAW_ST, -step.turn - gait[YAW_ST, 5], phase, rate)
+    _turn_body(step, phase, rate)
     _lift(robot, step, phase)
     if step.phase > 1.0:
         _reach_down(figure, step, rate)
@@ -114,6 +114,20 @@ def _fade_in(step: Any, row: int, change: float, phase: float, rate: float) -> N
     step.desired[row] += _fade(phase) * change
     step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * change
     step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * change
+
+
+@compiled
+def _turn_body(step: Any, phase: float, rate: float) -> None:
+    """Stance hip yaw from where the foot landed to the end of this step's turn.
+
+    The commanded turn goes at an even rate, so that the foot need not accelerate the body, for
+    which a line of contact has little friction: only what the foot landed beside it is faded out.
+    """
+    r = 1.0 - phase
+    _fade_in(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
+    step.desired[YAW_ST] += step.turn * (_fade(phase) - 2.0 * phase)
+    step.desired_rates[YAW_ST] += step.turn * rate * (20.0 * r * r * r * phase - 2.0)
+    step.accelerations[YAW_ST] += step.turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
 
 
 @compiled
