@@ -101,6 +101,21 @@ def test_gravity_under_the_feet_corrects_the_imus_tilt():
     assert np.hypot(*(last.q[:2] - last.position[:2])) < 0.05
 
 
+def test_a_vehicles_acceleration_is_not_taken_for_the_gyros_bias(walked_faithful):
+    """For a minute it speeds up and slows down under feet that stand still on it."""
+    core, sample = make_estimator(EstimatorConfig(), PERIOD), Sensors()
+    sample.load(next(m for m in walked_faithful.moments if m.activity == "standing").sample)
+    measured = sample.angular_velocity.copy()
+    force = float(sample.linear_acceleration[0])
+    errors = []
+    for tick in range(round(60.0 / PERIOD)):
+        seconds = tick * PERIOD
+        sample.linear_acceleration[0] = force + (0.5 if seconds % 20.0 < 10.0 else -0.5)
+        found = core.step(sample).angular_velocity
+        errors.append(float(np.abs(found - measured).max()))
+    assert max(errors) < 2e-4
+
+
 def test_figures_may_change_while_it_runs(walked_faithful):
     core = make_estimator(EstimatorConfig(), PERIOD)
     sample = Sensors()

@@ -91,6 +91,23 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
     assert abs(_forward(robot)) < 0.4
 
 
+def test_on_a_lawn_the_torso_does_not_swing_from_side_to_side():
+    parameters = {"let_go": 8.0, "surface": "grass"}
+    scenario = {**LET_DOWN, "gantry": LET_DOWN["gantry"][:2], "scene_parameters": parameters}
+    robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
+    robot.wish(height=0.65)
+    robot.run(5.0)
+    robot.wish(mode=SEGWAY)
+    robot.run(5.0)
+    robot.wish(com_x=0.08)
+    robot.run(3.5)
+    robot.wish(com_x=0.02)
+    robot.run(5.0)
+    assert _forward(robot) > 3.8
+    rolls = [moment.angles[2] for moment in robot.moments if moment.time > 14.0]
+    assert max(map(abs, rolls)) < math.radians(7.0)
+
+
 def test_a_robot_whose_height_is_found_late_is_not_damped_as_it_lands():
     scenario = Scenario.from_mapping({**LET_DOWN, "gantry": LET_DOWN["gantry"][:2]})
     drawn = Scenario(

@@ -112,13 +112,17 @@ class SegwayConfig(StandConfig):
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
     kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    kp_com_y: float = tunable(
+        125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
+    )
+    kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
     settled_kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "CoM x once she has settled")
-    settled_kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same sideways")
+    settled_kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same sideways")
     settled_kp_hip_roll: float = tunable(
         400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once she has settled"
     )

@@ -18,6 +18,9 @@ class FilterConfig:
         0.02, "m/s^2/sqrt(Hz)", 1e-5, 10.0, "Noise density of the accelerometer"
     )
     gyro_drift: float = tunable(1e-5, "rad/s/sqrt(s)", 0.0, 0.1, "How fast the gyro's bias wanders")
+    gyro_bias: float = tunable(
+        1e-4, "rad/s", 0.0, 0.1, "Largest bias of the gyro believed; a VN-100 stays within 5e-5"
+    )
     accelerometer_drift: float = tunable(
         1e-4, "m/s^2/sqrt(s)", 0.0, 1.0, "How fast the accelerometer's bias wanders"
     )

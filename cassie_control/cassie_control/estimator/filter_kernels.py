@@ -61,7 +61,7 @@ def filter_step(
     touching = max(contact[0], contact[1])
     if touching < 0.5:
         _correct_by_hanging(state, noise.hanging / (1.0 - touching) ** 2, correction)
-    _apply(state, correction)
+    _apply(state, noise, correction)
 
 
 @compiled
@@ -196,7 +196,7 @@ def _correct_by_feet(state: Any, noise: Any, feet: FloatArray) -> None:
                 gain[j] = P[d, j] - P[p, j]
             rest = z[i, k] - correction[d] + correction[p]
             _take(P, gain, gain[d] - gain[p] + noise.kinematics, rest, correction)
-    _apply(state, correction)
+    _apply(state, noise, correction)
 
 
 @compiled
@@ -235,8 +235,11 @@ def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
 
 
 @compiled
-def _apply(state: Any, correction: FloatArray) -> None:
-    """X <- exp(correction) X, biases added."""
+def _apply(state: Any, noise: Any, correction: FloatArray) -> None:
+    """X <- exp(correction) X, biases added.
+
+    On a vehicle that accelerates the gyro's would take in what the resting feet contradict.
+    """
     turn, jacobian, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     exponential(correction[0], correction[1], correction[2], turn, jacobian)
     times(turn, state.rotation, turned)
@@ -247,7 +250,8 @@ def _apply(state: Any, correction: FloatArray) -> None:
         for k in range(3):
             state.points[i, k] = moved[k] + shift[k]
     for k in range(3):
-        state.gyro_bias[k] += correction[_BG + k]
+        most, bias = noise.largest_gyro_bias, state.gyro_bias[k] + correction[_BG + k]
+        state.gyro_bias[k] = max(-most, min(most, bias))
         state.accelerometer_bias[k] += correction[_BA + k]
 
 

@@ -26,6 +26,7 @@ NOISE_TYPE = np.dtype(
         ("gyro", float),  # variances by time: (rad/s)^2 s
         ("accelerometer", float),  # (m/s^2)^2 s
         ("gyro_bias", float),  # (rad/s)^2 / s
+        ("largest_gyro_bias", float),  # rad/s
         ("accelerometer_bias", float),  # (m/s^2)^2 / s
         ("stance", float),  # m^2/s, of a contact under load
         ("swing", float),  # m^2/s, of a foot in the air

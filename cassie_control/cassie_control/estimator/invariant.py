@@ -153,6 +153,7 @@ class InvariantEstimator(LegEstimator):
         noise["gyro"] = c.gyro_noise**2
         noise["accelerometer"] = (_WALKING_NOISE if self._blind else c.accelerometer_noise) ** 2
         noise["gyro_bias"] = c.gyro_drift**2
+        noise["largest_gyro_bias"] = c.gyro_bias
         noise["accelerometer_bias"] = c.accelerometer_drift**2
         noise["stance"] = c.stance_noise**2
         noise["swing"] = c.swing_noise**2
