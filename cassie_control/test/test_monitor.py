@@ -151,6 +151,21 @@ def test_pushes_and_a_body_unlike_the_nominal_one_raise_no_alarm(pushed):
     assert reports(samples(pushed, 0)) == {}
 
 
+@pytest.mark.parametrize("time", [4.1, 4.5])
+def test_a_leap_and_its_landing_raise_no_alarm(time):
+    pushes = [{"t": time, "duration": 0.1, "force": (0.0, 0.0, 500.0)}]
+    scenario = {"start": "standing", "pushes": pushes}
+    robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
+    robot.wish(height=0.98)
+    robot.run(1.8)
+    robot.wish(mode=int(WALK))
+    robot.run(4.2)
+    highest = max(moment.position[2] for moment in robot.moments)
+    assert highest > 1.03
+    assert reports(samples(robot, 0)) == {}
+    assert not robot.fallen
+
+
 @pytest.mark.parametrize("kind", ["off", "nan"])
 def test_orientation_goes_on_with_the_gyro(walked_faithful, kind):
     rows = samples(walked_faithful, 1250)

@@ -1,17 +1,21 @@
 """Machine code for the functions that run at every control tick or physics step.
 
 Numba makes it at the first call and keeps it beside the source or, where that folder cannot be
-written, in the user's cache folder; without either, every process makes it for itself. It is made
-anew when the function's own file changes, and only then. Hence two rules: numbers from other
-modules come in as arguments, and compiled functions that call each other stand in one file.
+written, in the user's cache folder; without either, every process makes it for itself. Numba alone
+makes it anew only when the function's own file changes; here also when one of those changes that
+its module takes compiled functions from. Numbers from modules without such functions are frozen
+into the machine code, so they come in as arguments.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core.registry import CPUDispatcher
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -19,6 +23,28 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 def compiled(function: FunctionT) -> FunctionT:
     """The function as machine code, with its type as it stands."""
     try:
-        return cast(FunctionT, njit(cache=True)(function))
+        machine = njit(cache=True)(function)
     except RuntimeError:  # numba found no folder to write
         return cast(FunctionT, njit(function))
+    if isinstance(machine, CPUDispatcher):  # not where compiling is switched off
+        machine._cache._cache_file._source_stamp = _stamp(function)
+    return cast(FunctionT, machine)
+
+
+def _stamp(function: Callable[..., Any]) -> str:
+    """What tells whether kept machine code is that of the function and of all that it calls."""
+    digest = hashlib.sha256()
+    for path in sorted(_sources(function, set())):
+        digest.update(Path(path).read_bytes())
+    return digest.hexdigest()
+
+
+def _sources(function: Callable[..., Any], known: set[str]) -> set[str]:
+    """Files of the function and of the compiled functions that its module has by now."""
+    path = function.__code__.co_filename
+    if path not in known:
+        known.add(path)
+        for value in list(function.__globals__.values()):
+            if isinstance(value, CPUDispatcher):
+                _sources(value.py_func, known)
+    return known

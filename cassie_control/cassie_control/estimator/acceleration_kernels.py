@@ -18,7 +18,7 @@ KEPT = 192
 DELAYS = (0.02, 0.04)
 """Delays that are looked for; those beside them fit one of these better than none. In s."""
 
-_SPIKE_TIME = 0.04  # s
+_SPIKE_TIME, _SPIKES = 0.04, 3.0  # s; count, fading over it, that soles which bounce do not reach
 _FROZEN_TICKS = 15
 _FAST, _SLOW = 0.003, 0.02  # s, between which a signal must change to be compared
 _POWER_TIME = 0.2  # s
@@ -93,11 +93,13 @@ def look_at_acceleration(watch: Any, limit: Any, expected: FloatArray, force: fl
         watch.bad_acceleration[k] = max(0.0, watch.bad_acceleration[k] - dt)
         watch.same_acceleration[k] = watch.same_acceleration[k] + 1 if a[0, k] == a[1, k] else 0
         watch.acceleration_spikes[k] *= math.exp(-dt / _SPIKE_TIME)
-        if abs(a[1, k] - 0.5 * (a[0, k] + a[2, k])) > limit.acceleration_spike:
+        out = abs(a[1, k] - 0.5 * (a[0, k] + a[2, k]))
+        # A step, as where a push begins or ends, is none.
+        if out > max(limit.acceleration_spike, abs(a[0, k] - a[2, k])):
             watch.acceleration_spikes[k] += 1.0
         wrong = not abs(a[0, k]) <= limit.acceleration
         wrong = wrong or watch.same_acceleration[k] >= _FROZEN_TICKS
-        wrong = wrong or watch.acceleration_spikes[k] > 2.0
+        wrong = wrong or watch.acceleration_spikes[k] > _SPIKES
         late = _late(watch, limit, k, a[1, k], expected[k])
         if not known:
             watch.late_acceleration[:, k] = 0.0

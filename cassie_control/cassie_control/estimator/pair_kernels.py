@@ -51,11 +51,12 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
     if i >= IMU:
         turn = dt * v
     if abs(step - turn) > limit.jump[i]:
-        fast = abs(v - watch.last_velocity[0, i]) * dt > 0.5 * limit.jump[i]
-        watch.bad[V if fast else P, i] = hold
-        if fast:
+        if abs(v - watch.last_velocity[0, i]) * dt > 0.5 * limit.jump[i]:
+            watch.bad[V, i] = hold
             turn = step
-        else:
+        # At a hard landing a position runs ahead of its filtered velocity, but not at once.
+        elif abs(step - watch.steps[0, i]) > limit.jump[i]:
+            watch.bad[P, i] = hold
             step = turn
     for k in (2, 1):
         watch.steps[k, i], watch.turns[k, i] = watch.steps[k - 1, i], watch.turns[k - 1, i]
@@ -98,7 +99,10 @@ def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
 def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
     """Velocities of one tick that leave the line of their neighbours, again and again."""
     fade = math.exp(-limit.period / _SPIKE_TIME)
-    out = abs(watch.last_velocity[0, i] - 0.5 * (v + watch.last_velocity[1, i]))
+    before, after = watch.last_velocity[1, i], v
+    out = abs(watch.last_velocity[0, i] - 0.5 * (after + before))
+    if abs(after - before) > out:
+        out = 0.0  # a step, as at a hard landing
     for k in range(2):
         bound = limit.spike[i] * (1.0, _SMALL_SPIKE)[k]
         watch.spikes[k, i] = fade * watch.spikes[k, i] + (1.0 if out > bound else 0.0)
