@@ -14,6 +14,7 @@ from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEGS
 from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
@@ -51,12 +52,13 @@ class Robot:
         sensors: str = "ideal",
         config: ControllerConfig | None = None,
         *,
+        library: GaitLibrary | None = None,
         record: bool = False,
     ) -> None:
         self.plant = Plant(PlantConfig(sensors=sensors), scenario)
         self.estimator = make_estimator(EstimatorConfig(), PERIOD)
         self.controller = GaitController(
-            config or ControllerConfig(), provisional_library(), PERIOD
+            config or ControllerConfig(), library or provisional_library(), PERIOD
         )
         self.supervisor = ModeSupervisor(SupervisorConfig(), PERIOD)
         self.operator = OperatorCommand()

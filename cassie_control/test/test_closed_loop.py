@@ -7,6 +7,7 @@ import pytest
 from closed_loop import Robot
 
 from cassie_control.controller.config import ControllerConfig, WalkConfig
+from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import GantryMove, Push, Scenario
 
@@ -27,13 +28,15 @@ def test_steps_in_place_stops_and_stands(walked):
 
 def test_steps_in_place_by_the_papers_law():
     config = ControllerConfig(walk=WalkConfig(law="paper"))
-    robot = Robot(Scenario(start="standing"), config=config)
+    gaits = load_library(default_library_path())
+    robot = Robot(Scenario(start="standing"), config=config, library=gaits)
     robot.wish(height=0.98)
-    robot.run(2.5)
+    robot.run(1.8)
     robot.wish(mode=int(RobotMode.WALK))
-    robot.run(5.2)
+    robot.run(10.0)
     assert not robot.fallen
-    assert float(robot.controller.status.step_count) > 9
+    assert float(robot.controller.status.step_count) > 20
+    assert np.hypot(*robot.plant.pelvis_pose[0][:2]) < 0.8
 
 
 def test_boots_from_the_gantry_and_stands():

@@ -170,8 +170,8 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
         ahead = StepAhead(0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
         return placement(CONFIG).swing_end(readings, *readings.legs, Wish(), ahead).lead
 
-    assert lead(-0.5) == lead(0.0) == CONFIG.contact_lead
-    assert lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
+    assert lead(0.0) == CONFIG.contact_lead
+    assert lead(-1.0) == lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
     assert lead(3.0) == lead(1.5)
 
 

@@ -193,6 +193,18 @@ def test_weight_is_fed_forward_to_the_leg_that_carries_it():
     assert np.abs(swing).max() == 0.0
 
 
+@pytest.mark.parametrize(("law", "rise"), [("pendulum", 0.2), ("pendulum", -0.3), ("paper", 0.2)])
+def test_the_stance_leg_presses_less_while_the_com_rises_but_not_under_the_papers_law(law, rise):
+    config = replace(CONFIG, law=law, swing_inertia=0.0, slope_time=0.0)
+    core, command, state = walking(config=config), MotorCommand(), swinging(LEFT)
+    core.step(readings_of(state), mode_of(), command)
+    still = command.torque[:4].copy()
+    state.com_velocity[2] = rise
+    core.step(readings_of(state), mode_of(), command)
+    damping = config.bounce_damping if law == "pendulum" else 0.0
+    assert command.torque[:4] == pytest.approx(still * (1.0 - damping * rise / WEIGHT), abs=0.5)
+
+
 @pytest.mark.parametrize("law", ["pendulum", "paper"])
 def test_weight_goes_over_with_the_forces_of_the_feet_but_by_loads_under_the_papers_law(law):
     """Loads saturate at 200 N: by them the change is steep, and rings in the leg springs."""

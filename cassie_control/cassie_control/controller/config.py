@@ -92,7 +92,7 @@ class WalkConfig:
         0.04, "s", 0.0, 0.1, "From the swing foot's first contact to the end of the step"
     )
     contact_lead_speed: float = tunable(
-        0.03, "s/(m/s)", 0.0, 0.1, "By how much longer that is with speed forward, up to 1.5 m/s"
+        0.03, "s/(m/s)", 0.0, 0.1, "By how much longer that is with speed fore or aft, to 1.5 m/s"
     )
     pendulum_gain_x: float = tunable(
         0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
@@ -136,11 +136,11 @@ class WalkConfig:
     )
     hold_speed: float = tunable(0.1, "m/s", 0.0, 0.3, "Bound of that speed")
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
-    paper_kd_x: float = tunable(0.25, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
+    paper_kd_x: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
     paper_kd_y: float = tunable(0.35, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kd")
     paper_offset: float = tunable(
-        0.04, "rad", -0.2, 0.2, "The paper's law: sagittal offset, as the CoM is ahead of the hips"
+        -0.01, "rad", -0.2, 0.2, "The paper's law: sagittal offset, so that it steps in place"
     )
     paper_narrowing: float = tunable(
         0.1, "rad/(m/s)", 0.0, 0.3, "The paper's law: swing leg inward by forward speed"
@@ -148,6 +148,9 @@ class WalkConfig:
     heading_gain: float = tunable(0.5, "", 0.0, 2.0, "Swing hip yaw by heading error")
     yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
+    bounce_damping: float = tunable(
+        75.0, "Ns/m", 0.0, 300.0, "How much less of it while the CoM rises, more while it sinks"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

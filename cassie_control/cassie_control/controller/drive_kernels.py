@@ -39,8 +39,9 @@ def drive(
     stance = int(step.stance)
     _drive_stance(figure, robot, stance, step, command)
     _drive_swing(figure, robot, 1 - stance, step, command)
+    weight = _damped_weight(figure, robot, step)
     for i in range(2):
-        _hold_weight(figure, robot, i, legs[i].ankle_jacobian, command)
+        _hold_weight(figure, robot, i, weight, legs[i].ankle_jacobian, command)
     _push_swing(figure, robot, 1 - stance, step, command)
 
 
@@ -155,8 +156,22 @@ def _knee_angle(figure: Any, length: float) -> float:
 
 
 @compiled
-def _hold_weight(figure: Any, robot: Any, i: int, jacobian: FloatArray, command: Any) -> None:
-    """Torques that hold the leg's share of the weight, along the line from foot to CoM."""
+def _damped_weight(figure: Any, robot: Any, step: Any) -> float:
+    """What the legs press with: the weight, less while the CoM rises off the ground's slope.
+
+    The knees' own damping has to be small (`config.JointGains`), and the body bounced on the legs:
+    backward at 0.9 m/s every other step was high and short, more and more.
+    """
+    rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
+    weight: float = figure.weight - figure.bounce_damping * (robot.com_velocity[2] - rise)
+    return max(0.0, weight)
+
+
+@compiled
+def _hold_weight(
+    figure: Any, robot: Any, i: int, weight: float, jacobian: FloatArray, command: Any
+) -> None:
+    """Torques that hold the leg's share of a weight (N), along the line from foot to CoM."""
     if figure.share_force > 0.0:
         force = max(0.0, robot.force[i] - _BRUSHED)
         other = max(0.0, robot.force[1 - i] - _BRUSHED)
@@ -165,7 +180,7 @@ def _hold_weight(figure: Any, robot: Any, i: int, jacobian: FloatArray, command:
         share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
     z = max(0.4, robot.com[2] - robot.ankle[i, 2])
-    held = holding_torques(jacobian, robot.tilt, figure.weight * share, x / z, y / z)
+    held = holding_torques(jacobian, robot.tilt, weight * share, x / z, y / z)
     for k in range(4):
         command.torque[5 * i + k] = held[k]
     command.torque[5 * i + 4] = 0.0

@@ -41,7 +41,8 @@ def figures(config: WalkConfig) -> RecordArray:
             figure[name] = getattr(config, name)
     figure["straight"] = figure["share_force"] = 1.0
     if config.law == "paper":
-        figure["straight"] = figure["share_force"] = figure["level"] = figure["swing_inertia"] = 0.0
+        for name in ("straight", "share_force", "level", "swing_inertia", "bounce_damping"):
+            figure[name] = 0.0
     figure["weight"] = config.gravity * WEIGHT
     figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]

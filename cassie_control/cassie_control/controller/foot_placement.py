@@ -15,7 +15,7 @@ from cassie_control.controller.pendulum import LAW_TYPE, NOW_TYPE, landing
 from cassie_control.controller.readings import LegReadings, Readings
 from cassie_control.controller.step_ahead import Placement, StepAhead, SwingEnd, Wish
 
-_LEAD_SPEED = 1.5  # m/s, up to which the swing foot's contact leads by more
+_LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
 _SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
 
 
@@ -51,10 +51,10 @@ class PendulumPlacement:
     at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): at speed a
     longer step brakes by its impact too. With all of it long and short steps alternate. So the
     gains fall with the low-passed speed forward, by `pendulum_fade_x` and `_y` for each m/s, and
-    `pendulum_gain_still` is added in place; not after a push. The foot then also meets the ground
-    earlier before the end of the step, by `contact_lead_speed`. Feet also go farther by `sidestep`
-    and by `step_ahead`, less `step_ahead_fast` for each m/s, times the speed wished for: as that
-    map has it, they land too close to the CoM by the pendulum.
+    `pendulum_gain_still` is added in place; not after a push. Fast, fore or aft, the foot
+    also meets the ground earlier before the end of the step, by `contact_lead_speed`. Feet also go
+    farther by `sidestep` and by `step_ahead`, less `step_ahead_fast` for each m/s, times the speed
+    wished for: as that map has it, they land too close to the CoM by the pendulum.
 
     `sum` adds up the error of each step's mean speed, against the wish in the mean of the same two
     steps, bounded: it takes out what the pendulum leaves out.
@@ -129,7 +129,7 @@ class PendulumPlacement:
 
 def _lead(c: WalkConfig, speed: float) -> float:
     """Time from the swing foot's first contact to the end of the step, in s."""
-    return c.contact_lead + c.contact_lead_speed * max(0.0, min(_LEAD_SPEED, speed))
+    return c.contact_lead + c.contact_lead_speed * min(_LEAD_SPEED, abs(speed))
 
 
 def _summed(total: float, gain: float, error: float, c: WalkConfig) -> float:

@@ -86,7 +86,7 @@ FIGURES_TYPE = np.dtype(
         *((name, float) for name in ("kp_torso_roll", "kd_torso_roll")),
         *((name, float) for name in ("kp_torso_pitch", "kd_torso_pitch")),
         *((name, float) for name in ("late_reach", "late_speed")),
-        *((name, float) for name in ("level", "level_back", "swing_inertia")),
+        *((name, float) for name in ("level", "level_back", "swing_inertia", "bounce_damping")),
         *((name, float) for name in ("heading_gain", "yaw_limit")),
         ("straight", float),  # 1 where the swing leg's angles go the way of least effort
         ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
