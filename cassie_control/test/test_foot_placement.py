@@ -260,7 +260,8 @@ def test_a_robot_that_keeps_up_with_a_changing_wish_adds_nothing_to_the_sums():
 
 @pytest.mark.parametrize("stance", [LEFT, RIGHT])
 def test_the_papers_law_gives_its_known_answer(stance):
-    law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
+    config = WalkConfig(law="paper", paper_kd_x=0.25, paper_offset=0.04)
+    law, readings = PaperPlacement(config), pose()
     law.touchdown((9.0, 9.0), (0.2, -0.1), Wish())
     ahead = StepAhead(
         0.1, 0.3, step_time=STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
