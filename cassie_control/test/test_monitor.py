@@ -129,6 +129,16 @@ def test_a_late_accelerometer_is_named_in_time(walked_faithful, axis, ticks, in_
     assert errors > 0 or axis == 0  # fore and aft she hardly accelerates in place
 
 
+@pytest.mark.parametrize("start", range(200, 500, 60))
+def test_an_accelerometer_that_gets_late_is_named_while_it_waits(walked_faithful, start):
+    rows = samples(walked_faithful, 1250)
+    values = rows["linear_acceleration"][:, 1]
+    true = values.copy()
+    values[start : start + 10] = true[start]
+    values[start + 10 :] = true[start:-10]
+    assert start < reports(rows)["linear_acceleration.1"] < start + 10
+
+
 @pytest.fixture(scope="module")
 def pushed():
     """Steps in place with springs and mass that are not the nominal ones, pushed three times."""

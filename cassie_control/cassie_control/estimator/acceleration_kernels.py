@@ -19,7 +19,7 @@ DELAYS = (0.02, 0.04)
 """Delays that are looked for; those beside them fit one of these better than none. In s."""
 
 _SPIKE_TIME, _SPIKES = 0.04, 3.0  # s; count, fading over it, that soles which bounce do not reach
-_FROZEN_TICKS = 15
+_FROZEN = 0.016  # s, after which what carries noise does not keep its bits; a delay begins so
 _FAST, _SLOW = 0.003, 0.02  # s, between which a signal must change to be compared
 _POWER_TIME = 0.2  # s
 _CARRIED, _CARRIED_TIME, _CARRIED_SHARE = 0.5, 0.3, 0.75  # of the weight; s; of that time
@@ -98,7 +98,7 @@ def look_at_acceleration(watch: Any, limit: Any, expected: FloatArray, force: fl
         if out > max(limit.acceleration_spike, abs(a[0, k] - a[2, k])):
             watch.acceleration_spikes[k] += 1.0
         wrong = not abs(a[0, k]) <= limit.acceleration
-        wrong = wrong or watch.same_acceleration[k] >= _FROZEN_TICKS
+        wrong = wrong or dt * watch.same_acceleration[k] > _FROZEN - 0.5 * dt
         wrong = wrong or watch.acceleration_spikes[k] > _SPIKES
         late = _late(watch, limit, k, a[1, k], expected[k])
         if not known:
