@@ -19,6 +19,7 @@ from robot_states import (
 
 from cassie_control.controller.level import Level
 from cassie_control.controller.moving_balance import MovingBalance
+from cassie_control.controller.readings import WEIGHT
 from cassie_control.controller.segway import RidingController
 from cassie_control.controller.standing_config import SegwayConfig
 from cassie_msgs.layout import MotorCommand
@@ -141,6 +142,26 @@ def test_who_leans_her_at_a_steady_speed_tells_her_that_speed():
     silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 6000, quick)
     assert told.speed == pytest.approx(3.0, abs=0.2)
     assert abs(silent.speed - 3.0) > 1.0
+
+
+@pytest.mark.parametrize("turn", [0.6, -0.6])
+def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side(turn):
+    """Feet that press beside the CoM all the time: the ground goes away to the other side."""
+
+    def speed(aside: float) -> float:
+        push = 0.5 * WEIGHT * aside * height / (GRAVITY * half)
+        state = state_of(
+            *(leg_joints(), leg_joints()),
+            height=0.65,
+            forces=(0.5 * WEIGHT - push, 0.5 * WEIGHT + push),
+        )
+        state.v[3] = turn
+        return ridden(state, mode_of(height=0.65, com_x=0.001), 6000)[0].speed
+
+    standing = readings_of(crouched())
+    height, half = standing.com_from_feet[2], standing.legs[0].foot[1]
+    slow, fast = (speed(v * turn) for v in (0.5, 1.5))
+    assert fast - slow == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():

@@ -85,6 +85,8 @@ class Camera:
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_comPos(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)
+        # First, as an endless plane is drawn around where the camera was.
+        mujoco.mjv_updateCamera(self.model, self._data, self._view, self._scene)
         mujoco.mjv_updateScene(
             self.model,
             self._data,

@@ -40,7 +40,10 @@ WAYS = {
 }
 """Rolling resistance of pneumatic tyres: 0.01 on new to 0.02 on worn concrete, 0.04 to 0.08 on
 medium hard soil (engineeringtoolbox.com, "Rolling Friction and Resistance"; J. Carvill, Mechanical
-Engineer's Data Handbook). Heights are estimates: joints of slabs, and a mown lawn."""
+Engineer's Data Handbook). Heights are estimates: joints of slabs, and a mown lawn. On waves of 1 to
+2 m, which shake a rider at 4 m/s by 2 to 4 Hz, the lawn has the power spectral density of class D
+of ISO 8608 (1024e-6 m^3 at 0.1 cycles/m, by the wave length squared); on longer and shorter ones
+it is smoother than that."""
 
 _CELL = 0.1
 _HALF_WIDTH = 4.0

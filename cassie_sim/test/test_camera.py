@@ -30,3 +30,18 @@ def test_a_picture_shows_the_ground_where_it_has_moved_to():
     assert (pictures[0] == pictures[2]).all()
     changed = np.abs(pictures[0].astype(int) - pictures[1]).max(axis=2) > 20
     assert 50 < changed.sum() < 0.5 * changed.size
+
+
+def test_the_ground_reaches_the_horizon_wherever_the_robot_has_gone():
+    plant = Plant(PlantConfig(sensors="ideal"), Scenario(start="gantry"))
+    here = frame_of(plant.data)
+    far = here.copy()
+    far[0] += 160.0
+    try:
+        camera = Camera(plant.model, width=160, height=120)
+    except RenderError as error:
+        pytest.skip(str(error))
+    camera.picture(here)
+    first, second = camera.picture(far), camera.picture(far)
+    camera.close()
+    assert np.abs(first.astype(int) - second).max() < 20

@@ -15,8 +15,9 @@ from cassie_msgs.layout import Mode, MotorCommand
 
 _GOES = 0.3  # m/s^2
 _TILT_TIME = 0.15  # s, low-pass of the platform's tilt
-_TURN_TIME, _TURNS = 0.7, 0.03  # s and (rad/s)^2, a turn's low-pass and what counts as one
-_SLOW, _ASIDE = 0.8, 0.25  # m/s of a turn from which on she leans to a side by a share only
+_TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
+_BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
+_SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which she leans to a side by that share only
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
@@ -33,8 +34,12 @@ class RidingController:
         c_y* = kp_yaw_rate (yaw_rate - r)          if that is 0, by what she herself feels,
 
     with v the sum of the ground's acceleration since riding began and r the yaw rate. v drifts, as
-    nothing measures the speed of a vehicle: told to stop, she takes `rest_speed` for rest. Who
-    leans her sees how fast she goes: once his vx has been the same for a while, it is that,
+    nothing measures the speed of a vehicle: told to stop, she takes `rest_speed` for rest. A turn
+    tells it, as the ground accelerates to a side by a_y = v r, and the bar presses as well:
+
+        v' = a + r (a_y - r (v + 0.4 m/s)) / (turn_time (r^2 + 0.05 rad^2/s^2)).
+
+    Who leans her sees how fast she goes: once his vx has been the same for a while, it is that,
 
         v' = a + b + (vx - v) / speed_time,    b' = (vx - v) / (2 speed_time)^2,
 
@@ -63,7 +68,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
-        self._turn = [0.0, 0.0]
+        self._turn = 0.0
 
     @property
     def config(self) -> SegwayConfig:
@@ -91,7 +96,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
-        self._turn = [0.0, 0.0]
+        self._turn = 0.0
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.
@@ -110,6 +115,7 @@ class RidingController:
         wanted = self._mode
         wanted.copy_from(mode)
         self._balance.speed += self._period * self._error
+        self._feel_turn(readings.yaw_rate)
         if float(mode.com_x) == 0.0 == float(mode.com_y):
             self._hold(readings, mode, wanted)
         else:
@@ -180,27 +186,21 @@ class RidingController:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
         # Backward a lean to a side turns to the other side, and throws her out.
-        backward = self._backward(readings.yaw_rate)
+        backward = max(0.0, min(1.0, -balance.speed / _SLOW))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
         left, limit = balance.rest(readings)[1], c.press_limit_y
         if backward > 0.0:
             com_y = max(-aside, min(aside, com_y))
         return max(left - limit, min(left + limit, com_y))
 
-    def _backward(self, rate: float) -> float:
-        """How sure she rolls backward, 0..1; `rate` is the yaw rate, in rad/s.
-
-        In a turn the ground accelerates to a side by speed times yaw rate: that tells the speed,
-        too high by what the bar presses against her.
-        """
-        sideways, share = self._balance.acceleration[1], self._period / _TURN_TIME
-        self._turn[0] += share * (sideways * rate - self._turn[0])
-        self._turn[1] += share * (rate * rate - self._turn[1])
-        if self._turn[1] > _TURNS:
-            slow = 1.0 - self._turn[0] / (_SLOW * self._turn[1])
-        else:
-            slow = -2.0 * (self._balance.speed + 1.0)
-        return max(0.0, min(1.0, slow))
+    def _feel_turn(self, rate: float) -> None:
+        """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
+        c, balance = self.config, self._balance
+        # As late as the acceleration.
+        self._turn += self._period / c.moving_time * (rate - self._turn)
+        away = balance.acceleration[1] - self._turn * (balance.speed + _BAR)
+        share = self._period / c.turn_time * self._turn / (self._turn**2 + _TURNS)
+        balance.speed += share * away
 
 
 def height_above_soles(readings: Readings) -> float:

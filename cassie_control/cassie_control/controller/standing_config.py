@@ -155,6 +155,9 @@ class SegwayConfig(StandConfig):
     speed_time: float = tunable(
         5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans her"
     )
+    turn_time: float = tunable(
+        1.0, "s", 0.1, 1000.0, "In which a fast turn tells the speed; a slow one takes longer"
+    )
     rest_speed: float = tunable(
         0.4,
         "m/s",
