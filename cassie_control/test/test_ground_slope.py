@@ -30,7 +30,7 @@ def standing_on(rise):
 @pytest.mark.parametrize("rise", [-0.3, 0.0, 0.2])
 def test_the_sole_of_the_stance_foot_gives_the_slope_ahead(rise):
     slope, readings = GroundSlope(PERIOD), standing_on(rise)
-    for _ in range(2000):
+    for _ in range(4000):
         slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
     assert slope.ahead == pytest.approx(rise, abs=1e-3)
 
@@ -60,6 +60,20 @@ def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
             leg.ankle = (x, y, -0.8 + side * y)
         slope.touchdown(CONFIG, new, old)
     assert slope.left == pytest.approx(side, abs=1e-3)
+
+
+def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
+    """A foot that expects the ground too high lands late, and the robot speeds up meanwhile."""
+    slope = GroundSlope(PERIOD)
+    footholds = standing_on(0.15), standing_on(-0.15)
+    seen = []
+    for step in range(20):
+        readings = footholds[step % 2]
+        for _ in range(150):
+            slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
+            seen.append(slope.ahead)
+    assert max(seen) < 0.05
+    assert -0.15 < np.mean(seen) < 0.0
 
 
 def test_it_can_be_switched_off():

@@ -128,6 +128,9 @@ class WalkConfig:
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
     )
+    slope_rise_time: float = tunable(
+        1.0, "s", 0.1, 5.0, "The same where the foot finds more of a rise than was believed"
+    )
     slope_share: float = tunable(
         0.2, "", 0.0, 1.0, "Share of the slope to the side that one touchdown corrects"
     )
