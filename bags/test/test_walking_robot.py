@@ -21,7 +21,7 @@ operator:
   - {{t: 0.0, power: true, mode: stand, height: 0.95}}
   - {{t: 2.0, mode: walk}}
   - {{t: 4.0, {wish}}}
-supervisor: {{vx_forward: 1.6, acceleration: 0.5}}
+supervisor: {{vx_forward: 1.6, vx_backward: 0.9, acceleration: 0.5}}
 """
 
 
@@ -49,6 +49,16 @@ def test_it_walks_at_one_and_a_half_metres_per_second_without_a_limp():
     assert abs(vy.mean()) < 0.06
     left, right = (vx[status["stance_leg"][late] == leg].mean() for leg in (0, 1))
     assert left == pytest.approx(right, abs=0.06)
+
+
+def test_it_does_not_bounce_from_leg_to_leg_while_it_walks_backward():
+    """Every other step was 3 cm higher, more and more until she fell."""
+    recording, track = walk("vx: -0.9", 14.0, seed=1)
+    status = recording.rows(ControllerStatus)
+    late = stamps(status) > 10.0
+    height = np.interp(stamps(status)[late], track.time, track.achieved["height"])
+    left, right = (height[status["stance_leg"][late] == leg].mean() for leg in (0, 1))
+    assert left == pytest.approx(right, abs=0.008)
 
 
 def test_a_speed_to_the_side_is_kept_soon_after_it_is_asked_for():
