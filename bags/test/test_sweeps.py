@@ -54,10 +54,11 @@ def test_the_hardest_level_that_holds_is_found_from_either_side(limit: float, me
     assert result.met is met
 
 
-def test_no_more_levels_are_tried_beyond_a_target_than_wanted():
-    budget = dataclasses.replace(BUDGET, beyond=1)
+@pytest.mark.parametrize(("beyond", "tried"), [(0, [3.0]), (1, [3.0, 4.0])])
+def test_no_more_levels_are_tried_beyond_a_target_than_wanted(beyond: int, tried: list[float]):
+    budget = dataclasses.replace(BUDGET, beyond=beyond)
     result = measure_row(row(), budget, ThisProcess(), lambda word: None, strong(9.0))
-    assert [level.level for level in result.levels] == [3.0, 4.0]
+    assert [level.level for level in result.levels] == tried
     assert result.met
 
 

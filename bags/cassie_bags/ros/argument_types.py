@@ -17,6 +17,17 @@ def positive(word: str) -> int:
     return value
 
 
+def count(word: str) -> int:
+    """A whole number of 0 or more.
+
+    Raises:
+        argparse.ArgumentTypeError: if it is not one.
+    """
+    if not word.isdecimal():
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
+    return int(word)
+
+
 def seconds(word: str) -> float:
     """The length of a run, 2 .. 600 s.
 

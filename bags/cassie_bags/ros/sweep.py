@@ -14,7 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.ros.argument_types import positive, seconds
+from cassie_bags.ros.argument_types import count, positive, seconds
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
@@ -151,7 +151,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seconds", type=seconds, help="length of the part that is measured (40)")
     parser.add_argument(
         "--beyond",
-        type=positive,
+        type=count,
         help="harder levels to try where a target is met; until one does not hold if left out",
     )
     parser.add_argument(
