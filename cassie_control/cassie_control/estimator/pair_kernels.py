@@ -51,10 +51,11 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
     if i >= IMU:
         turn = dt * v
     if abs(step - turn) > limit.jump[i]:
-        if abs(v - watch.last_velocity[0, i]) * dt > 0.5 * limit.jump[i]:
+        # At a hard landing a position runs ahead of its filtered velocity: neither jumps.
+        last = watch.last_velocity[:, i]
+        if abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump[i]:
             watch.bad[V, i] = hold
             turn = step
-        # At a hard landing a position runs ahead of its filtered velocity, but not at once.
         elif abs(step - watch.steps[0, i]) > limit.jump[i]:
             watch.bad[P, i] = hold
             step = turn
