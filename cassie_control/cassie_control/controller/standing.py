@@ -22,6 +22,7 @@ from cassie_msgs.layout import Mode, MotorCommand
 
 _NOMINAL_STANCE = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
+_HANGS, _STANDS = 0.3, 0.9  # contact of the heavier foot below, of the lighter one above which
 _HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
 _GRAVITY = 9.81  # m/s^2
@@ -70,6 +71,7 @@ class StandingController:
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
         self._soles = [0.0, 0.0]
+        self._lands = False
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
 
     @property
@@ -125,6 +127,10 @@ class StandingController:
             # Slower than the legs' bounce, which feed-forward that followed it would feed.
             self._ground[i] += self._settle * (leg.contact - self._ground[i])
         both = min(self._ground)
+        if max(self._ground) < _HANGS:
+            self._lands = True
+        elif both > _STANDS:
+            self._lands = False
         balance = self._balance
         # The CoM goes to a side as the whole robot leans about the feet.
         height = max(0.4, readings.height)
@@ -133,8 +139,8 @@ class StandingController:
             balance.unsettle()
         balance.step(readings, mode, com_y, self._ground)
         roll = float(mode.roll) - com_y / height
-        # Only while both feet carry: to shorten the leg of a lifted foot would rock on.
-        difference = both * (
+        # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
+        difference = (max(self._ground) if self._lands else both) * (
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
             - self.config.lean_length * roll
