@@ -10,6 +10,11 @@ from cassie_control.controller.config import ControllerConfig, TransitionConfig
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import Draw, Scenario
 
+LET_DOWN = {
+    "start": "gantry",
+    "gantry": [{"t": 0.2, "action": "lower", "height": 0.8, "speed": 0.5}],
+}
+
 
 def stood(height: float, duration: float, **scenario) -> Robot:
     """Stands for so long with faithful sensors; every tick is recorded."""
@@ -26,6 +31,34 @@ def test_pushes_are_stood_without_a_step(force):
     assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}
     assert abs(robot.moments[-1].velocity).max() < 0.05
     assert robot.moments[-1].position[2] == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("force", [(0.0, 180.0, 0.0), (0.0, -180.0, 0.0)])
+def test_a_drawn_robot_stands_on_the_edge_of_one_foot(force):
+    push = {"t": 5.0, "duration": 0.1, "force": force}
+    robot = stood(0.9, 9.0, pushes=[push], draw=vars(Draw.from_seed(7)), **LET_DOWN)
+    assert not robot.fallen
+    assert {m.activity for m in robot.moments if m.time > 5.0} == {"standing"}
+    assert abs(robot.moments[-1].velocity).max() < 0.05
+
+
+def test_a_push_between_standing_and_stepping_is_no_fall():
+    push = {"t": 5.0, "duration": 0.1, "force": (-99.0, 99.0, 0.0)}
+    robot = stood(0.9, 10.0, pushes=[push], draw=vars(Draw.from_seed(7)), **LET_DOWN)
+    assert not robot.fallen
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("seed", [2, 7])
+def test_let_down_with_one_foot_on_a_block_she_reaches_for_the_ground(side, seed):
+    scene = {"scene": "block", "scene_parameters": {"height": 0.1, "side": side}}
+    moves = [{"t": 0.5, "action": "lower", "height": 0.7, "speed": 0.3}]
+    draw = vars(Draw.from_seed(seed))
+    robot = stood(0.85, 5.0, start="gantry", gantry=moves, draw=draw, **scene)
+    tilts = np.abs([m.angles[1:] for m in robot.moments if m.time > 1.0])
+    assert not robot.fallen
+    assert tilts.max() < 0.25
+    assert tilts[-1].max() < 0.1
 
 
 @pytest.mark.parametrize("force", [(200.0, 0.0, 0.0), (-145.0, -145.0, 0.0)])
@@ -65,6 +98,16 @@ def test_late_torques_and_set_points_do_not_shake_her(force):
     calm = [m.velocity for m in robot.moments if 3.0 < m.time < 4.0]
     assert not robot.fallen
     assert np.abs(calm).max() < 0.02
+
+
+@pytest.mark.parametrize("force", [(70.0, 0.0, 0.0), (-60.0, 0.0, 0.0), (0.0, 80.0, 0.0)])
+def test_late_commands_do_not_make_a_drawn_robot_ring(force):
+    delays = {"torque": 0.002, "set_point": 0.015}
+    push = {"t": 5.0, "duration": 0.1, "force": force}
+    draw = vars(Draw.from_seed(7))
+    robot = stood(0.9, 8.0, delays=delays, pushes=[push], draw=draw, **LET_DOWN)
+    assert not robot.fallen
+    assert abs(robot.moments[-1].velocity).max() < 0.02
 
 
 def test_she_stands_up_from_a_crouch_in_the_harness():

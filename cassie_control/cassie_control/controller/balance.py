@@ -16,6 +16,7 @@ _FIRM = 0.9  # how far settled she must be to rise
 _LOST = 0.3  # contact of the heavier one at which she starts anew
 _BOUNCE = 0.1  # m/s, speed of the pelvis up to which she does
 _RUSH = 0.016  # m of the capture point that are due to speed, more than when she moves by herself
+_GAP = 1.5  # periods between estimates from which their difference is no rate
 _GRAVITY = 9.81  # m/s^2
 _SAFE, _FADE = 0.35, 0.15  # capture point over reach at which, and over what, the torso may bend
 _BIAS = 0.05  # m, bound of the learnt error of the CoM
@@ -68,6 +69,7 @@ class Balance:
         self._velocity = [0.0, 0.0]
         self.pressed = self.settled = 0.0
         self._rest = (0.0, 0.0)
+        self._time, self._com = -math.inf, (0.0, 0.0, 0.0)
         self.left = 0.5
         self.lean = (0.0, 0.0)
         self.moment = 0.0
@@ -93,6 +95,26 @@ class Balance:
         self.capture = self.beyond = (0.0, 0.0)
         self.urgent = False
 
+    def _com_velocity(self, readings: Readings) -> tuple[float, float]:
+        """Of the CoM, forward and to the left; once she has settled, from joint positions. In m/s.
+
+        The rates of the shins come 4 ms after those of the knees. In the 42 Hz mode of knees and
+        leaf springs, where both all but cancel, the estimate by rates is thus 3 times too large,
+        and toe torques by that would feed the mode when commands come late.
+        """
+        passed, before = readings.time - self._time, self._com
+        self._time, self._com = readings.time, readings.com
+        estimated, settled = readings.com_velocity, self.settled
+        if not 0.0 < passed < _GAP * self._period:
+            return estimated[0], estimated[1]
+        x, y = (
+            _between(
+                estimated[k], readings.velocity[k] + (self._com[k] - before[k]) / passed, settled
+            )
+            for k in (0, 1)
+        )
+        return x, y
+
     def unsettle(self) -> None:
         """Go back to the gains before she settled: she is told to move herself."""
         self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
@@ -110,8 +132,8 @@ class Balance:
         settled = self._settle(readings, ground)
         bandwidth = _between(c.velocity_bandwidth, c.settled_bandwidth, settled)
         share = 1.0 - math.exp(-self._period * bandwidth)
-        for k in (0, 1):
-            self._velocity[k] += share * (readings.com_velocity[k] - self._velocity[k])
+        for k, speed in enumerate(self._com_velocity(readings)):
+            self._velocity[k] += share * (speed - self._velocity[k])
         if both > 0.7:
             self._learn(readings)
         # The foot that carries her is what she stands on, wherever a lifted one swings.
@@ -130,22 +152,22 @@ class Balance:
         self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
-            max(c.roll_give, 1.0 - abs(excess_y) / c.give),
+            # The hips are stiff: to take the torso back at once would throw her to the other side.
+            min(
+                max(c.roll_give, 1.0 - abs(excess_y) / c.give),
+                self.give[1] + self._period / c.roll_back,
+            ),
         )
         bent_x = float(mode.pitch) - readings.pitch
         self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
 
     def _press_x(self, error: float, x: float, settled: float) -> float:
-        """Set `pressed`; returns how much farther she wants to press, in m.
-
-        As long as the capture point is safely inside, the torso need not bend for that.
-        """
+        """Set `pressed`; returns how much farther she wants to press, in m."""
         c = self.config
         kd = _between(c.kd_com_x, c.settled_kd_com_x, settled)
         wanted = x - self._rest[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
         self.pressed = max(-_REACH, min(_REACH, wanted))
-        bends = (abs(self.capture[0]) / _REACH - _SAFE) / _FADE
-        return settled * max(0.0, min(1.0, bends)) * (wanted - self.pressed)
+        return settled * self._bends(0, _REACH) * (wanted - self.pressed)
 
     def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
         """Set `left`; returns how much farther to the side she wants to press, in m."""
@@ -153,7 +175,14 @@ class Balance:
         kd = _between(c.kd_com_y, c.settled_kd_com_y, settled)
         wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
-        return wanted - (self.left - 0.5) * apart
+        return self._bends(1, 0.5 * apart) * (wanted - (self.left - 0.5) * apart)
+
+    def _bends(self, k: int, reach: float) -> float:
+        """Share of the excess by which the torso bends; `reach` is what the feet reach, in m.
+
+        None as long as the capture point is safely inside: the feet will do.
+        """
+        return max(0.0, min(1.0, (abs(self.capture[k]) / reach - _SAFE) / _FADE))
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
         """How far she has settled, 0..1: gains that meet a push would shake a landing."""

@@ -83,6 +83,13 @@ class MovingBalance(Balance):
             rise = (self._velocity[k] - self._slow[k]) / self.config.moving_time
             self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
 
+    def _com_velocity(self, readings: Readings) -> tuple[float, float]:
+        return readings.com_velocity[0], readings.com_velocity[1]
+
+    def _bends(self, k: int, reach: float) -> float:
+        # To the side the torso bends at once: the foot bars are narrow.
+        return super()._bends(k, reach) if k == 0 else 1.0
+
     def _learn(self, readings: Readings) -> None:
         return
 

@@ -104,8 +104,10 @@ class RecoveryStep:
         """
         left, right = readings.legs
         carried = left.force + right.force
-        both = min(left.contact, right.contact) > _CONTACT and carried > _BOTH * WEIGHT
-        self._footed = _FOOTED_TIME if both else max(0.0, self._footed - self._period)
+        if carried < _BOTH * WEIGHT:
+            self._footed = max(0.0, self._footed - self._period)
+        elif min(left.contact, right.contact) > _CONTACT:
+            self._footed = _FOOTED_TIME
         if not config.recovery_step or self._footed <= 0.0 or carried < _CARRIED * WEIGHT:
             return None
         if readings.height < config.recovery_height:

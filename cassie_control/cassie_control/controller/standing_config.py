@@ -15,7 +15,7 @@ class StandConfig:
     kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
     kp_hip_pitch: float = tunable(150.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
     kp_knee: float = tunable(350.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
-    kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    kd_hip_roll: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
     kd_hip_pitch: float = tunable(5.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
     kd_knee: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Knee damping")
@@ -62,13 +62,16 @@ class StandConfig:
         2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
     )
     roll_torque: float = tunable(
-        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
+        120.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
     )
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
     )
     roll_give: float = tunable(
-        0.5, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
+        0.1, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
+    )
+    roll_back: float = tunable(
+        0.4, "s", 0.001, 5.0, "In which the hip roll stiffness comes back after it has given way"
     )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
@@ -118,6 +121,10 @@ class SegwayConfig(StandConfig):
     kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
+    kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    roll_torque: float = tunable(
+        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
+    )
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
@@ -129,6 +136,7 @@ class SegwayConfig(StandConfig):
     settled_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity once she has settled"
     )
+    roll_back: float = tunable(0.001, "s", 0.001, 5.0, "In which the hip roll stiffness comes back")
     rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
