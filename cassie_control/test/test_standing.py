@@ -191,6 +191,21 @@ def settled(state, config=CONFIG):
     return command
 
 
+def test_joint_rates_that_ring_do_not_shake_the_toes_of_one_who_has_settled():
+    """Shin rates come late: in the springs' mode the CoM seems to move, and its place does not."""
+    core, command, state = StandingController(CONFIG, PERIOD), MotorCommand(), both_feet()
+    core.start(readings_of(state))
+    readings, torques = readings_of(state), []
+    for tick in range(1000):
+        state.stamp_ns = round(1e9 * PERIOD * tick)
+        state.com_velocity[0] = 0.2 * np.sin(2.0 * np.pi * 42.0 * PERIOD * tick)
+        readings.update(state)
+        core.step(readings, mode_of(height=0.9), command, 0.0)
+        torques.append(command.torque[4])
+    assert np.ptp(torques[:100]) > 5.0
+    assert np.ptp(torques[-100:]) < 0.1
+
+
 @pytest.mark.parametrize("speed", [-0.6, 0.6])
 def test_the_torso_bends_to_where_the_feet_cannot_press(speed):
     config = replace(CONFIG, kp_hip_pitch=0.0, kd_hip_pitch=0.0)
