@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.controller.records import RecordArray
+from cassie_control.controller.thigh_kernels import steady_hip, track_thighs
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
@@ -37,6 +38,7 @@ def drive(
     """
     figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
     stance = int(step.stance)
+    track_thighs(figure, robot, step)
     _drive_stance(figure, robot, stance, step, command)
     _drive_swing(figure, robot, 1 - stance, step, command)
     weight = _damped_weight(figure, robot, step)
@@ -49,21 +51,24 @@ def drive(
 def _drive_stance(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
     """Torso roll and pitch act through the hip, in proportion to the load on the leg.
 
-    q_hip + (desired - measured torso angle) is its set-point. The toe gives no torque.
+    q_hip + (desired - measured torso angle) is its set-point, with `thigh_kernels`' q_hip. The toe
+    gives no torque.
     """
     q, v, load, at = robot.joints[i], robot.rates[i], robot.load[i], 5 * i
+    hip_roll, roll_rate = steady_hip(figure, robot, i, 0, step)
+    hip_pitch, pitch_rate = steady_hip(figure, robot, i, 1, step)
     desired, rates = step.desired, step.desired_rates
     knee, knee_rate = _knee(figure, desired[LENGTH_ST], rates[LENGTH_ST])
-    command.position[at] = q[0] - load * (desired[ROLL] - robot.roll)
+    command.position[at] = hip_roll - load * (desired[ROLL] - robot.roll)
     command.position[at + 1] = desired[YAW_ST]
-    command.position[at + 2] = q[2] + load * (desired[PITCH] - robot.pitch)
+    command.position[at + 2] = hip_pitch + load * (desired[PITCH] - robot.pitch)
     command.position[at + 3] = knee
     command.position[at + 4] = q[6]
     # An unloaded stance leg keeps its joints in place until it carries the torso.
     hold = load if load < 1.0 else 1.0
-    command.velocity[at] = (v[0] + load * robot.roll_rate) * hold
+    command.velocity[at] = (roll_rate + load * robot.roll_rate) * hold
     command.velocity[at + 1] = rates[YAW_ST]
-    command.velocity[at + 2] = (v[2] - load * robot.pitch_rate) * hold
+    command.velocity[at + 2] = (pitch_rate - load * robot.pitch_rate) * hold
     command.velocity[at + 3] = knee_rate
     command.velocity[at + 4] = v[6]
     for k in range(4):
@@ -105,10 +110,12 @@ def _drive_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> No
     command.kd[at + 4] *= 1.0 - robot.load[i]
     own = 1.0 - min(1.0, max(0.0, (robot.force[i] - _LIFTED) / _LIFTING))
     held = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
-    law = (figure.kp_torso_roll, q[0] - desired[ROLL] + robot.roll)
-    _share(command, at, own, held, law, (figure.kd_torso_roll, v[0] + robot.roll_rate))
-    law = (figure.kp_torso_pitch, q[2] + desired[PITCH] - robot.pitch)
-    _share(command, at + 2, own, held, law, (figure.kd_torso_pitch, v[2] - robot.pitch_rate))
+    hip, rate = steady_hip(figure, robot, i, 0, step)
+    law = (figure.kp_torso_roll, hip - desired[ROLL] + robot.roll)
+    _share(command, at, own, held, law, (figure.kd_torso_roll, rate + robot.roll_rate))
+    hip, rate = steady_hip(figure, robot, i, 1, step)
+    law = (figure.kp_torso_pitch, hip + desired[PITCH] - robot.pitch)
+    _share(command, at + 2, own, held, law, (figure.kd_torso_pitch, rate - robot.pitch_rate))
 
 
 @compiled

@@ -29,8 +29,10 @@ def _least_effort() -> FloatArray:
 _LEAST_EFFORT = _least_effort()
 
 
-def figures(config: WalkConfig) -> RecordArray:
-    """Figures of a configuration and of the robot, of `records.FIGURES_TYPE`. Shape (1,).
+def figures(config: WalkConfig, period: float) -> RecordArray:
+    """Figures of a configuration, of the control period (s) and of the robot.
+
+    They are of `records.FIGURES_TYPE`. Shape (1,).
 
     What the walking law has beside the paper's is left out under the paper's own.
     """
@@ -41,8 +43,12 @@ def figures(config: WalkConfig) -> RecordArray:
             figure[name] = getattr(config, name)
     figure["straight"] = figure["share_force"] = 1.0
     if config.law == "paper":
-        for name in ("straight", "share_force", "level", "swing_inertia", "bounce_damping"):
+        for name in (
+            *("straight", "share_force", "level", "swing_inertia", "bounce_damping"),
+            *("thigh_angle", "thigh_rate"),
+        ):
             figure[name] = 0.0
+    figure["period"] = period
     figure["weight"] = config.gravity * WEIGHT
     figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]

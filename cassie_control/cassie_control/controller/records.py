@@ -76,6 +76,10 @@ STEP_TYPE = np.dtype(
         ("desired", float, 9),
         ("desired_rates", float, 9),  # per s
         ("accelerations", float, 9),  # desired, per s^2
+        # Of each leg, hip roll and pitch less the torso's, see `thigh_kernels`:
+        ("tracked", float),  # 1 once the tracks have begun
+        ("thigh", float, (2, 2)),  # rad
+        ("thigh_rates", float, (2, 2)),  # rad/s
     ]
 )
 """A step of walking."""
@@ -91,6 +95,8 @@ FIGURES_TYPE = np.dtype(
         ("straight", float),  # 1 where the swing leg's angles go the way of least effort
         ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
         ("weight", float),  # that is fed forward, N
+        *((name, float) for name in ("thigh_track", "thigh_angle", "thigh_rate")),
+        ("period", float),  # of control, s
         ("kp", float, 5),  # of hip_roll, hip_yaw, hip_pitch, knee, toe
         ("kd", float, 5),
         # Of the robot, see `virtual_leg`, `readings` and `swing_inertia`:

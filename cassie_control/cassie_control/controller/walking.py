@@ -107,7 +107,7 @@ class WalkingController:
         self._placement.config = config
         self.timing.configure(config)
         self.config = config
-        self._figures = figures(config)
+        self._figures = figures(config, self._period)
 
     def _practise(self) -> None:
         """Walk for one tick: the first calls load the compiled functions, or make them.
@@ -140,6 +140,7 @@ class WalkingController:
         self._sideways = 0.0
         self._hold.release()
         self._slope.reset()
+        self._step["tracked"] = 0.0
         self._placement.reset()
         self._begin_step(readings)
 
