@@ -52,7 +52,7 @@ class Rise:
             config: Gains.
             height: Of the pelvis, as commanded. In m.
             urgent: Whether the capture point is at the edge of the support.
-            footed: Whether both feet carry.
+            footed: Whether both feet carry: on one the push would throw her over it.
         """
         before = self.rate
         self._hold = _HOLD if urgent and footed else max(0.0, self._hold - self._period)

@@ -166,7 +166,7 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        self._rise.step(c, height, self._balance.urgent, max(self._ground) > 0.7)
+        self._rise.step(c, height, self._balance.urgent, both > 0.7)
         height, rate = height + self._rise.height, rate + self._rise.rate
         if both > 0.7:
             error = height - readings.height

@@ -71,7 +71,7 @@ class StandConfig:
         0.1, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
     roll_back: float = tunable(
-        0.4, "s", 0.001, 5.0, "In which the hip roll stiffness comes back after it has given way"
+        1.0, "s", 0.001, 5.0, "In which the hip roll stiffness comes back after it has given way"
     )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
