@@ -42,7 +42,10 @@ def test_a_drawn_robot_stands_on_the_edge_of_one_foot(force):
     assert abs(robot.moments[-1].velocity).max() < 0.05
 
 
-@pytest.mark.parametrize("force", [(-99.0, 99.0, 0.0), (99.0, -99.0, 0.0), (113.0, -113.0, 0.0)])
+@pytest.mark.parametrize(
+    "force",
+    [(-99.0, 99.0, 0.0), (99.0, -99.0, 0.0), (113.0, -113.0, 0.0), (110.0, 0.0, 0.0)],
+)
 def test_a_push_between_standing_and_stepping_is_no_fall(force):
     push = {"t": 5.0, "duration": 0.1, "force": force}
     robot = stood(0.9, 10.0, pushes=[push], draw=vars(Draw.from_seed(7)), **LET_DOWN)

@@ -26,7 +26,11 @@ class TransitionConfig:
         True, description="Step without being told when standing cannot hold a push"
     )
     recovery_x: float = tunable(
-        0.05, "m", 0.01, 0.3, "Capture point ahead of the toes or behind the heels that asks for it"
+        0.035,
+        "m",
+        0.01,
+        0.3,
+        "Capture point ahead of the toes or behind the heels that asks for it",
     )
     recovery_y: float = tunable(0.03, "m", 0.01, 0.3, "The same outside the feet")
     recovery_height: float = tunable(
