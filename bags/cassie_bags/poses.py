@@ -59,6 +59,8 @@ class Puppet:
         if len(track.vehicle):
             x, y, z, *turned = track.vehicle[index]
             data.joint("segway").qpos[:] = (x, y, z, turned[3], *turned[:3])
+            for name, angle in zip(LEGS, track.wheels[index], strict=True):
+                data.joint(f"segway_{name}_wheel").qpos[0] = angle
         if self._motion is not None:
             self._motion.apply(self.model, data, float(track.time[index]))
         return frame_of(data)

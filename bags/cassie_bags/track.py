@@ -13,6 +13,7 @@ from cassie_bags.leg_geometry import euler_angles, leg_points, rotation_matrices
 from cassie_bags.recording import Recording, Rows, stamps, stamps_ns
 from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
+from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -45,6 +46,8 @@ class Track:
         sensors: Rows of `Sensors` on these ticks.
         vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
             the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
+        wheels: What its left and right wheel have turned in the chassis, if they did not slip.
+            Shape (n, 2), or (0, 2), in rad.
     """
 
     time: FloatArray
@@ -60,6 +63,7 @@ class Track:
     carries: BoolArray
     sensors: Rows
     vehicle: FloatArray
+    wheels: FloatArray
 
     @property
     def sole_height(self) -> FloatArray:
@@ -86,6 +90,7 @@ def make_track(recording: Recording) -> Track:
     velocity = np.einsum("nij,nj->ni", rotation_matrices(orientation), truth["linear"])
     achieved = _velocities(truth, velocity, angles)
     achieved["height"] = truth["position"][:, 2] - _ground(legs, load)
+    vehicle, wheels = _vehicle(recording, stamps_ns(sensors))
     return Track(
         time=stamps(sensors),
         position=truth["position"],
@@ -99,7 +104,8 @@ def make_track(recording: Recording) -> Track:
         foot_load=load,
         carries=own,
         sensors=sensors,
-        vehicle=_vehicle(recording, stamps_ns(sensors)),
+        vehicle=vehicle,
+        wheels=wheels,
     )
 
 
@@ -126,14 +132,33 @@ def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
     )
 
 
-def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> FloatArray:
+def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """`vehicle` and `wheels` of a track."""
     rows = recording.segway[_last_rise(stamps_ns(recording.segway)) :]
     if not len(rows):
-        return np.zeros((0, 7))
-    index = np.searchsorted(stamps_ns(rows), ticks, side="right") - 1
-    rows = rows[index.clip(0)]
-    pose: FloatArray = np.hstack([rows["position"], rows["orientation"]])
-    return pose
+        return np.zeros((0, 7)), np.zeros((0, 2))
+    index = (np.searchsorted(stamps_ns(rows), ticks, side="right") - 1).clip(0)
+    pose = np.hstack([rows["position"], rows["orientation"]])
+    return pose[index], rolled(pose)[index]
+
+
+def rolled(pose: FloatArray) -> FloatArray:
+    """What the wheels of a Segway have turned in its chassis, left and right.
+
+    Args:
+        pose: Of the chassis: x, y, z (m), quaternion x y z w. Shape (n, 7).
+
+    Returns:
+        From the first pose on, without slip. Shape (n, 2), in rad.
+    """
+    yaw, pitch, _ = euler_angles(pose[:, 3:]).T
+    yaw = np.unwrap(yaw)
+    middle, moved = 0.5 * (yaw[1:] + yaw[:-1]), np.diff(pose[:, :2], axis=0)
+    ahead = np.cos(middle) * moved[:, 0] + np.sin(middle) * moved[:, 1]
+    ways = ahead[:, None] - 0.5 * TRACK * np.diff(yaw)[:, None] * np.array([1.0, -1.0])
+    angles = np.vstack([np.zeros(2), np.cumsum(ways, axis=0)]) / WHEEL_RADIUS
+    turned: FloatArray = angles - (pitch - pitch[0])[:, None]
+    return turned
 
 
 def _last_rise(times: npt.NDArray[np.int64]) -> int:

@@ -102,6 +102,7 @@ def test_a_bag_of_a_ride_shows_where_the_segway_is(tmp_path: Path):
     assert len(copy.segway) == len(copy.segway_imu) == 50
     track = make_track(copy)
     assert track.vehicle.shape == (250, 7)
+    assert track.wheels.shape == (250, 2)
     puppet = Puppet(experiment.scenario)
     shown = puppet.model.joint("segway").qposadr[0]
     place = puppet.pose(track, 249)[shown : shown + 3]

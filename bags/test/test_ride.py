@@ -26,8 +26,10 @@ from cassie_bags.toe_gains import (
     trial_of,
     verdict,
 )
+from cassie_bags.track import rolled
 from cassie_bags.trial import experiment_of
 from cassie_control.controller.readings import WEIGHT
+from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 GATES = {"first": 2.0, "spacing": 3.0, "offset": 0.2, "count": 2}
 RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
@@ -47,6 +49,17 @@ def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
 
 def ride(seconds: float = 10.0, left: float = 0.0, pitch: float = 0.0) -> Recording:
     return dataclasses.replace(glide(seconds, vx=1.0), segway=segway(seconds, left, pitch))
+
+
+def test_in_pictures_its_wheels_roll_as_far_as_it_went():
+    circle = np.linspace(0.0, 2.0 * math.pi, 400)  # to the left, of 1 m radius
+    pose = np.zeros((400, 7))
+    pose[:, 0], pose[:, 1] = np.sin(circle), 1.0 - np.cos(circle)
+    pose[:, 5], pose[:, 6] = np.sin(0.5 * circle), np.cos(0.5 * circle)
+    left, right = rolled(pose)[-1]
+    half = 0.5 * TRACK
+    assert left == pytest.approx(2.0 * math.pi * (1.0 - half) / WHEEL_RADIUS, rel=1e-3)
+    assert right == pytest.approx(2.0 * math.pi * (1.0 + half) / WHEEL_RADIUS, rel=1e-3)
 
 
 def test_gates_are_where_the_rider_saw_the_robot_when_he_wanted_them():
