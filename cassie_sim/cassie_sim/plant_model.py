@@ -26,8 +26,6 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
     Raises:
         SimulationError, ParameterError: naming the setting, its value and what is permitted.
     """
-    if scenario.start == "segway":
-        raise SimulationError(f"start = segway: the scene {scenario.scene} has no Segway")
     spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=meshes)
     spec.option.timestep = period
     for name, kind in (

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
 
-STARTS = ("gantry", "standing", "segway")
+STARTS = ("gantry", "standing")
 FAULT_KINDS = ("off", "stuck", "nan", "spike", "delay")
 
 Pair = tuple[float, float]

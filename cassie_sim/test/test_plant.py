@@ -158,11 +158,9 @@ def test_other_physics_rates_go_with_ideal_sensors():
     assert (plant.substeps, plant.time) == (4, pytest.approx(0.001))
 
 
-def test_unknown_scene_and_scene_without_segway_are_refused():
+def test_an_unknown_scene_is_refused():
     with pytest.raises(SimulationError, match="unknown scene flt: did you mean flat"):
         Plant(IDEAL, Scenario(scene="flt"))
-    with pytest.raises(SimulationError, match="the scene flat has no Segway"):
-        Plant(IDEAL, Scenario(start="segway"))
 
 
 def test_ideal_sample_is_the_true_state():
