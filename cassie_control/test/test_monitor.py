@@ -22,7 +22,7 @@ TURN = (0, 1, 1, 0, -1, -1, 0)
 
 FIELDS = [
     *("angular_velocity.1", "linear_acceleration.2", "drive_position.2", "drive_position.8"),
-    *("drive_velocity.3", "drive_velocity.5", "drive_velocity.9", "joint_position.1"),
+    *("drive_velocity.3", "drive_velocity.7", "drive_velocity.9", "joint_position.1"),
     *("joint_position.5", "joint_velocity.3"),
 ]
 

@@ -28,6 +28,7 @@ _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
+_SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
 _STUCK_TICKS = 3
 _FROZEN_TICKS = 15  # for what carries noise
 _UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
@@ -107,7 +108,7 @@ def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
     for k in range(2):
         bound = limit.spike[i] * (1.0, _SMALL_SPIKE)[k]
         watch.spikes[k, i] = fade * watch.spikes[k, i] + (1.0 if out > bound else 0.0)
-    if watch.spikes[0, i] > 2.0:
+    if watch.spikes[0, i] > _SPIKES:
         watch.bad[V, i] = limit.hold
 
 
