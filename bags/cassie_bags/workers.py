@@ -175,8 +175,7 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
     """
     if scheduler is not None:
         return DaskCluster(scheduler)
-    jobs = jobs or available_cores()
-    return ThisProcess() if jobs == 1 else LocalProcesses(jobs)
+    return LocalProcesses(jobs or available_cores())
 
 
 def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:

@@ -61,9 +61,11 @@ def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
     assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
 
 
-@pytest.mark.parametrize("later", [0.0, 0.1, 1.0])  # while the workers start, and after it
-def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, later: float):
-    words = ["speed.+0", "--seeds", "8", "--jobs", "2", "--no-compare", "--out", str(tmp_path)]
+# While the workers start, and after it.
+@pytest.mark.parametrize(("jobs", "later"), [(2, 0.0), (2, 0.1), (2, 1.0), (1, 1.0)])
+def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, jobs: int, later: float):
+    words = ["speed.+0", "--seeds", "8", "--jobs", str(jobs), "--no-compare"]
+    words += ["--out", str(tmp_path)]
     with subprocess.Popen(
         [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
         stdout=subprocess.PIPE,

@@ -62,6 +62,11 @@ def test_no_more_levels_are_tried_beyond_a_target_than_wanted(beyond: int, tried
     assert result.met
 
 
+def test_a_level_names_the_robots_that_missed_it():
+    (level,) = measure(row((1.0,), start=0, share=0.5), strong(9.0, weak_seeds=2)).levels
+    assert level.missed == [1, 2]
+
+
 def test_rows_that_look_at_the_same_runs_share_them():
     runs, crew = [], Remembering(ThisProcess())
 

@@ -56,7 +56,6 @@ def test_as_many_processes_as_cores_unless_said_otherwise():
     crew = workers(None, None)
     assert crew.count == len(os.sched_getaffinity(0))
     crew.close()
-    assert isinstance(workers(1, None), ThisProcess)
 
 
 def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):

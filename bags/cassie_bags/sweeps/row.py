@@ -67,6 +67,7 @@ class Level:
         worst: Worst figure of those that did not fall; NaN if there is none.
         mean: Their mean.
         passed: Whether the level holds.
+        missed: Seeds of the trials that did not hold, in the order they ended.
     """
 
     level: float
@@ -77,6 +78,7 @@ class Level:
     worst: float
     mean: float
     passed: bool
+    missed: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -152,12 +154,14 @@ def measure_level(
     needed = math.ceil(row.share * len(trials) - 1e-9)
     done = held = fell = 0
     figures: list[float] = []
+    missed: list[int] = []
     results = workers.results(run, trials)
-    for _, result in results:
+    for index, result in results:
         done += 1
         fallen = result["fell"] > 0.0
         good = not fallen and row.holds(result, level)
         held, fell = held + good, fell + fallen
+        missed += [] if good else [trials[index].seed]
         if row.figure is not None and not fallen:
             figure = row.figure(result, level)
             figures += [figure] if math.isfinite(figure) else []
@@ -167,7 +171,7 @@ def measure_level(
             break
     worst = (min if row.at_least else max)(figures, default=math.nan)
     mean = sum(figures) / len(figures) if figures else math.nan
-    return Level(level, len(trials), done, held, fell, worst, mean, held >= needed)
+    return Level(level, len(trials), done, held, fell, worst, mean, held >= needed, missed)
 
 
 def _figure(row: Row, level: Level) -> float:
