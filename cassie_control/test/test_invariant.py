@@ -32,7 +32,7 @@ def on_ice():
     scenario = Scenario.from_mapping(
         {
             "start": "standing",
-            "scene_parameters": {"friction": 0.3},
+            "scene_parameters": {"friction": 0.28},
             "pushes": [{"t": 5.1, "duration": 0.2, "force": [0.0, -60.0, 0.0]}],
         }
     )
