@@ -38,17 +38,22 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
     assert abs(robot.moments[-1].velocity).max() < 0.05
 
 
-@pytest.fixture(scope="module")
-def riding() -> Robot:
-    """At more than 3 m/s, leant forward for a while; the gantry lifts her at 30 s."""
-    scenario = Scenario.from_mapping(
-        {**LET_DOWN, "scene_parameters": {"let_go": 8.0, "take_hold": 28.0}}
-    )
+def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
+    """Let down onto it in 5 s and riding for so many seconds, held by its bar until 8 s."""
+    parameters = {"let_go": 8.0, **scene_parameters}
+    scenario = Scenario.from_mapping({**LET_DOWN, "gantry": gantry, "scene_parameters": parameters})
     robot = Robot(scenario, "faithful", record=True)
     robot.wish(height=0.65)
     robot.run(5.0)
     robot.wish(mode=SEGWAY)
-    robot.run(5.0)
+    robot.run(seconds)
+    return robot
+
+
+@pytest.fixture(scope="module")
+def riding() -> Robot:
+    """At more than 3 m/s, leant forward for a while; the gantry lifts her at 30 s."""
+    robot = put_on(LET_DOWN["gantry"], 5.0, take_hold=28.0)
     robot.wish(com_x=0.06)
     robot.run(3.5)
     robot.wish(com_x=0.001)
@@ -73,14 +78,7 @@ def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
 
 
 def test_without_the_operators_link_she_brakes_and_stays_on_it():
-    scenario = Scenario.from_mapping(
-        {**LET_DOWN, "gantry": LET_DOWN["gantry"][:2], "scene_parameters": {"let_go": 8.0}}
-    )
-    robot = Robot(scenario, "faithful", record=True)
-    robot.wish(height=0.65)
-    robot.run(5.0)
-    robot.wish(mode=SEGWAY)
-    robot.run(4.0)
+    robot = put_on(LET_DOWN["gantry"][:2], 4.0)
     robot.wish(com_x=0.05)
     robot.run(3.0)
     assert _forward(robot) > 0.8
@@ -92,13 +90,7 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
 
 
 def test_on_a_lawn_the_torso_does_not_swing_from_side_to_side():
-    parameters = {"let_go": 8.0, "surface": "grass"}
-    scenario = {**LET_DOWN, "gantry": LET_DOWN["gantry"][:2], "scene_parameters": parameters}
-    robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
-    robot.wish(height=0.65)
-    robot.run(5.0)
-    robot.wish(mode=SEGWAY)
-    robot.run(5.0)
+    robot = put_on(LET_DOWN["gantry"][:2], 5.0, surface="grass")
     robot.wish(com_x=0.08)
     robot.run(3.5)
     robot.wish(com_x=0.02)

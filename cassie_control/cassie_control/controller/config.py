@@ -151,25 +151,17 @@ class WalkConfig:
     heading_gain: float = tunable(0.5, "", 0.0, 2.0, "Swing hip yaw by heading error")
     yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
+    bounce_damping: float = tunable(
+        75.0, "Ns/m", 0.0, 300.0, "How much less of it while the CoM rises, more while it sinks"
+    )
     thigh_track: float = tunable(
-        6.0,
-        "Hz",
-        0.5,
-        30.0,
-        "Bandwidth at which the torso's set-points follow the leg",
+        6.0, "Hz", 0.5, 30.0, "Bandwidth at which the torso's set-points follow the leg"
     )
     thigh_angle: float = tunable(
-        0.5,
-        "",
-        0.0,
-        1.0,
-        "Share of that in their angles, 0: the leg as measured",
+        0.5, "", 0.0, 1.0, "Share of that in their angles, 0: the leg as measured"
     )
     thigh_rate: float = tunable(
         0.25, "", 0.0, 1.0, "The same in their rates; more bears later set-points, but not torques"
-    )
-    bounce_damping: float = tunable(
-        75.0, "Ns/m", 0.0, 300.0, "How much less of it while the CoM rises, more while it sinks"
     )
 
 

@@ -27,6 +27,10 @@ def _least_effort() -> FloatArray:
 
 
 _LEAST_EFFORT = _least_effort()
+_BESIDE_THE_PAPER = (
+    *("straight", "share_force", "level", "swing_inertia"),
+    *("bounce_damping", "thigh_angle", "thigh_rate"),
+)
 
 
 def figures(config: WalkConfig, period: float) -> RecordArray:
@@ -43,10 +47,7 @@ def figures(config: WalkConfig, period: float) -> RecordArray:
             figure[name] = getattr(config, name)
     figure["straight"] = figure["share_force"] = 1.0
     if config.law == "paper":
-        for name in (
-            *("straight", "share_force", "level", "swing_inertia", "bounce_damping"),
-            *("thigh_angle", "thigh_rate"),
-        ):
+        for name in _BESIDE_THE_PAPER:
             figure[name] = 0.0
     figure["period"] = period
     figure["weight"] = config.gravity * WEIGHT
