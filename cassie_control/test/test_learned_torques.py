@@ -59,6 +59,7 @@ class Walker:
         self.mode.mode[...] = RobotMode.WALK
         self.mode.vx[...] = 0.5
         self.command.kp[:] = 100.0
+        self.speed = 0.5
         self.wanted = lambda drive, phase: 0.0
         self.before = np.zeros(10)
 
@@ -75,7 +76,7 @@ class Walker:
             error = self.wanted(drive, timing.phase) - self.before[drive]
             state.q[DRIVE_IN_Q[drive]] = -error / 100.0
         self.command.torque[:] = 0.0
-        self.learning.step(timing, 0.5, self.readings, self.mode, self.command)
+        self.learning.step(timing, self.speed, self.readings, self.mode, self.command)
         self.before = self.command.torque.copy()
         return self.before
 
@@ -163,6 +164,21 @@ def test_an_unloaded_stance_leg_and_a_foot_on_the_ground_get_none():
     walker.readings.legs[LEFT].load = 0.0
     walker.readings.legs[RIGHT].contact = 1.0
     assert not walker.tick().any()
+
+
+def test_backward_the_stance_hip_takes_what_swings_the_leg_to_the_ground():
+    torques = learned(stance_hip_pitch=1.0, swing_hip_pitch=6.0)
+    walker = Walker(TorqueLearning(config(), torques, PERIOD))
+    middle = STEP // 2
+    np.testing.assert_allclose(walker.steps(2)[middle, [2, 7]], [1.0, 6.0])
+    walker.speed = -0.5
+    added = walker.steps(2)
+    np.testing.assert_allclose(added[middle, [2, 7]], [-5.0, 6.0])
+    np.testing.assert_allclose(added[STEP + middle, [7, 2]], [-5.0, 6.0])
+    walker.readings.legs[RIGHT].contact = 0.75  # only what the swing leg gets
+    np.testing.assert_allclose(walker.steps(2)[middle, [2, 7]], [-0.5, 1.5])
+    walker.readings.legs[LEFT].load = 0.0
+    assert walker.steps(2)[middle, 2] == 0.0
 
 
 def test_what_repeats_is_learned_up_to_the_leak_but_not_of_the_knee_that_carries():

@@ -10,6 +10,11 @@ from cassie_gaits.compiled import compiled
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+STANCE_HIP_PITCH, SWING_HIP_PITCH = 2, 7
+"""Rows of the table."""
+
+_BACK = 3.0  # 1/(m/s), by which the stance hip takes more of the swing hip's torques, up to all
+
 
 @compiled
 def _place(values: FloatArray, x: float) -> tuple[int, float]:
@@ -31,6 +36,19 @@ def _phase_place(points: int, phase: float) -> tuple[int, float]:
     x = max(0.0, min(1.0, phase)) * (points - 1)
     i = min(points - 2, int(x))
     return i, x - i
+
+
+@compiled
+def _value(
+    table: FloatArray, speed: tuple[int, float, int], j: int, phase: tuple[int, float]
+) -> float:
+    """The table's torque of a joint between its speeds and phases, each as `_place` gives it."""
+    s, to_speed, after = speed
+    p, to_phase = phase
+    low = table[s, j, p] + to_phase * (table[s, j, p + 1] - table[s, j, p])
+    high = table[after, j, p] + to_phase * (table[after, j, p + 1] - table[after, j, p])
+    value: float = low + to_speed * (high - low)
+    return value
 
 
 @compiled
@@ -61,11 +79,12 @@ def add(
     s, to_speed = _place(speeds, now[1])
     p, to_phase = _phase_place(table.shape[2], now[0])
     after = min(s + 1, speeds.size - 1)
+    carried = loads[1] * max(0.0, min(1.0, -_BACK * now[1]))
     for j in range(10):
-        low = table[s, j, p] + to_phase * (table[s, j, p + 1] - table[s, j, p])
-        high = table[after, j, p] + to_phase * (table[after, j, p + 1] - table[after, j, p])
-        value = low + to_speed * (high - low)
+        value = _value(table, (s, to_speed, after), j, (p, to_phase))
         stands = j < 5
+        if j == STANCE_HIP_PITCH:  # takes the torso's part of what swings the leg to the ground
+            value -= carried * _value(table, (s, to_speed, after), SWING_HIP_PITCH, (p, to_phase))
         if stands:
             value *= loads[0]
         else:
