@@ -134,6 +134,34 @@ def test_left_and_right_are_alike(seed):
         np.testing.assert_allclose(getattr(command, name), getattr(mirrored, name), atol=1e-9)
 
 
+@pytest.mark.parametrize(("speed", "left"), [(4.0, 1.0), (2.0, CONFIG.roll_give)])
+def test_where_bumps_come_fast_hips_stay_stiff_as_one_foot_carries_her(speed, left):
+    """A platform that rolls on a lawn steers: limp hips would throw the torso to and fro."""
+    pendulum = Pendulum()
+    balance, readings = pendulum.balance, pendulum.readings
+    readings.com_velocity = (0.0, 0.5, 0.0)
+    for _ in range(50):
+        balance.speed = speed
+        balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
+    assert balance.left == 1.0
+    assert balance.give[1] == pytest.approx(left)
+
+
+def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
+    def shifted(speed: float) -> float:
+        pendulum = Pendulum()
+        balance, readings = pendulum.balance, pendulum.readings
+        readings.com_velocity = (0.0, 0.1, 0.0)
+        for _ in range(50):
+            balance.speed = speed
+            balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
+        return balance.left - 0.5
+
+    assert shifted(2.0) == pytest.approx(shifted(0.0))
+    assert 0.05 < shifted(4.0) < 0.85 * shifted(0.0)
+    assert shifted(-4.0) == pytest.approx(shifted(4.0))
+
+
 def test_who_leans_her_at_a_steady_speed_tells_her_that_speed():
     """In one state all the time the ground seems to accelerate: without him she drifts off."""
     quick = replace(CONFIG, speed_time=0.5)

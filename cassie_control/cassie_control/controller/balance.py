@@ -154,7 +154,7 @@ class Balance:
             max(0.0, 1.0 - abs(excess_x) / c.give),
             # The hips are stiff: to take the torso back at once would throw her to the other side.
             min(
-                max(c.roll_give, 1.0 - abs(excess_y) / c.give),
+                max(self._roll_give(), 1.0 - abs(excess_y) / c.give),
                 self.give[1] + self._period / c.roll_back,
             ),
         )
@@ -172,10 +172,22 @@ class Balance:
     def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
         """Set `left`; returns how much farther to the side she wants to press, in m."""
         c = self.config
-        kd = _between(c.kd_com_y, c.settled_kd_com_y, settled)
+        kd = self._damping_y(settled)
         wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
         return self._bends(1, 0.5 * apart) * (wanted - (self.left - 0.5) * apart)
+
+    def _damping_y(self, settled: float) -> float:
+        """Force sideways by CoM y velocity, in Ns/m; `settled` is how far she has settled, 0..1."""
+        return _between(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
+
+    def _roll_give(self) -> float:
+        """What is left of the hip roll stiffness when it has given way, 0..1."""
+        return self.config.roll_give
+
+    def roll_rate_length(self) -> float:
+        """Leg length difference by torso roll rate, in ms/rad."""
+        return self.config.roll_rate_length
 
     def _bends(self, k: int, reach: float) -> float:
         """Share of the excess by which the torso bends; `reach` is what the feet reach, in m.

@@ -10,6 +10,7 @@ from cassie_control.controller.standing_config import SegwayConfig
 from cassie_msgs.layout import Mode
 
 _GRAVITY = 9.81
+_SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
 
 
@@ -29,6 +30,11 @@ class MovingBalance(Balance):
     at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
     stiff, and it needs to know nothing of the vehicle. The error of c is that learnt by who stood
     before: on ground that moves it cannot be told from an acceleration.
+
+    A platform that rolls on uneven ground presses the steering bar against her knees: it turns by
+    itself, and she is thrown to a side until one foot carries her. Hips that give way at that, as
+    in standing, throw the torso to and fro until a foot slips. So from 2 to 3 m/s the gains go over
+    to `fast_...`: hips that stay stiff, more of the torso's roll rate and less speed sideways.
 
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
@@ -85,6 +91,20 @@ class MovingBalance(Balance):
 
     def _com_velocity(self, readings: Readings) -> tuple[float, float]:
         return readings.com_velocity[0], readings.com_velocity[1]
+
+    def _with_speed(self, slow: float, fast: float) -> float:
+        share = max(0.0, min(1.0, abs(self.speed) - _SLOW))
+        return slow + share * (fast - slow)
+
+    def _damping_y(self, settled: float) -> float:
+        return self._with_speed(super()._damping_y(settled), self.config.fast_kd_com_y)
+
+    def _roll_give(self) -> float:
+        return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
+
+    def roll_rate_length(self) -> float:
+        """Leg length difference by torso roll rate, in ms/rad."""
+        return self._with_speed(self.config.roll_rate_length, self.config.fast_roll_rate_length)
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.

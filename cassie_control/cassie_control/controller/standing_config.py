@@ -141,6 +141,13 @@ class SegwayConfig(StandConfig):
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
     )
+    fast_roll_give: float = tunable(1.0, "", 0.0, 1.0, "roll_give at 3 m/s and faster")
+    fast_roll_rate_length: float = tunable(
+        0.1, "ms/rad", 0.0, 2.0, "roll_rate_length at 3 m/s and faster"
+    )
+    fast_kd_com_y: float = tunable(
+        150.0, "Ns/m", 0.0, 1000.0, "kd_com_y at 3 m/s and faster, where bumps come fast"
+    )
     moving_time: float = tunable(
         0.3, "s", 0.05, 5.0, "Low-pass of the acceleration of what Cassie stands on"
     )
