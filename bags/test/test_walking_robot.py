@@ -71,3 +71,14 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
     assert track.time[-1] == pytest.approx(11.0, abs=0.1)
     assert np.abs(track.angles[:, 1:]).max() < 0.3
     assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_it_finds_out_that_commands_come_late_and_walks_on(seed):
+    """With the usual gains each of these falls within its first steps."""
+    recording, track = walk("vx: 0.5", 16.0, "delays: {set_point: 0.04}\n", seed=seed)
+    status = recording.rows(ControllerStatus)
+    assert status["command_latency"][stamps(status) > 4.0] == pytest.approx(0.04)
+    late = track.time > 11.0
+    assert track.achieved["vx"][late].mean() == pytest.approx(0.5, abs=0.03)
+    assert track.achieved["height"][late].min() > 0.85

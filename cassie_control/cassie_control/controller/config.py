@@ -26,6 +26,23 @@ class JointGains:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LateGains:
+    """What walking goes over to where the drives act late on commands, see `command_latency`."""
+
+    latency_from: float = tunable(0.012, "s", 0.0, 0.1, "Latency from which it goes over")
+    latency_span: float = tunable(0.012, "s", 0.001, 0.1, "How much more until it has")
+    handover: float = tunable(
+        0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
+    )
+    kd_knee: float = tunable(25.0, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_torso_roll: float = tunable(30.0, "Nms/rad", 0.0, 200.0, "Damping of torso roll")
+    kd_torso_pitch: float = tunable(22.0, "Nms/rad", 0.0, 200.0, "Damping of torso pitch")
+    thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` then")
+    thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` then")
+    thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` then")
+
+
+@dataclass(frozen=True, kw_only=True)
 class WalkConfig:
     """Walking: torso, steps and leg-angle adjustment."""
 
@@ -38,6 +55,7 @@ class WalkConfig:
         426.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
     )
     kd_torso_roll: float = tunable(18.6, "Nms/rad", 0.0, 200.0, "Its damping")
+    late: LateGains = field(default_factory=LateGains)
     law: str = tunable(
         "pendulum",
         choices=("pendulum", "paper"),

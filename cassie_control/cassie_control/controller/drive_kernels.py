@@ -10,6 +10,11 @@ import numpy.typing as npt
 
 from cassie_control.controller.records import RecordArray
 from cassie_control.controller.thigh_kernels import steady_hip, track_thighs
+from cassie_control.controller.weight_kernels import (
+    carried_share,
+    damped_weight,
+    holding_torques,
+)
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
@@ -17,7 +22,6 @@ FloatArray = npt.NDArray[np.float64]
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 _SHORTEST, _LONGEST = 0.4, 0.97  # m, of the leg lengths that are set
 _SHORTEST_SWING, _LONGEST_SWING = 0.45, 0.95  # m, for the swing leg's inertia
-_BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
 _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and until it does not
 
 
@@ -41,9 +45,10 @@ def drive(
     track_thighs(figure, robot, step)
     _drive_stance(figure, robot, stance, step, command)
     _drive_swing(figure, robot, 1 - stance, step, command)
-    weight = _damped_weight(figure, robot, step)
+    weight = damped_weight(figure, robot, step)
     for i in range(2):
-        _hold_weight(figure, robot, i, weight, legs[i].ankle_jacobian, command)
+        share = carried_share(figure, robot, step, i)
+        _hold_weight(robot, i, weight * share, legs[i].ankle_jacobian, command)
     _push_swing(figure, robot, 1 - stance, step, command)
 
 
@@ -163,50 +168,14 @@ def _knee_angle(figure: Any, length: float) -> float:
 
 
 @compiled
-def _damped_weight(figure: Any, robot: Any, step: Any) -> float:
-    """What the legs press with: the weight, less while the CoM rises off the ground's slope.
-
-    The knees' own damping has to be small (`config.JointGains`), and the body bounced on the legs:
-    backward at 0.9 m/s every other step was high and short, more and more.
-    """
-    rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
-    weight: float = figure.weight - figure.bounce_damping * (robot.com_velocity[2] - rise)
-    return max(0.0, weight)
-
-
-@compiled
-def _hold_weight(
-    figure: Any, robot: Any, i: int, weight: float, jacobian: FloatArray, command: Any
-) -> None:
-    """Torques that hold the leg's share of a weight (N), along the line from foot to CoM."""
-    if figure.share_force > 0.0:
-        force = max(0.0, robot.force[i] - _BRUSHED)
-        other = max(0.0, robot.force[1 - i] - _BRUSHED)
-        share = force / max(1.0, 0.5 * figure.weight, force + other)
-    else:
-        share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
+def _hold_weight(robot: Any, i: int, weight: float, jacobian: FloatArray, command: Any) -> None:
+    """Torques that hold a weight (N) with a leg, along the line from foot to CoM."""
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
     z = max(0.4, robot.com[2] - robot.ankle[i, 2])
-    held = holding_torques(jacobian, robot.tilt, weight * share, x / z, y / z)
+    held = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
     for k in range(4):
         command.torque[5 * i + k] = held[k]
     command.torque[5 * i + 4] = 0.0
-
-
-@compiled
-def holding_torques(
-    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
-) -> tuple[float, float, float, float]:
-    """See `LegReadings.weight_torques`; `jacobian` (3, 7) moves the toe joint, pelvis frame."""
-    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
-    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
-    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
-    roll = jacobian[0, 0] * x + jacobian[1, 0] * y + jacobian[2, 0] * z
-    yaw = jacobian[0, 1] * x + jacobian[1, 1] * y + jacobian[2, 1] * z
-    pitch = jacobian[0, 2] * x + jacobian[1, 2] * y + jacobian[2, 2] * z
-    knee = jacobian[0, 3] * x + jacobian[1, 3] * y + jacobian[2, 3] * z
-    tarsus = jacobian[0, 5] * x + jacobian[1, 5] * y + jacobian[2, 5] * z
-    return -roll, -yaw, -pitch, tarsus - knee
 
 
 @compiled

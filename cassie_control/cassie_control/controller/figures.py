@@ -33,12 +33,13 @@ _BESIDE_THE_PAPER = (
 )
 
 
-def figures(config: WalkConfig, period: float) -> RecordArray:
-    """Figures of a configuration, of the control period (s) and of the robot.
+def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordArray:
+    """Figures of a configuration, of the control period (s), of the robot, and of its drives.
 
     They are of `records.FIGURES_TYPE`. Shape (1,).
 
-    What the walking law has beside the paper's is left out under the paper's own.
+    What the walking law has beside the paper's is left out under the paper's own. As far as the
+    drives act late on commands (`latency`, in s), gains go over to those for late ones.
     """
     records = np.zeros(1, FIGURES_TYPE)
     figure = records[0]
@@ -46,16 +47,31 @@ def figures(config: WalkConfig, period: float) -> RecordArray:
         if hasattr(config, name):
             figure[name] = getattr(config, name)
     figure["straight"] = figure["share_force"] = 1.0
+    figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
+    figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
     if config.law == "paper":
         for name in _BESIDE_THE_PAPER:
             figure[name] = 0.0
+    else:
+        _allow_for(figure, config, latency)
     figure["period"] = period
     figure["weight"] = config.gravity * WEIGHT
-    figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
-    figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
     figure["hip_x"], figure["hip_z"] = HIP_X, HIP_Z
     figure["thigh"], figure["shin"] = virtual_leg.THIGH, virtual_leg.SHIN
     figure["knee_offset"], figure["hip_offset"] = virtual_leg.KNEE_OFFSET, virtual_leg.HIP_OFFSET
     figure["toe_offset"], figure["neutral_tarsus"] = virtual_leg.TOE_OFFSET, robot.NEUTRAL_TARSUS
     figure["inertia"], figure["least_effort"] = INERTIA, _LEAST_EFFORT
     return records
+
+
+def _allow_for(figure: np.void, config: WalkConfig, latency: float) -> None:
+    """Gains for a latency of the drives: what damps does so at the drive, and does not come late."""
+    late = config.late
+    share = min(1.0, max(0.0, (latency - late.latency_from) / late.latency_span))
+    if share == 0.0:
+        return
+    figure["latency"], figure["handover"] = latency, late.handover
+    knee = LEG_DRIVES.index("knee")
+    figure["kd"][knee] += share * (late.kd_knee - figure["kd"][knee])
+    for name in ("kd_torso_roll", "kd_torso_pitch", "thigh_track", "thigh_angle", "thigh_rate"):
+        figure[name] += share * (getattr(late, name) - figure[name])

@@ -6,6 +6,7 @@ import enum
 
 import numpy as np
 
+from cassie_control.controller.command_latency import CommandLatency
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.learned_torques import LearnedTorques
 from cassie_control.controller.limits import limit
@@ -69,6 +70,7 @@ class GaitController:
         self.walking = WalkingController(config.walk, library, period)
         self.learning = TorqueLearning(config, learned, period)
         self.recovery = RecoveryStep(period)
+        self.latency = CommandLatency(period)
         self._status = ControllerStatus()
         self._state = RobotState()
         self._mode = Mode()
@@ -94,6 +96,8 @@ class GaitController:
         self._stop_steps = 0
         self._recovers = False
         self.recovery.reset()
+        self.latency.reset()
+        self.walking.allow_for(0.0)
         self._blend = 0.0
         self._command.floats[:] = 0.0
 
@@ -114,6 +118,8 @@ class GaitController:
         if wanted > RobotMode.SEGWAY:
             raise ControlError(f"mode is {wanted}, must be 0 .. {RobotMode.SEGWAY:d}")
         self.readings.update(state)
+        if self.latency.observe(state):
+            self.walking.allow_for(self.latency.latency)
         command = self._command
         command.seq[...] = state.seq
         command.episode[...] = state.episode
@@ -127,6 +133,7 @@ class GaitController:
         except ControlError:
             self.reset()
             raise
+        self.latency.sent(command)
         self._state, self._mode = state, mode
         return command
 
@@ -259,4 +266,5 @@ class GaitController:
             status.y[:] = 0.0
             status.dy[:] = 0.0
         status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
+        status.command_latency[...] = self.latency.latency
         return status

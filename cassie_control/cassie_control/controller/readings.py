@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.controller.drive_kernels import holding_torques
 from cassie_control.controller.kernels import read_robot
 from cassie_control.controller.leg_aim import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y
 from cassie_control.controller.records import ESTIMATE_TYPE, ROBOT_TYPE, RecordArray
+from cassie_control.controller.weight_kernels import holding_torques
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegPair
 from cassie_gaits.names import LEGS

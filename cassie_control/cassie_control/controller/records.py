@@ -97,6 +97,8 @@ FIGURES_TYPE = np.dtype(
         ("weight", float),  # that is fed forward, N
         *((name, float) for name in ("thigh_track", "thigh_angle", "thigh_rate")),
         ("period", float),  # of control, s
+        ("latency", float),  # of the drives, that is allowed for, s
+        ("handover", float),  # time in which the weight then goes from leg to leg, s
         ("kp", float, 5),  # of hip_roll, hip_yaw, hip_pitch, knee, toe
         ("kd", float, 5),
         # Of the robot, see `virtual_leg`, `readings` and `swing_inertia`:

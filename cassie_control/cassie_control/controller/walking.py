@@ -95,6 +95,7 @@ class WalkingController:
         self._slope = GroundSlope(period)
         self._heading = 0.0
         self._sideways = 0.0
+        self._latency = 0.0
         self._placement: Placement = placement(config)
         self.config = config
         self.configure(config)
@@ -107,7 +108,12 @@ class WalkingController:
         self._placement.config = config
         self.timing.configure(config)
         self.config = config
-        self._figures = figures(config, self._period)
+        self._figures = figures(config, self._period, self._latency)
+
+    def allow_for(self, latency: float) -> None:
+        """Take over how late the drives act on commands, beyond their own delay. In s."""
+        self._latency = latency
+        self._figures = figures(self.config, self._period, latency)
 
     def _practise(self) -> None:
         """Walk for one tick: the first calls load the compiled functions, or make them.

@@ -103,6 +103,7 @@ class LegEstimator:
         state.episode[...] = sensors.episode
         state.stamp_ns = sensors.stamp_ns
         state.power[...] = sensors.power
+        state.drive_torque[:] = sensors.drive_torque
         if sensors is not self._sensors:
             self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
         arrange_joints(self._sample, self._q, self._v, self._toe_torques, self._attitude)

@@ -32,6 +32,10 @@ from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.tunables import tunable
 
 
+LATE = 0.01
+"""Latency of the drives that is told on /diagnostics. In s."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class GaitControllerConfig(LaneConfig):
     """Parameters of the node beside those of the controller."""
@@ -144,6 +148,9 @@ class GaitControllerNode(Node):
         status = self._controller.status(self._state)
         status.supervisor_lost[...] = float(self._modes.lost)
         self._status_reply = status.to_bytes()
+        late = float(status.command_latency)
+        problem = f"act {1e3 * late:.0f} ms late on commands" if late > LATE else ""
+        self._conditions.set("drives", problem)
         self._status.publish_raw(self._status_reply)
 
     def _begin(self, episode: int) -> None:

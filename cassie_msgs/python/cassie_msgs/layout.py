@@ -90,6 +90,7 @@ class RobotState(Sample):
         ("angular_velocity", F8, 3),
         ("covariance", F8, 12),
         ("power", F8, 1),
+        ("drive_torque", F8, 10),
         ("sensor_faults", U8, 1),
     )
     q: FloatArray
@@ -102,6 +103,7 @@ class RobotState(Sample):
     angular_velocity: FloatArray
     covariance: FloatArray
     power: FloatArray
+    drive_torque: FloatArray
     sensor_faults: UInt64Array
 
 
@@ -171,6 +173,7 @@ class ControllerStatus(Sample):
         ("y", F8, 9),
         ("dy", F8, 9),
         ("saturation", F8, 1),
+        ("command_latency", F8, 1),
         ("supervisor_lost", F8, 1),
     )
     mode_seq: UInt64Array
@@ -184,6 +187,7 @@ class ControllerStatus(Sample):
     y: FloatArray
     dy: FloatArray
     saturation: FloatArray
+    command_latency: FloatArray
     supervisor_lost: FloatArray
 
 

@@ -1,0 +1,85 @@
+"""The weight that the legs are told to carry, compiled: how much, by which leg, with what torques.
+
+While the drives act at once, a leg is told to carry what its foot's force says. Where they act late
+on commands, by D, that throws her up at every step: the leg that lifts goes on pushing for D after
+the other one has landed, and she bounced from leg to leg at 40 ms. Then the weight goes over by the
+phase, for the moment at which the drives will act: over a time T from touchdown on,
+
+    s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)
+
+of it to the stance leg, t since its touchdown and t_end at the next one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.compiled import compiled
+
+FloatArray = npt.NDArray[np.float64]
+
+_BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
+_GRAVITY = 9.81  # m/s^2
+
+
+@compiled
+def damped_weight(figure: Any, robot: Any, step: Any) -> float:
+    """What the legs press with: the weight, less while the CoM rises off the ground's slope.
+
+    The knees' own damping has to be small (`config.JointGains`), and the body bounced on the legs:
+    backward at 0.9 m/s every other step was high and short, more and more. Where the drives act
+    late, the feet's force tells how fast the CoM will rise by then.
+    """
+    rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
+    acceleration = _GRAVITY * ((robot.force[0] + robot.force[1]) / figure.weight - 1.0)
+    speed = robot.com_velocity[2] - rise + figure.latency * acceleration
+    weight: float = figure.weight - figure.bounce_damping * speed
+    return max(0.0, weight)
+
+
+@compiled
+def carried_share(figure: Any, robot: Any, step: Any, i: int) -> float:
+    """Share of the weight that is fed forward to a leg."""
+    share: float
+    if figure.latency > 0.0:
+        share = _due(figure, step)
+        return share if i == int(step.stance) else 1.0 - share
+    if figure.share_force > 0.0:
+        force = max(0.0, robot.force[i] - _BRUSHED)
+        other = max(0.0, robot.force[1 - i] - _BRUSHED)
+        share = force / max(1.0, 0.5 * figure.weight, force + other)
+    else:
+        share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
+    return share
+
+
+@compiled
+def _due(figure: Any, step: Any) -> float:
+    """Share that the stance leg will carry when the drives act on this command.
+
+    Until the foot of the swing leg carries, its touchdown is taken to come at the end of the step.
+    """
+    since = step.phase / step.rate + figure.latency
+    until = (1.0 - step.phase) / step.rate - figure.latency
+    taken = min(1.0, max(0.0, since / figure.handover))
+    left = min(1.0, max(0.0, 1.0 + until / figure.handover))
+    return taken * left
+
+
+@compiled
+def holding_torques(
+    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+) -> tuple[float, float, float, float]:
+    """See `LegReadings.weight_torques`; `jacobian` (3, 7) moves the toe joint, pelvis frame."""
+    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
+    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
+    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
+    roll = jacobian[0, 0] * x + jacobian[1, 0] * y + jacobian[2, 0] * z
+    yaw = jacobian[0, 1] * x + jacobian[1, 1] * y + jacobian[2, 1] * z
+    pitch = jacobian[0, 2] * x + jacobian[1, 2] * y + jacobian[2, 2] * z
+    knee = jacobian[0, 3] * x + jacobian[1, 3] * y + jacobian[2, 3] * z
+    tarsus = jacobian[0, 5] * x + jacobian[1, 5] * y + jacobian[2, 5] * z
+    return -roll, -yaw, -pitch, tarsus - knee

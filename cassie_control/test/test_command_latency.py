@@ -1,0 +1,130 @@
+"""How late the drives act, as the controller finds it in the torques that they report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walkers import CONFIG
+
+from cassie_control.controller.command_latency import CommandLatency
+from cassie_control.controller.figures import figures
+from cassie_gaits.names import LEG_DRIVES
+from cassie_msgs.layout import MotorCommand, RobotState
+
+KNEE = LEG_DRIVES.index("knee")
+
+
+class Drives:
+    """Ten drives that act late and report half a physics step after their 3 ms; joints swing.
+
+    Args:
+        late: From a command to its effect on what the drives run. In s.
+        period: Of control. In s.
+        swing: Of the joints. In rad.
+        error: Of the torque constants.
+    """
+
+    def __init__(self, late, period=0.002, swing=0.2, error=0.03):
+        self.late, self.period, self.swing, self.error = late, period, swing, error
+        self.sent: list[MotorCommand] = []
+        self.rng = np.random.default_rng(7)
+
+    def angles(self, t):
+        w = 8.0 + np.arange(10.0)
+        return self.swing * np.sin(w * t), self.swing * w * np.cos(w * t)
+
+    def state(self, tick):
+        state, now = RobotState(), tick * self.period
+        state.seq[...], state.power[...] = tick, 1.0
+        angle, rate = self.angles(now)
+        for leg in range(2):
+            at = slice(5 * leg, 5 * leg + 4)
+            state.q[6 + 7 * leg : 10 + 7 * leg], state.q[12 + 7 * leg] = angle[at], angle[5 * leg + 4]
+            state.v[6 + 7 * leg : 10 + 7 * leg], state.v[12 + 7 * leg] = rate[at], rate[5 * leg + 4]
+        set_at = now - 0.0035
+        command = int(np.floor((set_at - self.late) / self.period + 1e-9))
+        if command >= 0:
+            c, (angle, rate) = self.sent[command], self.angles(set_at)
+            u = c.torque + c.kp * (c.position - angle) + c.kd * (c.velocity - rate)
+            state.drive_torque[:] = (1.0 + self.error) * u + self.rng.normal(0.0, 0.5, 10)
+        return state
+
+    def send(self, tick):
+        command = MotorCommand()
+        angle, rate = self.angles(tick * self.period + 0.01)
+        command.position[:], command.velocity[:] = angle, rate
+        command.kp[:], command.kd[:], command.torque[:] = 300.0, 10.0, 20.0 * np.sign(rate)
+        self.sent.append(command)
+        return command
+
+
+def run(latency, drives, ticks, first=0):
+    for tick in range(first, first + ticks):
+        latency.observe(drives.state(tick))
+        latency.sent(drives.send(tick))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.01, 0.026, 0.04, 0.07])
+@pytest.mark.parametrize("period", [0.002, 0.001])
+def test_a_latency_is_found_to_a_tick(late, period):
+    latency = CommandLatency(period)
+    run(latency, Drives(late, period), round(1.0 / period))
+    assert latency.latency == pytest.approx(late, abs=1.1 * period)
+
+
+def test_torque_constants_and_noise_do_not_look_like_one():
+    latency = CommandLatency(0.002)
+    run(latency, Drives(0.0, error=0.1), 1000)
+    assert latency.latency == 0.0
+
+
+def test_standing_still_tells_nothing_and_changes_nothing():
+    latency, drives = CommandLatency(0.002), Drives(0.03, swing=0.0)
+    run(latency, drives, 500)
+    assert latency.latency == 0.0
+    drives.swing = 0.2
+    run(latency, drives, 500, first=500)
+    assert latency.latency == pytest.approx(0.03)
+    drives.swing = 0.0
+    run(latency, drives, 500, first=1000)
+    assert latency.latency == pytest.approx(0.03)
+
+
+def test_drives_that_report_something_else_are_not_late():
+    """Of a watchdog that damps, say: no command explains it."""
+    latency, drives = CommandLatency(0.002), Drives(0.0)
+    for tick in range(1000):
+        state = drives.state(tick)
+        state.drive_torque[:] = -4.0 * drives.angles(0.002 * tick)[1]
+        latency.observe(state)
+        latency.sent(drives.send(tick))
+    assert latency.latency == 0.0
+
+
+def test_states_that_are_missing_begin_a_new_record():
+    latency, drives = CommandLatency(0.002), Drives(0.0)
+    for tick in range(1000):
+        command = drives.send(tick)
+        if tick % 20:
+            latency.observe(drives.state(tick))
+            latency.sent(command)
+    assert latency.latency == 0.0
+
+
+def test_gains_go_over_with_the_latency_and_not_below_it():
+    late = CONFIG.late
+    usual = figures(CONFIG, 0.002)
+    assert figures(CONFIG, 0.002, late.latency_from) == usual
+    half = figures(CONFIG, 0.002, late.latency_from + 0.5 * late.latency_span)[0]
+    assert half["kd"][KNEE] == pytest.approx(0.5 * (CONFIG.joints.kd_knee + late.kd_knee))
+    assert half["latency"] == late.latency_from + 0.5 * late.latency_span
+    whole = figures(CONFIG, 0.002, 0.05)[0]
+    assert whole["kd_torso_roll"] == late.kd_torso_roll
+    assert whole["thigh_rate"] == late.thigh_rate
+
+
+def test_the_papers_law_stays_as_it_is():
+    paper = replace(CONFIG, law="paper")
+    assert figures(paper, 0.002, 0.05) == figures(paper, 0.002)
