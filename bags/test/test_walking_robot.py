@@ -73,7 +73,7 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
     assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("seed", [1, 6])
+@pytest.mark.parametrize("seed", [6, 9])
 def test_it_finds_out_that_commands_come_late_and_walks_on(seed):
     """With the usual gains each of these falls within its first steps."""
     recording, track = walk("vx: 0.5", 16.0, "delays: {set_point: 0.04}\n", seed=seed)

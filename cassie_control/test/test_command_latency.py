@@ -39,10 +39,9 @@ class Drives:
         state, now = RobotState(), tick * self.period
         state.seq[...], state.power[...] = tick, 1.0
         angle, rate = self.angles(now)
-        for leg in range(2):
-            at = slice(5 * leg, 5 * leg + 4)
-            state.q[6 + 7 * leg : 10 + 7 * leg], state.q[12 + 7 * leg] = angle[at], angle[5 * leg + 4]
-            state.v[6 + 7 * leg : 10 + 7 * leg], state.v[12 + 7 * leg] = rate[at], rate[5 * leg + 4]
+        joints = [0, 1, 2, 3, 6]
+        state.q[6:].reshape(2, 7)[:, joints] = angle.reshape(2, 5)
+        state.v[6:].reshape(2, 7)[:, joints] = rate.reshape(2, 5)
         set_at = now - 0.0035
         command = int(np.floor((set_at - self.late) / self.period + 1e-9))
         if command >= 0:

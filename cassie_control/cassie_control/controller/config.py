@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cassie_control.controller.standing_config import SegwayConfig, StandConfig
 from cassie_control.controller.transition_config import TransitionConfig as TransitionConfig
@@ -27,7 +27,7 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class LateGains:
-    """What walking goes over to where the drives act late on commands, see `command_latency`."""
+    """What she goes over to where the drives act late on commands, see `command_latency`."""
 
     latency_from: float = tunable(0.012, "s", 0.0, 0.1, "Latency from which it goes over")
     latency_span: float = tunable(0.012, "s", 0.001, 0.1, "How much more until it has")
@@ -40,6 +40,22 @@ class LateGains:
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` then")
     thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` then")
     thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` then")
+    roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` then")
+    roll_rate_length: float = tunable(0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` then")
+
+    def share(self, latency: float) -> float:
+        """How far a latency (s) has her gone over to these, 0..1."""
+        return min(1.0, max(0.0, (latency - self.latency_from) / self.latency_span))
+
+    def standing(self, gains: StandConfig, latency: float) -> StandConfig:
+        """Gains of standing at a latency (s)."""
+        share = self.share(latency)
+        return replace(
+            gains,
+            roll_length=gains.roll_length + share * (self.roll_length - gains.roll_length),
+            roll_rate_length=gains.roll_rate_length
+            + share * (self.roll_rate_length - gains.roll_rate_length),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

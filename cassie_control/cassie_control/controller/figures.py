@@ -65,9 +65,8 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordAr
 
 
 def _allow_for(figure: np.void, config: WalkConfig, latency: float) -> None:
-    """Gains for a latency of the drives: what damps does so at the drive, and does not come late."""
-    late = config.late
-    share = min(1.0, max(0.0, (latency - late.latency_from) / late.latency_span))
+    """Gains for drives that act late: they damp more by themselves, which is never late."""
+    late, share = config.late, config.late.share(latency)
     if share == 0.0:
         return
     figure["latency"], figure["handover"] = latency, late.handover

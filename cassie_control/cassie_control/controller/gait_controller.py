@@ -84,7 +84,7 @@ class GaitController:
     def configure(self, config: ControllerConfig) -> None:
         """Take over new gains at once."""
         self.config = config
-        self.standing.config = config.stand
+        self._allow_for(self.latency.latency)
         self.riding.config = config.segway
         self.walking.configure(config.walk)
         self.learning.configure(config)
@@ -97,9 +97,14 @@ class GaitController:
         self._recovers = False
         self.recovery.reset()
         self.latency.reset()
-        self.walking.allow_for(0.0)
+        self._allow_for(0.0)
         self._blend = 0.0
         self._command.floats[:] = 0.0
+
+    def _allow_for(self, latency: float) -> None:
+        """Go over to gains for drives that act late on commands, by so much (s)."""
+        self.walking.allow_for(latency)
+        self.standing.config = self.config.walk.late.standing(self.config.stand, latency)
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.
@@ -119,7 +124,7 @@ class GaitController:
             raise ControlError(f"mode is {wanted}, must be 0 .. {RobotMode.SEGWAY:d}")
         self.readings.update(state)
         if self.latency.observe(state):
-            self.walking.allow_for(self.latency.latency)
+            self._allow_for(self.latency.latency)
         command = self._command
         command.seq[...] = state.seq
         command.episode[...] = state.episode

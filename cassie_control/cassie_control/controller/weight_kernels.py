@@ -66,7 +66,8 @@ def _due(figure: Any, step: Any) -> float:
     until = (1.0 - step.phase) / step.rate - figure.latency
     taken = min(1.0, max(0.0, since / figure.handover))
     left = min(1.0, max(0.0, 1.0 + until / figure.handover))
-    return taken * left
+    share: float = taken * left
+    return share
 
 
 @compiled

@@ -31,7 +31,6 @@ from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.tunables import tunable
 
-
 LATE = 0.01
 """Latency of the drives that is told on /diagnostics. In s."""
 
