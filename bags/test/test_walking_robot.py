@@ -51,6 +51,13 @@ def test_it_walks_at_one_and_a_half_metres_per_second_without_a_limp():
     assert left == pytest.approx(right, abs=0.06)
 
 
+def test_it_does_not_run_ahead_at_the_end_of_an_acceleration():
+    """What it had lacked while it became faster drove it 0.14 m/s beyond what was asked for."""
+    _, track = walk("vx: 1.5", 10.0)
+    after = (track.time > 8.0) & (track.time < 10.0)
+    assert track.achieved["vx"][after].mean() == pytest.approx(1.5, abs=0.07)
+
+
 def test_it_does_not_bounce_from_leg_to_leg_while_it_walks_backward():
     """Every other step was 3 cm higher, more and more until she fell."""
     recording, track = walk("vx: -0.9", 14.0, seed=1)

@@ -37,7 +37,7 @@ def _delays() -> list[Row]:
             target,
             levels,
             partial(trials, name),
-            holds=lambda figures, _: figures["vx"] > 0.5 * SPEED,
+            holds=lambda figures, _: figures["vx"] > 0.2 * SPEED,
             start=levels.index(target),
         )
 

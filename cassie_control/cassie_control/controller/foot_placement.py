@@ -16,6 +16,7 @@ from cassie_control.controller.readings import LegReadings, Readings
 from cassie_control.controller.step_ahead import Placement, StepAhead, SwingEnd, Wish
 
 _LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
+_STEADY = 0.1  # m/s by which the wish may change in two steps before nothing is summed up
 _SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
 
 
@@ -100,7 +101,9 @@ class PendulumPlacement:
         self._wished = now, before
         # The velocity's mean is of two steps: so is the wish's, or each change would add up.
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
-        self._sum_x = _summed(self._sum_x, c.integral_x, mean_velocity[0] - vx, c)
+        # What she lacks while she is told to go faster would be too much once she is there.
+        steady = max(0.0, 1.0 - abs(now[0] - earlier[0]) / _STEADY)
+        self._sum_x = _summed(self._sum_x, steady * c.integral_x, mean_velocity[0] - vx, c)
         self._sum_y = _summed(self._sum_y, c.integral_y, mean_velocity[1] - vy, c)
 
     def swing_end(
