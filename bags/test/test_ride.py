@@ -27,7 +27,7 @@ from cassie_bags.toe_gains import (
     verdict,
 )
 from cassie_bags.track import rolled
-from cassie_bags.trial import experiment_of
+from cassie_bags.trial import experiment_of, run_trial
 from cassie_control.controller.readings import WEIGHT
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
@@ -112,6 +112,14 @@ def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
     assert steps == leans(1, 16.0, 316.0) != leans(2, 16.0, 316.0)
     assert max(step["com_x"] for step in steps) > 0.09
     assert min(step["height"] for step in steps) < 0.45
+
+
+def test_random_leans_do_not_throw_her_off():
+    """She turned as it rolled slowly backward, and the torso swung from side to side."""
+    row = next(row for row in segway_rows() if row.name == "segway.leans")
+    trial = next(t for t in row.trials(Budget(seeds=6), 0.0) if t.seed == 6)
+    shorter = dataclasses.replace(trial, content={**trial.content, "duration": 45.0})
+    assert not run_trial(shorter)["fell"]
 
 
 def test_nominal_gains_are_those_of_two_feet():

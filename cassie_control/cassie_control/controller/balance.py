@@ -185,10 +185,6 @@ class Balance:
         """What is left of the hip roll stiffness when it has given way, 0..1."""
         return self.config.roll_give
 
-    def roll_rate_length(self) -> float:
-        """Leg length difference by torso roll rate, in ms/rad."""
-        return self.config.roll_rate_length
-
     def _bends(self, k: int, reach: float) -> float:
         """Share of the excess by which the torso bends; `reach` is what the feet reach, in m.
 

@@ -34,7 +34,7 @@ class MovingBalance(Balance):
     A platform that rolls on uneven ground presses the steering bar against her knees: it turns by
     itself, and she is thrown to a side until one foot carries her. Hips that give way at that, as
     in standing, throw the torso to and fro until a foot slips. So from 2 to 3 m/s the gains go over
-    to `fast_...`: hips that stay stiff, more of the torso's roll rate and less speed sideways.
+    to `fast_...`: hips that stay stiff and less weight shifted by speed sideways.
 
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
@@ -101,10 +101,6 @@ class MovingBalance(Balance):
 
     def _roll_give(self) -> float:
         return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
-
-    def roll_rate_length(self) -> float:
-        """Leg length difference by torso roll rate, in ms/rad."""
-        return self._with_speed(self.config.roll_rate_length, self.config.fast_roll_rate_length)
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.

@@ -142,7 +142,7 @@ class StandingController:
         # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
         difference = (max(self._ground) if self._lands else both) * (
             self.config.roll_length * (readings.roll - roll)
-            + balance.roll_rate_length() * readings.roll_rate
+            + self.config.roll_rate_length * readings.roll_rate
             - self.config.lean_length * roll
         )
         length = self._mean_length(readings, float(mode.height), both)

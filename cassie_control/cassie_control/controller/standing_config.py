@@ -138,13 +138,13 @@ class SegwayConfig(StandConfig):
     )
     roll_back: float = tunable(0.001, "s", 0.001, 5.0, "In which the hip roll stiffness comes back")
     rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
+    roll_rate_length: float = tunable(
+        0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
+    )
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
     )
     fast_roll_give: float = tunable(1.0, "", 0.0, 1.0, "roll_give at 3 m/s and faster")
-    fast_roll_rate_length: float = tunable(
-        0.1, "ms/rad", 0.0, 2.0, "roll_rate_length at 3 m/s and faster"
-    )
     fast_kd_com_y: float = tunable(
         150.0, "Ns/m", 0.0, 1000.0, "kd_com_y at 3 m/s and faster, where bumps come fast"
     )
