@@ -114,6 +114,14 @@ def test_late_commands_do_not_make_a_drawn_robot_ring(force):
     assert abs(robot.moments[-1].velocity).max() < 0.02
 
 
+def test_she_does_not_ring_where_commands_come_40_ms_late():
+    push = {"t": 5.0, "duration": 0.1, "force": (30.0, 40.0, 0.0)}
+    draw = vars(Draw.from_seed(9))
+    robot = stood(0.9, 8.0, delays={"set_point": 0.04}, pushes=[push], draw=draw, **LET_DOWN)
+    assert not robot.fallen
+    assert abs(robot.moments[-1].velocity).max() < 0.02
+
+
 def test_she_stands_up_from_a_crouch_in_the_harness():
     moves = [
         {"t": 0.1, "action": "hold", "height": 0.5, "speed": 1.0},

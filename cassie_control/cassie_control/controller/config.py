@@ -29,8 +29,8 @@ class JointGains:
 class LateGains:
     """What she goes over to where the drives act late on commands, see `command_latency`."""
 
-    latency_from: float = tunable(0.012, "s", 0.0, 0.1, "Latency from which it goes over")
-    latency_span: float = tunable(0.012, "s", 0.001, 0.1, "How much more until it has")
+    latency_from: float = tunable(0.02, "s", 0.0, 0.1, "Latency from which it goes over")
+    latency_span: float = tunable(0.006, "s", 0.001, 0.1, "How much more until it has")
     handover: float = tunable(
         0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
     )
