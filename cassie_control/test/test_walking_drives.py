@@ -237,3 +237,12 @@ def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
         moved = (np.array(readings_of(state).legs[stance].ankle) - foot) / 1e-6
         state.q[6 + 7 * stance + joint] -= 1e-6
         assert command.torque[5 * stance + joint] == pytest.approx(-moved @ force, abs=1e-3)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.04])
+def test_without_the_weight_fed_forward_the_law_still_answers(latency):
+    core = walking(config=replace(CONFIG, gravity=0.0), state=swinging(LEFT))
+    core.allow_for(latency)
+    command = MotorCommand()
+    core.step(readings_of(swinging(LEFT)), mode_of(), command)
+    assert np.isfinite(command.floats).all()

@@ -15,7 +15,7 @@ from cassie_msgs.layout import MotorCommand, RobotState
 FloatArray = npt.NDArray[np.float64]
 
 REPORTED_AFTER = 0.0035
-"""From when a drive sets a torque until a sample has it: 3 ms to its effect, half of one more."""
+"""From when a drive sets a torque until a sample has it: 3 ms to its effect, 0.5 ms more. In s."""
 
 LONGEST = 0.08
 """Latency up to which it is looked for. In s."""
@@ -29,8 +29,8 @@ _EXPLAINED = 0.1  # share of all torques that it may leave
 class CommandLatency:
     """Compares reported torques with what commands of the past would have made the drives do.
 
-    A drive that took over the command of D ticks ago reports, 3 ms
-    and half of one later,
+    A drive that took over the command of D ticks ago reports, 3.5 ms
+    later,
 
         u = torque + kp (position - q) + kd (velocity - v).
 

@@ -55,7 +55,7 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordAr
     else:
         _allow_for(figure, config, latency)
     figure["period"] = period
-    figure["weight"] = config.gravity * WEIGHT
+    figure["weight"], figure["mass"] = config.gravity * WEIGHT, robot.total_mass()
     figure["hip_x"], figure["hip_z"] = HIP_X, HIP_Z
     figure["thigh"], figure["shin"] = virtual_leg.THIGH, virtual_leg.SHIN
     figure["knee_offset"], figure["hip_offset"] = virtual_leg.KNEE_OFFSET, virtual_leg.HIP_OFFSET

@@ -95,6 +95,7 @@ FIGURES_TYPE = np.dtype(
         ("straight", float),  # 1 where the swing leg's angles go the way of least effort
         ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
         ("weight", float),  # that is fed forward, N
+        ("mass", float),  # of the robot, kg
         *((name, float) for name in ("thigh_track", "thigh_angle", "thigh_rate")),
         ("period", float),  # of control, s
         ("latency", float),  # of the drives, that is allowed for, s

@@ -34,7 +34,7 @@ def damped_weight(figure: Any, robot: Any, step: Any) -> float:
     late, the feet's force tells how fast the CoM will rise by then.
     """
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
-    acceleration = _GRAVITY * ((robot.force[0] + robot.force[1]) / figure.weight - 1.0)
+    acceleration = (robot.force[0] + robot.force[1]) / figure.mass - _GRAVITY
     speed = robot.com_velocity[2] - rise + figure.latency * acceleration
     weight: float = figure.weight - figure.bounce_damping * speed
     return max(0.0, weight)
