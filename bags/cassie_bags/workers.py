@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import get_context
 from typing import Any, Protocol, TypeVar
 
@@ -99,18 +100,26 @@ class LocalProcesses:
     def results(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.results`."""
+        """See `Workers.results`.
+
+        No more is handed to the pool than its processes take at once, and nothing is called back
+        from it: a pool that is ended with cancelled work in it writes a traceback.
+        """
+        waiting = iter(enumerate(items))
+        running: dict[Future[Result], int] = {}
+        while True:
+            for index, item in islice(waiting, self.count + 1 - len(running)):
+                running[self._submit(function, item)] = index
+            if not running:
+                return
+            future = next(completed(running))
+            yield running.pop(future), future.result()
+
+    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         with self._starting, _no_ctrl_c():  # `close` does not know a process half started
-            futures: dict[Future[Result], int] = {
-                self._pool.submit(function, item): index for index, item in enumerate(items)
-            }
-            self._given.update(futures)
-        try:
-            for future in completed(futures):
-                yield futures[future], future.result()
-        finally:
-            _cancel(futures)
-            self._given -= {future for future in futures if future.done()}
+            future = self._pool.submit(function, item)
+            self._given = {other for other in self._given if not other.done()} | {future}
+        return future
 
     def close(self) -> None:
         """End the processes; what they are at is lost."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -50,6 +53,26 @@ def test_what_is_not_wanted_is_not_begun():
     next(results)
     results.close()
     assert begun == [3]
+
+
+def wait_a_second(number: int) -> int:
+    time.sleep(1.0)
+    return number
+
+
+def test_a_process_lost_when_no_more_is_wanted_says_nothing(monkeypatch: pytest.MonkeyPatch):
+    said: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", said.append)
+    crew = LocalProcesses(1)
+    results = crew.results(wait_a_second, [0] * 10)
+    next(results)
+    results.close()
+    for process in multiprocessing.active_children():
+        process.kill()
+    for thread in set(threading.enumerate()) - {threading.current_thread()}:
+        thread.join(10.0)
+    crew.close()
+    assert not said
 
 
 def test_as_many_processes_as_cores_unless_said_otherwise():

@@ -32,24 +32,26 @@ FloatArray = npt.NDArray[np.float64]
 FOUND, WRONG_INPUT, NO_RUN = 0, 2, 3
 """Exit codes."""
 
-HELD_OUT_FROM = 1001
+HELD_OUT_FROM = 1_000_001
 """First seed of the robots that the search does not see."""
+
+START_SCORE, FOUND_SCORE = "held out, to begin with", "held out, found"
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is searched, and what it is held against."""
+    """What is searched, and what it is held against; `seeds` robots in each generation."""
 
     space: Sequence[Parameter]
     objective: Objective
-    seeds: range
+    seeds: int
     changes: tuple[str, ...]
 
     def purpose(self) -> str:
         """What makes two searches the same."""
         names = [(p.name, p.start, p.low, p.high) for p in self.space]
-        seeds = [self.seeds.start, self.seeds.stop]
-        return json.dumps([names, self.objective.content, seeds, self.changes], sort_keys=True)
+        what = [names, self.objective.content, self.seeds, self.changes]
+        return json.dumps(what, sort_keys=True)
 
 
 def main() -> int:
@@ -81,7 +83,7 @@ def _task(arguments: argparse.Namespace) -> Task:
     if len(space) < 2:
         raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
     objective = load_objective(arguments.objective)
-    task = Task(space, objective, range(1, arguments.seeds + 1), tuple(arguments.set))
+    task = Task(space, objective, arguments.seeds, tuple(arguments.set))
     for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
         experiment_of(trial)
     return task
@@ -95,15 +97,8 @@ def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
         if arguments.resume:
             search = Search.load(state, task.purpose())
         else:
-            middle = score(task, [np.zeros(len(task.space))], task.seeds, crew, bar)[0]
-            _say(bar, f"to begin with: {middle}")
-            search = Search.begin(
-                len(task.space),
-                middle.cost,
-                arguments.seed,
-                arguments.step,
-                arguments.population,
-            )
+            size = len(task.space)
+            search = Search.begin(size, arguments.seed, arguments.step, arguments.population)
             search.save(state, task.purpose())
         stopped = False
         try:
@@ -114,45 +109,56 @@ def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
         scores: dict[str, Score] = {}
         if not stopped and arguments.held_out:
             scores = _held_out(task, search, crew, bar, arguments.held_out)
-    found = values(task.space, search.best)
+    _report(task, search, scores, arguments)
+
+
+def _report(
+    task: Task, search: Search, scores: Mapping[str, Score], arguments: argparse.Namespace
+) -> None:
+    found = values(task.space, search.found)
     settings = {
         "objective": task.objective.content,
-        "seeds": list(task.seeds),
+        "robots of a generation": task.seeds,
         "seed": arguments.seed,
         "changes": list(task.changes),
-        "cost": search.best_cost,
+        "population": search.population,
     }
     files = write_result(arguments.out, task.space, found, search, scores, settings)
     print(table(task.space, found))
-    print(f"cost {search.best_cost:.3f} after {len(search.history)} generations")
+    print(f"after {len(search.history)} generations of {search.population}")
     for name, result in scores.items():
         print(f"{name}: {result}")
+    if scores and scores[FOUND_SCORE].cost >= scores[START_SCORE].cost:
+        print("no better than what it began from on robots held out: stay with that")
     print(f"kept in {files['section']}; use it with --set @{files['section']}")
 
 
 def _advance(
     task: Task, search: Search, crew: Workers, bar: tqdm, generations: int, state: Path
 ) -> None:
-    """Generations up to a number of them, each kept when it is done."""
+    """Generations up to a number of them, each with robots of its own and kept when it is done."""
     while len(search.history) < generations:
-        generation = search.advance(
-            lambda found: [s.cost for s in score(task, found, task.seeds, crew, bar)]
-        )
+        first = 1 + task.seeds * len(search.history)
+        robots = range(first, first + task.seeds)
+
+        def evaluate(candidates: Sequence[FloatArray], robots: range = robots) -> list[float]:
+            return [found.cost for found in score(task, candidates, robots, crew, bar)]
+
+        generation = search.advance(evaluate)
         search.save(state, task.purpose())
         _say(
             bar,
             f"generation {generation.number} of {generations}: best {generation.best:.3f}, "
-            f"middle {generation.middle:.3f}, ever {search.best_cost:.3f}, "
-            f"step {generation.step:.2f}",
+            f"middle {generation.middle:.3f}, step {generation.step:.2f}",
         )
 
 
 def _held_out(task: Task, search: Search, crew: Workers, bar: tqdm, count: int) -> dict[str, Score]:
     """Where it began and what was found, on robots that the search has not seen."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + count)
-    candidates = [np.zeros(len(task.space)), search.best]
+    candidates = [np.zeros(len(task.space)), search.found]
     before, after = score(task, candidates, seeds, crew, bar)
-    return {"held out, to begin with": before, "held out, found": after}
+    return {START_SCORE: before, FOUND_SCORE: after}
 
 
 def score(
@@ -201,8 +207,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--objective", type=Path, default=DEFAULT, help="file of courses, model errors and costs"
     )
-    parser.add_argument("--seeds", type=positive, default=3, help="robots to search with")
-    parser.add_argument("--held-out", type=_natural, default=5, help="other robots to report on")
+    parser.add_argument("--seeds", type=positive, default=2, help="new robots in each generation")
+    parser.add_argument("--held-out", type=_natural, default=10, help="other robots to report on")
     parser.add_argument("--generations", type=_natural, default=30, help="in all")
     parser.add_argument("--population", type=_natural, default=0, help="of a generation; 0: auto")
     parser.add_argument("--factor", type=_factor, default=2.0, help="a value goes up and down by")

@@ -21,7 +21,10 @@ Evaluate = Callable[[Sequence[FloatArray]], Sequence[float]]
 
 @dataclass(frozen=True)
 class Generation:
-    """What one generation came to: number, best and middle cost, step size of the search."""
+    """What one generation came to: number, best and middle cost, step size of the search.
+
+    Costs of different generations are of different robots: they compare only within one.
+    """
 
     number: int
     best: float
@@ -47,23 +50,18 @@ class Search:
     the box from -1 to 1. The same seed gives the same search.
 
     Attributes:
-        best: Coordinates of the best candidate so far.
-        best_cost: Its cost.
         history: Generations, in order.
     """
 
     strategy: Any
-    best: FloatArray
-    best_cost: float
     history: list[Generation] = field(default_factory=list)
 
     @staticmethod
-    def begin(size: int, start_cost: float, seed: int, step: float, population: int) -> Search:
+    def begin(size: int, seed: int, step: float, population: int) -> Search:
         """A search from the middle of the box.
 
         Args:
             size: Number of parameters.
-            start_cost: Cost of the middle.
             seed: From 1.
             step: First step size, by half the box.
             population: Candidates of a generation; 0: as many as suit `size`.
@@ -75,24 +73,30 @@ class Search:
         if population:
             options["popsize"] = population
         strategy = cma.CMAEvolutionStrategy(np.zeros(size), step, options)
-        return Search(strategy, np.zeros(size), start_cost)
+        return Search(strategy)
 
     def advance(self, evaluate: Evaluate) -> Generation:
         """One generation."""
         candidates = [np.asarray(candidate) for candidate in self.strategy.ask()]
         costs = list(evaluate(candidates))
         self.strategy.tell(candidates, costs)
-        first = int(np.argmin(costs))
-        if costs[first] < self.best_cost:
-            self.best, self.best_cost = candidates[first], float(costs[first])
         generation = Generation(
             len(self.history) + 1,
-            float(costs[first]),
+            float(np.min(costs)),
             float(np.median(costs)),
             float(self.strategy.sigma),
         )
         self.history.append(generation)
         return generation
+
+    @property
+    def found(self) -> FloatArray:
+        """Coordinates of the middle of the distribution that is searched with, shape (size,).
+
+        Every generation has robots of its own, so that no single candidate is the best of all;
+        the middle is what all generations agree on.
+        """
+        return np.asarray(self.strategy.result.xfavorite, dtype=float)
 
     @property
     def population(self) -> int:
