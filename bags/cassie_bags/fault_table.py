@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -120,6 +119,30 @@ class _FaultyPlant:
         return sample
 
 
+class Fate:
+    """What becomes of her, tick by tick.
+
+    Drives that damp let her sink down, which is no fall; damping that comes after a fall is one.
+    """
+
+    def __init__(self) -> None:
+        self._fell = self._damped = False
+
+    def note(self, height: float, tilt: float, *, damped: bool) -> None:
+        """Take in a tick: the pelvis's height in m, its tilt in rad, whether the drives damp."""
+        self._damped = self._damped or damped
+        if not self._damped:
+            self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
+
+    def outcome(self, *, standing: bool) -> str:
+        """As `Cell.outcome`, by whether she stands in the end."""
+        if self._fell:
+            return "falls"
+        if self._damped:
+            return "damps"
+        return "stands" if standing else "goes on"
+
+
 class Rehearsal:
     """A run up to the moment at which a sensor fails.
 
@@ -172,30 +195,23 @@ class Rehearsal:
         plant.also = [self._fault(other, kind) for other in also]
         plant.error = lambda truth, sample: error_of(channel, truth, sample)
         seen: dict[str, float] = {}
-        worst = {"height": 1.0, "tilt": 0.0, "exceeded": math.nan, "damped": 0.0}
+        fate = Fate()
+        exceeded: float | None = None
 
         def look(time: float) -> None:
+            nonlocal exceeded
             for name in self._estimator.faults:
                 seen.setdefault(name.partition(" ")[0], time)
             position, (_, x, y, _) = plant.pelvis_pose
-            worst["height"] = min(worst["height"], float(position[2]))
-            worst["tilt"] = max(worst["tilt"], math.acos(1.0 - 2.0 * float(x * x + y * y)))
-            if math.isnan(worst["exceeded"]) and plant.largest > BOUNDS[what]:
-                worst["exceeded"] = time
-            worst["damped"] += not self._command.kp.any()
+            tilt = math.acos(1.0 - 2.0 * float(x * x + y * y))
+            fate.note(float(position[2]), tilt, damped=not self._command.kp.any())
+            if exceeded is None and plant.largest > BOUNDS[what]:
+                exceeded = time
 
         self._run(AFTER, look)
         reported = seen.pop(channel, None)
-        exceeded = None if math.isnan(worst["exceeded"]) else worst["exceeded"]
-        outcome = self._outcome(worst)
+        outcome = fate.outcome(standing=self._controller.activity.value == "standing")
         return Cell(channel, kind, self._mode, exceeded, reported, tuple(seen), outcome)
-
-    def _outcome(self, worst: dict[str, float]) -> str:
-        if worst["damped"]:
-            return "damps"
-        if worst["height"] < _FALLEN_HEIGHT or worst["tilt"] > _FALLEN_TILT:
-            return "falls"
-        return "stands" if self._controller.activity.value == "standing" else "goes on"
 
 
 def error_of(channel: str, truth: Sensors, sample: Sensors) -> float:
@@ -215,7 +231,7 @@ def run_table(
     kinds: Sequence[str],
     modes: Sequence[str],
     seed: int,
-    workers: int = 1,
+    jobs: int = 1,
     also: Sequence[str] = (),
 ) -> Iterable[Cell]:
     """Cells of the table, as they come.
@@ -225,33 +241,28 @@ def run_table(
         kinds: Of `FAULT_KINDS`.
         modes: Of `MODES`.
         seed: Of the robot.
-        workers: Processes.
+        jobs: Processes at a time.
         also: Channels that fail along with each.
     """
     fork = multiprocessing.get_context("fork")
     for mode in modes:
         global _rehearsal
         _rehearsal = Rehearsal(mode, seed)
-        jobs = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
-        with fork.Pool(workers, obey_parent, maxtasksperchild=1) as pool:
-            yield from pool.imap(_one, jobs, chunksize=1)
+        faults = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
+        with fork.Pool(jobs, obey_parent, maxtasksperchild=1) as pool:
+            yield from pool.imap(_one, faults, chunksize=1)
 
 
 _rehearsal: Rehearsal
 
 
-def _one(job: tuple[str, str, tuple[str, ...]]) -> Cell:
-    return _rehearsal.fail(*job)
+def _one(fault: tuple[str, str, tuple[str, ...]]) -> Cell:
+    return _rehearsal.fail(*fault)
 
 
 def all_channels() -> tuple[str, ...]:
     """Every channel's name."""
     return tuple(name for name, _ in CHANNELS)
-
-
-def processes() -> int:
-    """Processors to use."""
-    return max(1, (os.cpu_count() or 1) - 1)
 
 
 def table(cells: Iterable[Cell]) -> list[str]:

@@ -6,7 +6,14 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context
@@ -104,19 +111,27 @@ class LocalProcesses:
 
         No more is handed to the pool than its processes take at once, and nothing is called back
         from it: a pool that is ended with cancelled work in it writes a traceback.
+
+        Raises:
+            RunError: if a process died, as when the system had no memory left for it.
         """
         waiting = iter(enumerate(items))
         running: dict[Future[Result], int] = {}
         while True:
-            for index, item in islice(waiting, self.count + 1 - len(running)):
-                running[self._submit(function, item)] = index
-            if not running:
-                return
-            future = next(completed(running))
-            yield running.pop(future), future.result()
+            try:
+                for index, item in islice(waiting, self.count + 1 - len(running)):
+                    running[self._submit(function, item)] = index
+                if not running:
+                    return
+                future = next(completed(running))
+                index, result = running.pop(future), future.result()
+            except BrokenProcessPool:
+                raise RunError("a worker process died, perhaps for want of memory") from None
+            yield index, result
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
-        with self._starting, _no_ctrl_c():  # `close` does not know a process half started
+        # `close` does not know a process half started, and one that starts knows no Ctrl-C.
+        with self._starting, _no_ctrl_c(), _children_without_ctrl_c():
             future = self._pool.submit(function, item)
             self._given = {other for other in self._given if not other.done()} | {future}
         return future
@@ -139,7 +154,7 @@ class DaskCluster:
         address: Of the scheduler, for example tcp://10.0.0.1:8786.
 
     Raises:
-        RunError: if it does not answer.
+        RunError: if it does not answer, or has no worker.
     """
 
     def __init__(self, address: str) -> None:
@@ -149,13 +164,25 @@ class DaskCluster:
             self._client = Client(address, timeout=CONNECT_TIMEOUT)
         except (OSError, ValueError, TimeoutError) as error:
             raise RunError(f"no Dask scheduler at {address}: {error}") from None
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECT_TIMEOUT)
+        except TimeoutError:
+            self._client.close()
+            raise RunError(
+                f"the Dask scheduler at {address} had no worker within {CONNECT_TIMEOUT} s"
+            ) from None
+        self._address = address
         self.count = max(1, sum(self._client.nthreads().values()))
 
     def results(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.results`."""
-        from distributed import as_completed
+        """See `Workers.results`.
+
+        Raises:
+            RunError: if workers die over an item, lack these packages, or the scheduler is gone.
+        """
+        from distributed import KilledWorker, as_completed
 
         futures = {
             self._client.submit(function, item, pure=False): index
@@ -164,6 +191,9 @@ class DaskCluster:
         try:
             for future in as_completed(futures):
                 yield futures[future], future.result()
+        except (KilledWorker, CancelledError, ImportError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise RunError(f"the Dask cluster at {self._address}: {reason}") from None
         finally:
             _cancel(futures)
 
@@ -225,6 +255,16 @@ def _no_ctrl_c() -> Iterator[None]:
             signal.signal(each, handler)
         if came:
             signal.raise_signal(came[0])
+
+
+@contextmanager
+def _children_without_ctrl_c() -> Iterator[None]:
+    """Processes that the block starts do not get Ctrl-C, not even before they can ignore it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin() -> None:

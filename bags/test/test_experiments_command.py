@@ -56,6 +56,17 @@ def test_a_run_that_cannot_be_made_is_told_and_the_others_go_on(files: list[Path
     assert "the run did not come to its end" in (out / "report.html").read_text()
 
 
+def test_two_files_of_one_name_are_refused_since_they_would_share_a_folder(
+    files: list[Path], tmp_path: Path
+):
+    other = tmp_path / "other" / files[0].name
+    other.parent.mkdir()
+    other.write_text(TEXT)
+    process = experiments(files[0], other, "--out", tmp_path / "out")
+    assert process.returncode == 2, process.stdout
+    assert "two files are called good: they would share a folder" in process.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from cassie_bags.cores import connect, make_cores
-from cassie_bags.fault_table import FAULT_KINDS, MODES, Cell, describe, error_of, run_table, table
+from cassie_bags.fault_table import (
+    FAULT_KINDS,
+    MODES,
+    Cell,
+    Fate,
+    describe,
+    error_of,
+    run_table,
+    table,
+)
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.trial import experiment_of
 from cassie_msgs.layout import RobotMode, Sensors
@@ -51,6 +60,20 @@ def test_a_knee_that_tells_nothing_at_all_damps_the_drives():
 def test_the_same_fault_ends_the_same():
     again = [next(iter(run_table(["joint_position.1"], ["stuck"], ["walking"], 3))) for _ in (1, 2)]
     assert again[0] == again[1]
+
+
+def test_damping_after_a_fall_is_a_fall_and_sinking_in_damping_is_none():
+    def outcome(*ticks, standing=False):
+        fate = Fate()
+        for height, tilt, damped in ticks:
+            fate.note(height, tilt, damped=damped)
+        return fate.outcome(standing=standing)
+
+    up, tipping, down = (0.95, 0.0), (0.9, 0.8), (0.3, 1.2)
+    assert outcome((*up, False), (*tipping, False), (*down, True)) == "falls"
+    assert outcome((*up, False), (*up, True), (*down, True), (*down, False)) == "damps"
+    assert outcome((*up, False)) == "goes on"
+    assert outcome((*up, False), standing=True) == "stands"
 
 
 def test_errors_by_channel():

@@ -103,6 +103,15 @@ def members(group: int) -> list[int]:
     return found
 
 
+def test_a_folder_that_cannot_be_is_told_before_anything_is_measured(tmp_path: Path):
+    (tmp_path / "file").write_text("in the way of a folder")
+    process = sweep("speed.+0", "--seeds", "1", "--out", str(tmp_path / "file" / "out"))
+    assert process.returncode == 2, process.stdout
+    assert process.stdout == ""
+    assert process.stderr.startswith("sweep: error: ")
+    assert len(process.stderr.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

@@ -231,6 +231,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
         (["walk.joint.*"], "unknown parameter walk.joint.*"),
         (["walk.gravity"], "two or more are needed"),
         (["--factor", "1"], "1 is not 1.01 .. 100"),
+        (["--population", "1"], "1 is not 0 (auto), or 2 or more"),
         (["--resume"], "cannot resume from"),
         (["--set", "controler.x=1"], "unknown key controler"),
         (["--objective", "none.yaml"], "cannot read none.yaml"),

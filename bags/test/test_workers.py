@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -73,6 +74,45 @@ def test_a_process_lost_when_no_more_is_wanted_says_nothing(monkeypatch: pytest.
         thread.join(10.0)
     crew.close()
     assert not said
+
+
+def die(_: int) -> int:
+    os._exit(9)
+
+
+def test_a_process_that_dies_is_one_clear_error():
+    crew = LocalProcesses(1)
+    with pytest.raises(RunError, match="a worker process died"):
+        list(crew.results(die, ITEMS))
+    crew.close()
+
+
+def blocked_signals(_: int) -> bool:
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_process_gets_no_ctrl_c_from_its_first_moment_on():
+    crew = LocalProcesses(1)
+    assert dict(crew.results(blocked_signals, [0])) == {0: True}
+    assert not blocked_signals(0)
+    crew.close()
+
+
+def lack_a_package(_: int) -> int:
+    raise ModuleNotFoundError("No module named 'cassie_bags'")
+
+
+def test_workers_of_a_cluster_that_cannot_are_one_clear_error(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
+    options = {"processes": False, "dashboard_address": None}
+    with LocalCluster(n_workers=0, **options) as cluster:
+        with pytest.raises(RunError, match="had no worker within 1 s"):
+            DaskCluster(cluster.scheduler_address)
+        cluster.scale(1)
+        remote = DaskCluster(cluster.scheduler_address)
+        with pytest.raises(RunError, match="No module named 'cassie_bags'"):
+            list(remote.results(lack_a_package, [0]))
+        remote.close()
 
 
 def test_as_many_processes_as_cores_unless_said_otherwise():

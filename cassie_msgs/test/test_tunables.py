@@ -13,6 +13,7 @@ from cassie_msgs.tunables import (
     names,
     replace_checked,
     tunable,
+    unknown_name,
 )
 
 
@@ -81,3 +82,12 @@ def test_a_figure_without_default_must_be_given():
 def test_check_looks_into_nested_configurations():
     with pytest.raises(ParameterError, match=r"gains\.kp_knee = -1"):
         check(Config(rate=500.0, gains=Gains(kp_knee=-1.0)))
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_one_or_with_what_there_is():
+    many = [f"{group}.gain_{index}" for group in ("walk", "stand") for index in range(99)]
+    assert unknown_name("walk.gian_7", many, "parameter").endswith("did you mean walk.gain_7?")
+    assert unknown_name("zz", [*many, "law"], "parameter") == (
+        "unknown parameter zz: known groups: law, stand, walk"
+    )
+    assert unknown_name("zz", ["b", "a"], "row") == "unknown row zz: known: a, b"

@@ -21,6 +21,7 @@ from cassie_bags.html_report import Entry, page
 from cassie_bags.provenance import versions
 from cassie_bags.report import json_line, table
 from cassie_bags.resolve import resolve
+from cassie_bags.ros.argument_types import count
 from cassie_bags.ros.experiment import keep, run_experiment
 from cassie_bags.workers import ThisProcess, Workers, workers
 
@@ -94,6 +95,10 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
     files = arguments.files or sorted(_installed().glob("*.yaml"))
     if not files:
         raise ExperimentError(f"there is no experiment in {_installed()}")
+    stems = [file.stem for file in files]
+    for file in files:
+        if stems.count(file.stem) > 1:
+            raise ExperimentError(f"two files are called {file.stem}: they would share a folder")
     seeds: Iterable[int | None] = range(1, arguments.seeds + 1) if arguments.seeds else (None,)
     return [
         Task(
@@ -150,12 +155,12 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("files", nargs="*", type=Path, help="YAML files, see bags/README.md")
     parser.add_argument(
-        "--seeds", type=_natural, default=0, help="run each with seeds 1 to this; 0: the file's own"
+        "--seeds", type=count, default=0, help="run each with seeds 1 to this; 0: the file's own"
     )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--dds", action="store_true", help="all nodes as processes, one run a time")
     parser.add_argument("--video", action="store_true", help="film each run too")
-    parser.add_argument("--jobs", type=_natural, default=0, help="processes; 0: one for each core")
+    parser.add_argument("--jobs", type=count, default=0, help="processes; 0: one for each core")
     parser.add_argument("--out", type=Path, default=Path("build/experiments"))
     parser.add_argument(
         "--sweeps",
@@ -164,12 +169,6 @@ def _arguments() -> argparse.Namespace:
         help="results of the sweeps to show too, where there are some",
     )
     return parser.parse_args()
-
-
-def _natural(word: str) -> int:
-    if not word.isdecimal():
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
-    return int(word)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,9 @@ import sys
 
 from tqdm import tqdm
 
-from cassie_bags.fault_table import MODES, Cell, all_channels, processes, run_table, table
+from cassie_bags.fault_table import MODES, Cell, all_channels, run_table, table
+from cassie_bags.ros.argument_types import count, positive
+from cassie_bags.workers import available_cores
 from cassie_gaits.errors import CassieError
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.scenario import FAULT_KINDS
@@ -22,15 +24,15 @@ def main() -> int:
     arguments = _arguments()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     channels = arguments.channels or all_channels()
-    count = len(channels) * len(arguments.kinds) * len(arguments.modes)
+    total = len(channels) * len(arguments.kinds) * len(arguments.modes)
     cells: list[Cell] = []
     try:
         cells.extend(
             tqdm(
                 run_table(
-                    channels, arguments.kinds, arguments.modes, arguments.seed, arguments.workers
+                    channels, arguments.kinds, arguments.modes, arguments.seed, arguments.jobs
                 ),
-                total=count,
+                total=total,
                 unit="fault",
                 disable=not sys.stderr.isatty(),
                 leave=False,
@@ -59,15 +61,14 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("channels", nargs="*", metavar="CHANNEL", help="drive_position.3; all")
     parser.add_argument("--kinds", nargs="+", default=FAULT_KINDS, choices=FAULT_KINDS)
     parser.add_argument("--modes", nargs="+", default=MODES, choices=MODES)
-    parser.add_argument("--seed", type=int, default=1, help="robot and noise drawn (default 1)")
-    parser.add_argument("--workers", type=int, default=processes(), help="processes at a time")
+    parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
+    parser.add_argument(
+        "--jobs", type=positive, default=available_cores(), help="processes; one for each core"
+    )
     arguments = parser.parse_args()
     for channel in arguments.channels:
         if channel not in all_channels():
             parser.error(unknown_name(channel, all_channels(), "channel"))
-    for name, low in (("seed", 0), ("workers", 1)):
-        if getattr(arguments, name) < low:
-            parser.error(f"--{name} = {getattr(arguments, name)} is outside {low} .. inf")
     return arguments
 
 

@@ -43,6 +43,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         rows = chosen_rows(arguments.rows)
+        arguments.out.mkdir(parents=True, exist_ok=True)
         results = _measure(rows, arguments)
     except KeyboardInterrupt:
         print("sweep: stopped", file=sys.stderr)
@@ -87,7 +88,8 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
             results[name][row.name] = result
             save(kept, every, results, budget)
     finally:
-        print(table(_done(rows, results), results))
+        if measured := _done(rows, results):
+            print(table(measured, results))
         if done := _done(every, results):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             draw(arguments.out / "sweeps.png", done, results)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.ros.argument_types import positive
+from cassie_bags.ros.argument_types import count, positive
 from cassie_bags.trial import experiment_of, run_trial
 from cassie_bags.tuning.objective import DEFAULT, Objective, load_objective
 from cassie_bags.tuning.result import Score, table, write_result
@@ -208,9 +208,9 @@ def _arguments() -> argparse.Namespace:
         "--objective", type=Path, default=DEFAULT, help="file of courses, model errors and costs"
     )
     parser.add_argument("--seeds", type=positive, default=2, help="new robots in each generation")
-    parser.add_argument("--held-out", type=_natural, default=10, help="other robots to report on")
-    parser.add_argument("--generations", type=_natural, default=30, help="in all")
-    parser.add_argument("--population", type=_natural, default=0, help="of a generation; 0: auto")
+    parser.add_argument("--held-out", type=count, default=10, help="other robots to report on")
+    parser.add_argument("--generations", type=count, default=30, help="in all")
+    parser.add_argument("--population", type=_crowd, default=0, help="of a generation; 0: auto")
     parser.add_argument("--factor", type=_factor, default=2.0, help="a value goes up and down by")
     parser.add_argument("--step", type=_share, default=0.3, help="first step, by the whole reach")
     parser.add_argument("--seed", type=positive, default=1, help="of the search")
@@ -230,10 +230,10 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _natural(word: str) -> int:
-    if not word.isdecimal():
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
-    return int(word)
+def _crowd(word: str) -> int:
+    if (number := count(word)) == 1:
+        raise argparse.ArgumentTypeError("1 is not 0 (auto), or 2 or more")
+    return number
 
 
 def _factor(word: str) -> float:

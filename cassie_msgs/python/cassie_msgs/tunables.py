@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
+_MOST_NAMES = 30  # that a message of one line lists
 _KEY = "tunable"
 ConfigT = TypeVar("ConfigT")
 
@@ -179,11 +180,14 @@ def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def unknown_name(name: str, known: Iterable[str], what: str) -> str:
-    """Message for an unknown name: says the nearest known one, or all of them."""
-    choices = list(known)
-    near = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}?" if near else "known: " + ", ".join(sorted(choices))
-    return f"unknown {what} {name}: {hint}"
+    """Message for an unknown name: says the nearest known one, or all; of many, their groups."""
+    choices = sorted(known)
+    if near := difflib.get_close_matches(name, choices, n=1, cutoff=0.5):
+        return f"unknown {what} {name}: did you mean {near[0]}?"
+    if len(choices) > _MOST_NAMES:
+        groups = sorted({choice.partition(".")[0] for choice in choices})
+        return f"unknown {what} {name}: known groups: {', '.join(groups)}"
+    return f"unknown {what} {name}: known: {', '.join(choices)}"
 
 
 @cache
