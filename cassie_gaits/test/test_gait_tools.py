@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,61 +128,11 @@ def test_a_cluster_finds_the_same_gaits(tmp_path, capsys, monkeypatch):
     assert "no worker within 0.5 s" in capsys.readouterr().err
 
 
-def children(pid):
-    """Processes whose parent is `pid`."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
-                found.append(int(stat.parent.name))
-    return found
-
-
-def is_alive(pid):
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
-
-
-def wait_for(condition, seconds):
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.05)
-    return condition()
-
-
-@pytest.mark.timeout(120)
-@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_is_ended_leaves_its_findings_and_no_process(tmp_path, kind, capsys):
-    out = tmp_path / "gaits.json"
-    out.write_bytes(OPTIMIZED.read_bytes())
-    speeds = [f"{0.02 * i:g}" for i in range(40)]
-    command = [sys.executable, "-m", "cassie_gaits.ros.optimize_gaits", "--out", str(out)]
-    run = subprocess.Popen(
-        [*command, "--speeds", *speeds],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    partial = tmp_path / "gaits.json.partial"
-    assert wait_for(lambda: partial.exists() and partial.read_text().count("\n") > 2, 60.0)
-    workers = children(run.pid)
-    assert workers
-    run.send_signal(kind)
-    _, error = run.communicate(timeout=10.0)
-    if kind != signal.SIGKILL:
-        assert run.returncode == 130
-        assert error == "optimize_gaits: stopped; --resume goes on from here\n"
-    assert wait_for(lambda: not any(map(is_alive, workers)), 3.0)
-    lines = [json.loads(line) for line in partial.read_text().splitlines()]
-    assert out.read_bytes() == OPTIMIZED.read_bytes()
-    found = [f"{line['request']['vx']:g}" for line in lines[1:]]
-    resume = ["--speeds", *found, "-0.02", "--resume", "--jobs", "1", "--out", str(out)]
-    assert optimize_gaits.main(resume) == 0
-    assert f"{len(found)} of {len(found) + 1} taken over" in capsys.readouterr().out
-    assert len(load_certified(out).gaits) == len(found) + 1
+def test_a_folder_in_the_place_of_the_file_is_told_before_the_search(capsys, tmp_path):
+    assert optimize_gaits.main(["--speeds", "0", "--out", str(tmp_path)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "is a folder, expected a file" in printed.err
 
 
 def fails_at_a_tenth(request, near=None):

@@ -8,10 +8,8 @@ read.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 
 from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.certificate.table import Row
@@ -19,6 +17,7 @@ from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import PACKAGED, library_path, load_library
 from cassie_gaits.model_hash import model_hash
+from cassie_gaits.processes import local_processes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,14 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"check_gaits: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print("check_gaits: stopped", file=sys.stderr)
         return 130
 
 
 def _check(gaits: Sequence[Gait], jobs: int) -> int:
     missed = 0
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(jobs, mp_context=context) as executor:
-        futures = [executor.submit(certify, gait) for gait in gaits]
+    with local_processes(jobs) as pool:
+        futures = [pool.submit(certify, gait) for gait in gaits]
         for gait, future in zip(gaits, futures, strict=True):
             name = f"vx {gait.vx:+.2f} vy {gait.vy:+.2f} m/s yaw {gait.yaw_rate:+.2f} rad/s"
             try:

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import ctypes
 import datetime
-import multiprocessing
 import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -31,6 +29,7 @@ from cassie_gaits.optimize.library import Result, find
 from cassie_gaits.optimize.partial_file import Found, PartialFile
 from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
+from cassie_gaits.processes import local_processes
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Of the seven gaits of the paper. In m/s."""
@@ -53,7 +52,6 @@ CONNECT_TIMEOUT = 10.0
 """Time in which a scheduler must answer and have a worker. In s."""
 
 _VERSION = "2"
-_PARENT_DIES = 1  # PR_SET_PDEATHSIG
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,6 +107,8 @@ def _parser() -> argparse.ArgumentParser:
 def _run(options: argparse.Namespace, start: float) -> int:
     if not options.out.parent.is_dir():
         raise GaitLibraryError(f"--out: there is no folder {options.out.parent}")
+    if options.out.is_dir():
+        raise GaitLibraryError(f"--out: {options.out} is a folder, expected a file")
     if options.mat is not None:
         from cassie_gaits.mat_import import import_mat  # scipy's readers take their time
 
@@ -198,25 +198,8 @@ def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executo
     # Forked processes share the programs, which take a second or two to set up.
     for symmetric in forms:
         prepare(symmetric=symmetric)
-    context = multiprocessing.get_context("fork")
-    pool = ProcessPoolExecutor(options.jobs, mp_context=context, initializer=_begin_worker)
-    try:
+    with local_processes(options.jobs) as pool:
         yield pool
-    except BaseException:
-        # What they are at can take a minute and nobody waits for it.
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _begin_worker() -> None:
-    """A worker leaves Ctrl-C to its parent, which ends it, and ends when that one is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    with contextlib.suppress(OSError, AttributeError):  # not on Linux
-        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
 
 
 @contextlib.contextmanager
