@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
 
 from cassie_bags.errors import BagError
 from cassie_bags.mcap_records import RecordReader, message
@@ -22,12 +19,14 @@ class BagIndex:
     Attributes:
         types: Message type by topic.
         metadata: Named records of words.
-        complete: Whether the file was closed properly.
+        complete: Whether the file was closed properly and nothing in it is damaged.
+        lost_bytes: Bytes that could not be read.
     """
 
     types: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
+    lost_bytes: int = 0
 
 
 def read_messages(
@@ -58,16 +57,13 @@ def read_messages(
                     if channel in wanted:
                         yield wanted[channel], log_time, wall_time, data
                 elif opcode == Opcode.SCHEMA:
-                    schema = Schema.read(ReadDataStream(BytesIO(body)))
-                    schemas[schema.id] = schema.name
-                elif opcode == Opcode.CHANNEL:
-                    entry = Channel.read(ReadDataStream(BytesIO(body)))
-                    index.types[entry.topic] = schemas.get(entry.schema_id, "")
-                    if topics is None or entry.topic in topics:
-                        wanted[entry.id] = entry.topic
+                    schemas[body.id] = body.name
+                elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
+                    index.types[body.topic] = schemas[body.schema_id]
+                    if topics is None or body.topic in topics:
+                        wanted[body.id] = body.topic
                 elif opcode == Opcode.METADATA:
-                    record = Metadata.read(ReadDataStream(BytesIO(body)))
-                    index.metadata[record.name] = record.metadata
-            index.complete = reader.complete
+                    index.metadata[body.name] = body.metadata
+            index.complete, index.lost_bytes = reader.complete, reader.lost_bytes
     except OSError as error:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None

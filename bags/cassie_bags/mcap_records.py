@@ -1,4 +1,4 @@
-"""The framing of MCAP files: records one after another, also of a file that breaks off.
+"""The framing of MCAP files: records one after another, also of a damaged file.
 
 Source:
     The MCAP specification, "Records" and "Chunk": a record is one byte of opcode, eight of
@@ -7,35 +7,44 @@ Source:
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections.abc import Iterator
 from io import BytesIO
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+import mcap.records
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Chunk
 
 from cassie_bags.errors import BagError
 
 MAGIC = b"\x89MCAP0\r\n"
 
-Record = tuple[int, bytes]
-"""Opcode and content."""
+Record = tuple[int, Any]
+"""Opcode and content: bytes, or what `_KINDS` makes of them."""
 
+_KINDS: dict[int, Any] = {
+    Opcode.HEADER: mcap.records.Header,
+    Opcode.SCHEMA: mcap.records.Schema,
+    Opcode.CHANNEL: mcap.records.Channel,
+    Opcode.METADATA: mcap.records.Metadata,
+}
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_FOOTER = struct.Struct("<BQQQI")
 
 
 class RecordReader:
-    """Records of a bag up to its end, or to the first that is not whole.
+    """Records of a bag up to its end, or to the first that breaks off; damaged ones are left out.
 
     Attributes:
-        complete: Whether the file had been closed properly; known once `records` ended.
-        lost_bytes: Bytes after the last whole record.
+        complete: Whether the file had been closed properly and nothing in it is damaged; known
+            once `records` ended.
+        lost_bytes: Bytes that could not be read.
     """
 
     def __init__(self, stream: BinaryIO, name: str) -> None:
@@ -49,7 +58,6 @@ class RecordReader:
             BagError: if it is not an MCAP file.
         """
         self._stream = stream
-        self._name = name
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
@@ -61,23 +69,73 @@ class RecordReader:
         """Each whole record; chunks are opened and followed by the records in them."""
         while True:
             start = self._stream.tell()
-            frame = self._stream.read(_FRAME.size)
-            if len(frame) < _FRAME.size:
-                break
-            opcode, length = _FRAME.unpack(frame)
-            if length > self._size - self._stream.tell():
-                break
-            body = self._stream.read(length)
-            try:
-                inner = chunk_content(body) if opcode == Opcode.CHUNK else b""
-            except BagError:
-                break
-            yield opcode, body
-            yield from frames(inner)
-            if opcode == Opcode.FOOTER:
-                self.complete = self._stream.read(len(MAGIC)) == MAGIC
+            opcode, body = self._next()
+            if body is None:
+                self.lost_bytes += self._size - start
                 return
-        self.lost_bytes = self._size - start
+            try:
+                # All that is in a chunk is looked at before any of it is used.
+                found = list(whole(opcode, body))
+            except BagError:
+                found = list(self._summary()) if not self.lost_bytes else []
+                self.lost_bytes += self._stream.tell() - start
+            yield from found
+            if opcode == Opcode.FOOTER:
+                closed = self._stream.read(len(MAGIC)) == MAGIC
+                self.complete = closed and not self.lost_bytes
+                return
+
+    def _next(self) -> tuple[int, bytes | None]:
+        """Opcode and bytes of the next record; no bytes if it is not all there."""
+        frame = self._stream.read(_FRAME.size)
+        if len(frame) < _FRAME.size:
+            return 0, None
+        opcode, length = _FRAME.unpack(frame)
+        if length > self._size - self._stream.tell():
+            return opcode, None
+        return opcode, self._stream.read(length)
+
+    def _summary(self) -> Iterator[Record]:
+        """Schemas and channels as the end of the file repeats them: the damage may have had them.
+
+        What is not there, or damaged too, is left out.
+        """
+        here = self._stream.tell()
+        self._stream.seek(max(0, self._size - len(MAGIC) - _FOOTER.size))
+        footer = self._stream.read(_FOOTER.size)
+        opcode, _, start, _, _ = _FOOTER.unpack(footer) if len(footer) == _FOOTER.size else [0] * 5
+        if opcode == Opcode.FOOTER and 0 < start < self._size:
+            self._stream.seek(start)
+            while (entry := self._next())[1] is not None and entry[0] in _KINDS:
+                with contextlib.suppress(BagError):
+                    yield from whole(entry[0], entry[1])
+        self._stream.seek(here)
+
+
+def whole(opcode: int, body: bytes) -> Iterator[Record]:
+    """A record, and those in it if it is a chunk.
+
+    Raises:
+        BagError: if it is damaged.
+    """
+    kind = _KINDS.get(opcode)
+    if opcode == Opcode.CHUNK:
+        for inner, content in frames(chunk_content(body)):
+            yield from whole(inner, content)
+        yield opcode, body
+    elif kind is not None:
+        yield opcode, _parsed(kind, body)
+    elif opcode == Opcode.MESSAGE and len(body) < _MESSAGE.size:
+        raise BagError(f"damaged message of {len(body)} bytes")
+    else:
+        yield opcode, body
+
+
+def _parsed(kind: Any, body: bytes) -> Any:
+    try:
+        return kind.read(ReadDataStream(BytesIO(body)))
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        raise BagError(f"damaged record: {error}") from None
 
 
 def frames(content: bytes) -> Iterator[Record]:
@@ -100,10 +158,7 @@ def chunk_content(body: bytes) -> bytes:
     Raises:
         BagError: if it is damaged or compressed in a way that is not known.
     """
-    try:
-        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError) as error:
-        raise BagError(f"damaged chunk: {error}") from None
+    chunk = _parsed(mcap.records.Chunk, body)
     if chunk.compression == "zstd":
         try:
             content: bytes = zstandard.decompress(chunk.data, chunk.uncompressed_size)

@@ -1,20 +1,19 @@
-"""Repair of a bag whose writer was killed: an indexed file of all that is complete in it."""
+"""Repair of a bag that is damaged or was not closed: an indexed file of all that is whole."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 from mcap.writer import Writer
 
 from cassie_bags.errors import BagError
 from cassie_bags.mcap_records import RecordReader, message
+from cassie_bags.mcap_writer import PROFILE
 
 
 @dataclass(frozen=True)
@@ -24,8 +23,8 @@ class Recovered:
     Attributes:
         messages: Number of messages.
         duration: From the first to the last of them, robot time. In s.
-        complete: Whether the file had been closed properly.
-        lost_bytes: Bytes at the end that could not be read.
+        complete: Whether the file had been closed properly and nothing in it is damaged.
+        lost_bytes: Bytes that could not be read.
     """
 
     messages: int
@@ -55,7 +54,8 @@ def recover(source: Path, target: Path) -> Recovered:
                     copy.take(opcode, body)
                 copy.writer.finish()
     except OSError as error:
-        raise BagError(f"cannot recover {source}: {error.filename}: {error.strerror}") from None
+        place = error.filename or target
+        raise BagError(f"cannot recover {source}: {place}: {error.strerror}") from None
     if copy.messages == 0:
         target.unlink()
         raise BagError(f"no whole chunk of messages in {source}: nothing to recover")
@@ -68,12 +68,13 @@ class _Copy:
 
     def __init__(self, output: BinaryIO) -> None:
         self.writer = Writer(output, chunk_size=1 << 30)
+        self._started = False
         self.messages = 0
         self.first = 0
         self.last = 0
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
-        self._takers: dict[int, Callable[[bytes], None]] = {
+        self._takers: dict[int, Callable[[Any], None]] = {
             Opcode.HEADER: self._take_header,
             Opcode.SCHEMA: self._take_schema,
             Opcode.CHANNEL: self._take_channel,
@@ -82,24 +83,28 @@ class _Copy:
             Opcode.CHUNK: lambda _: self.writer.flush(),
         }
 
-    def take(self, opcode: int, body: bytes) -> None:
+    def take(self, opcode: int, content: Any) -> None:
+        if not self._started and opcode != Opcode.HEADER:
+            self._start(PROFILE)  # the header is damaged
         taker = self._takers.get(opcode)
         if taker is not None:
-            taker(body)
+            taker(content)
 
-    def _take_header(self, body: bytes) -> None:
-        self.writer.start(profile=Header.read(ReadDataStream(BytesIO(body))).profile)
+    def _start(self, profile: str) -> None:
+        self._started = True
+        self.writer.start(profile=profile)
 
-    def _take_schema(self, body: bytes) -> None:
-        schema = Schema.read(ReadDataStream(BytesIO(body)))
+    def _take_header(self, header: Header) -> None:
+        self._start(header.profile)
+
+    def _take_schema(self, schema: Schema) -> None:
         if schema.id not in self._schemas:
             self._schemas[schema.id] = self.writer.register_schema(
                 schema.name, schema.encoding, schema.data
             )
 
-    def _take_channel(self, body: bytes) -> None:
-        channel = Channel.read(ReadDataStream(BytesIO(body)))
-        if channel.id not in self._channels:
+    def _take_channel(self, channel: Channel) -> None:
+        if channel.id not in self._channels and channel.schema_id in self._schemas:
             self._channels[channel.id] = self.writer.register_channel(
                 channel.topic,
                 channel.message_encoding,
@@ -107,12 +112,13 @@ class _Copy:
                 channel.metadata,
             )
 
-    def _take_metadata(self, body: bytes) -> None:
-        metadata = Metadata.read(ReadDataStream(BytesIO(body)))
+    def _take_metadata(self, metadata: Metadata) -> None:
         self.writer.add_metadata(metadata.name, metadata.metadata)
 
     def _take_message(self, body: bytes) -> None:
         channel, log_time, publish_time, data = message(body)
+        if channel not in self._channels:
+            return  # what it was is damaged
         self.first = min(self.first, log_time) if self.messages else log_time
         self.last = max(self.last, log_time)
         self.messages += 1

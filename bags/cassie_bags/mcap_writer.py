@@ -21,6 +21,9 @@ from mcap.writer import Writer
 from cassie_bags.errors import BagError
 from cassie_bags.message_definitions import definition
 
+PROFILE = "ros2"
+"""How a bag says that its messages are of ROS 2."""
+
 CHUNK_NS = 500_000_000
 """Longest span of a chunk. In ns, of robot time and of wall time."""
 
@@ -28,7 +31,6 @@ _CHUNK_BYTES = 1 << 30  # chunks are closed by time, not by size
 
 QOS_LANE = (1, 100, 1, 2)
 QOS_DEFAULT = (1, 10, 1, 2)
-QOS_LATCHED = (1, 1, 1, 1)
 """History, depth, reliability and durability as rmw numbers them."""
 
 _QOS = """- history: {history}
@@ -59,7 +61,7 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"cannot write bag {path}: {error.strerror}") from None
         self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES)
-        self._writer.start(profile="ros2")
+        self._writer.start(profile=PROFILE)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}

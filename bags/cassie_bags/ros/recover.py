@@ -27,7 +27,7 @@ def main() -> int:
     except BagError as error:
         print(f"recover: error: {error}", file=sys.stderr)
         return 2
-    state = "it was whole" if saved.complete else f"{saved.lost_bytes} bytes at its end were lost"
+    state = "it was whole" if saved.complete else f"{saved.lost_bytes} bytes could not be read"
     print(f"{saved.messages} messages, {saved.duration:.2f} s saved to {target}; {state}")
     return 0
 
