@@ -32,13 +32,11 @@ class Entry:
         content: What `report.json_line` says of it.
         about: What it is, in a sentence.
         table: Its table as text.
-        folder: Where its pictures are.
     """
 
     content: Mapping[str, Any]
     about: str
     table: str
-    folder: Path
 
 
 def page(
@@ -89,7 +87,9 @@ def _section(entry: Entry) -> str:
         f"seed {entry.content['seed']}</h2><p>{html.escape(entry.about)}</p>",
         f"<pre>{html.escape(entry.table)}</pre><div class='pair'>",
     ]
-    parts += [_image(entry.folder / f"{name}.png", name) for name in PICTURES]
+    # Those that it names only: beside them an earlier run may have left others.
+    files = entry.content.get("files", {})
+    parts += [_image(Path(files[name]), name) for name in PICTURES if name in files]
     return "".join([*parts, "</div>"])
 
 

@@ -81,9 +81,19 @@ def test_wrong_words_exit_with_2(files: list[Path], tmp_path: Path, words, reaso
     assert "Traceback" not in process.stderr
 
 
-def test_a_page_without_pictures_is_a_page(tmp_path: Path):
+def test_a_page_without_pictures_is_a_page():
     content = {"name": "try", "seed": 3, "passed": False, "failures": ["the robot fell"]}
-    text = page("Title & more", [Entry(content, "", "a table", tmp_path)], {"mujoco": "4"})
+    text = page("Title & more", [Entry(content, "", "a table")], {"mujoco": "4"})
     assert "Title &amp; more" in text
     assert "the robot fell" in text
     assert "<img" not in text
+
+
+def test_pictures_of_an_earlier_run_are_not_shown(files: list[Path], tmp_path: Path):
+    out = tmp_path / "out"
+    (out / "good").mkdir(parents=True)
+    (out / "good" / "strip.png").write_bytes(b"of a run before")
+    (out / "good" / "bag.mcap").mkdir()  # so that this run cannot be made
+    process = experiments(files[0], "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    assert process.returncode == 3, process.stderr
+    assert "<img" not in (out / "report.html").read_text()

@@ -181,6 +181,36 @@ def test_a_replay_of_some_topics_plays_these_again_and_again(
     node.destroy_subscription(subscription)
 
 
+def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path):
+    from test_bag import write_bag
+
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(2.0))
+    content = bag.read_bytes()
+    bag.write_bytes(content[: 2 * len(content) // 3])
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "--rate", "100"])
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+    log = processes.log("replay").read_text()
+    assert "is damaged or was not closed: " in log
+    assert "messages replayed" in log
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--wait", "nan"], "nan is not 0 s or more"),
+        (["--rate", "fast"], "fast is not a rate above 0"),
+    ],
+)
+def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys):
+    from cassie_bags.ros.replay import _arguments
+
+    with pytest.raises(SystemExit):
+        _arguments(["bag.mcap", *words])
+    assert reason in capsys.readouterr().err
+
+
 def spin(node: Node) -> bool:
     from rclpy.executors import SingleThreadedExecutor
 

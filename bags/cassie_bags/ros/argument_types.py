@@ -34,10 +34,15 @@ def seconds(word: str) -> float:
     Raises:
         argparse.ArgumentTypeError: if it is not one.
     """
-    try:
-        value = float(word)
-    except ValueError:
-        value = 0.0
+    value = number(word)
     if not 2.0 <= value <= 600.0:
         raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
     return value
+
+
+def number(word: str) -> float:
+    """A number; NaN if it is none, so that it is in no range."""
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")

@@ -132,7 +132,7 @@ def _run(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
         for index, (line, text) in crew.results(run_task, tasks):
             content: dict[str, Any] = json.loads(line)
             about = _experiment(tasks[index]).about
-            found[index] = Entry(content, about, text, tasks[index].folder)
+            found[index] = Entry(content, about, text)
             entries = [found[key] for key in sorted(found)]
             path = arguments.out / "report.html"
             sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None

@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 from cassie_bags.bag_reader import BagIndex, read_messages
 from cassie_bags.errors import BagError
 from cassie_bags.robot_clock import CLOCK_TOPIC
+from cassie_bags.ros.argument_types import number
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.ros.fast_lane import WRITER
 from cassie_msgs.ros.process import Stop, run
@@ -69,6 +70,9 @@ class Replay(Node):
         """
         index = BagIndex()
         found = list(read_messages(path, topics or None, index))
+        if not index.complete:
+            lost = f"{index.lost_bytes} bytes could not be read" if index.lost_bytes else "no end"
+            self.get_logger().warning(f"{path} is damaged or was not closed: {lost}")
         names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC})
         for topic in topics:
             if topic not in names:
@@ -132,19 +136,26 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         prog="replay", description="Publish the messages of a bag on their topics, with /clock."
     )
     parser.add_argument("file", type=Path)
-    parser.add_argument("--rate", type=_positive, default=1.0, help="robot time per wall time")
+    parser.add_argument("--rate", type=_rate, default=1.0, help="robot time per wall time")
     parser.add_argument("--topics", nargs="+", default=[], help="only these")
     parser.add_argument("--loop", action="store_true", help="again and again")
     parser.add_argument(
-        "--wait", type=float, default=0.0, help="wait up to so many seconds for subscribers"
+        "--wait", type=_patience, default=0.0, help="wait up to so many seconds for subscribers"
     )
     return parser.parse_args(words)
 
 
-def _positive(word: str) -> float:
-    value = float(word)
+def _rate(word: str) -> float:
+    value = number(word)
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f"{word} is not a rate above 0")
+    return value
+
+
+def _patience(word: str) -> float:
+    value = number(word)
+    if not 0.0 <= value < 1e6:
+        raise argparse.ArgumentTypeError(f"{word} is not 0 s or more")
     return value
 
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.ros.argument_types import count, positive
+from cassie_bags.ros.argument_types import count, number, positive
 from cassie_bags.trial import experiment_of, run_trial
 from cassie_bags.tuning.objective import DEFAULT, Objective, load_objective
 from cassie_bags.tuning.result import Score, table, write_result
@@ -176,9 +176,9 @@ def score(
         owners += [index] * len(some)
     costs: list[list[float]] = [[] for _ in candidates]
     fell = [0] * len(candidates)
-    for number, figures in crew.results(run_trial, trials):
-        costs[owners[number]].append(task.objective.cost_of(trials[number], figures))
-        fell[owners[number]] += int(figures["fell"])
+    for index, figures in crew.results(run_trial, trials):
+        costs[owners[index]].append(task.objective.cost_of(trials[index], figures))
+        fell[owners[index]] += int(figures["fell"])
         bar.update()
     return [
         Score(float(np.mean(np.sort(cost))), falls, len(cost))
@@ -245,10 +245,7 @@ def _share(word: str) -> float:
 
 
 def _between(word: str, low: float, high: float) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = float("nan")
+    value = number(word)
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"{word} is not {low:g} .. {high:g}")
     return value
