@@ -112,14 +112,15 @@ def speed_tracking(track: Track, phases: Sequence[Phase], title: str) -> Figure:
         for index, phase in enumerate(phases):
             shade = 0.18 if index % 2 else 0.09
             axes.axvspan(phase.t0, phase.t1, color=GREY, alpha=shade, linewidth=0)
-    for phase in phases:
-        middle = 0.5 * (phase.t0 + phase.t1)
+    end = track.time[-1]
+    for phase in (phase for phase in phases if phase.t0 < end):
+        middle = 0.5 * (phase.t0 + min(phase.t1, end))
         panels[0].annotate(
             phase.name, (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
             textcoords="offset points", rotation=30, fontsize=7, color=DARK,
         )  # fmt: skip
     panels[-1].set_xlabel("robot time (s)")
-    panels[-1].set_xlim(track.time[0], track.time[-1])
+    panels[-1].set_xlim(track.time[0], end)
     figure.legend(*panels[1].get_legend_handles_labels(), loc="upper right", ncols=2)
     figure.suptitle(f"Tracking: {title}", x=0.01, ha="left", fontsize=10)
     return figure

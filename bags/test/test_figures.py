@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,13 @@ def test_each_figure_is_a_png_with_something_in_it(track: Track, tmp_path: Path)
 def test_a_run_that_ended_at_once_can_be_drawn(tmp_path: Path):
     for path in draw_all(make_track(glide(0.02)), (), "short", tmp_path).values():
         assert path.is_file()
+
+
+def test_phases_that_a_run_did_not_reach_leave_room_for_the_others(track: Track, tmp_path: Path):
+    late = (Phase("at the end", 1.0, 70.0), Phase("never", 70.0, 80.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # matplotlib warns where a label leaves it no room
+        draw_all(track, (*PHASES, *late), "short", tmp_path)
 
 
 def test_a_run_that_ended_in_damping_can_be_drawn(tmp_path: Path):

@@ -78,19 +78,27 @@ class Status:
 
 
 def status_line(wish: Wish | None, status: Status | None, width: int) -> str:
-    """One line of at most `width` characters: the robot, then the wishes."""
+    """One line of at most `width` characters: the robot, which must not be cut off, the wishes."""
     if status is None:
         robot = "no word from the supervisor"
     else:
         age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
         robot = f"{status.mode}{age}"
-        robot += f" | not yet: {status.readiness}" if status.readiness else ""
         robot += f" | FAULT: {'; '.join(status.faults)}" if status.faults else ""
-    if wish is None:
-        wanted = "press p for power on, o for power off, ? for help"
-    else:
-        power = "power" if wish.power else "NO POWER"
-        wanted = f"{wish.mode} {power} vx {wish.vx:+.2f} vy {wish.vy:+.2f} m/s"
-        wanted += f" turn {wish.yaw_rate:+.2f} rad/s height {wish.height:.2f} m"
-    line = f"[{wanted}] {robot}"
+        robot += f" | not yet: {status.readiness}" if status.readiness else ""
+    line = f"{robot} | {_wanted(wish)}"
     return line if len(line) <= width else line[: max(0, width - 1)] + "…"
+
+
+def _wanted(wish: Wish | None) -> str:
+    """The wishes, those for tilt and lean only when there are some."""
+    if wish is None:
+        return "press p for power on, o for power off, ? for help"
+    power = "" if wish.power else "NO POWER, "
+    wanted = f"{power}{wish.mode} vx {wish.vx:+.2f} vy {wish.vy:+.2f} m/s"
+    wanted += f" turn {wish.yaw_rate:+.2f} rad/s height {wish.height:.2f} m"
+    if wish.roll or wish.pitch:
+        wanted += f" roll {wish.roll:+.2f} pitch {wish.pitch:+.2f} rad"
+    if wish.com_x or wish.com_y:
+        wanted += f" lean {wish.com_x:+.2f} {wish.com_y:+.2f} m"
+    return wanted

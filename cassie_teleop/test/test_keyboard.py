@@ -48,3 +48,15 @@ def test_the_line_tells_mode_reason_faults_age_and_fits():
     assert len(status_line(None, status, 40)) == 40
     assert "no word from the supervisor" in status_line(None, None, 200)
     assert "ago" not in status_line(None, Status("walk", "", [], 0.1), 200)
+
+
+def test_a_narrow_terminal_still_shows_what_the_supervisor_waits_for():
+    waits = "the feet carry 120 N of 312 N: let her down"
+    line = status_line(typed("p2wwaaiijj").wish, Status("stand", waits, [], 0.1), 80)
+    assert line.startswith(f"stand | not yet: {waits} | walk ")
+
+
+def test_tilt_and_lean_are_shown_when_there_are_some():
+    assert "lean" not in status_line(typed("p2").wish, None, 200)
+    line = status_line(typed("p3iijth").wish, None, 200)
+    assert "roll +0.02 pitch +0.02 rad lean +0.02 +0.01 m" in line
