@@ -33,6 +33,8 @@ _OTHER_KEYS = (
 )
 """Keys of an experiment that other nodes read."""
 
+_SHOWN = 60  # characters of a wrong text that a message shows
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorConfig(PlantConfig):
@@ -131,7 +133,10 @@ def load_scenario(path: Path) -> Scenario:
             raise ParameterError(f"{path}: {unknown_name(str(key), known, 'key')}")
     mapping = {key: value for key, value in content.items() if key in _SCENARIO_KEYS}
     if "draw" not in mapping:
-        mapping["draw"] = _drawn(int(content.get("seed") or 0))
+        seed = content.get("seed", 0)
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise ParameterError(f"{path}: seed = {seed!r} is not a whole number of 0 or more")
+        mapping["draw"] = _drawn(seed)
     return Scenario.from_mapping(mapping)
 
 
@@ -150,5 +155,10 @@ def _mapping(text: str, what: str) -> dict[str, Any]:
     if content is None:
         return {}
     if not isinstance(content, dict):
-        raise ParameterError(f"{what} = {text!r} is not a mapping of names to values")
+        raise ParameterError(f"{what} = {_shown(text)} is not a mapping of names to values")
     return content
+
+
+def _shown(text: str) -> str:
+    """The beginning of a text that may be a whole file."""
+    return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."

@@ -50,6 +50,8 @@ def test_a_file_of_an_experiment_is_read_without_what_others_read(tmp_path: Path
     [
         ("strat: standing", "did you mean start"),
         ("- 1", "not a mapping"),
+        (100 * "words ", r"(words ){10}'\.\.\. is not a mapping"),
+        ("seed: five", "seed = 'five' is not a whole number of 0 or more"),
         ("{", "not YAML"),
         ("pushes: [{t: 1}]", "force"),
     ],
