@@ -69,7 +69,7 @@ def test_ros_arguments_that_readmes_show_can_be_read(words: str) -> None:
 def test_parameters_that_readmes_name_exist() -> None:
     known = set(names(ControllerConfig))
     groups = "|".join({name.partition(".")[0] for name in known if "." in name})
-    known |= {row.name for row in all_rows()}
+    known |= {name.rpartition(".")[0] for name in known} | {row.name for row in all_rows()}
     for readme in READMES:
         text = readme.read_text(encoding="utf-8")
         for name in re.findall(rf"[` ]((?:{groups})\.[a-z_.]*[a-z])(?=[`:=])", text):
