@@ -40,6 +40,16 @@ def test_walking_needs_standing_first(scene):
     assert scene.core.status.walk == "stand first"
 
 
+def test_hanging_she_stands_and_says_that_she_waits_to_be_let_down(scene):
+    scene.state.foot_force[:] = 0.0
+    scene.run(1.0)
+    assert scene.mode is STAND
+    assert scene.readiness == f"the feet carry 0 N of {WEIGHT:.0f} N: let her down"
+    scene.state.foot_force[:] = 0.5 * WEIGHT
+    scene.run(1.0)
+    assert scene.readiness == ""
+
+
 def test_walking_needs_the_weight_on_the_feet(scene):
     scene.state.foot_force[:] = 0.3 * WEIGHT
     scene.wish(mode=int(WALK))

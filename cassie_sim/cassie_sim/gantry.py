@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -114,8 +112,3 @@ class Gantry:
         self.wrench[3] = share * (_TILT_STIFFNESS * up_y - _TILT_DAMPING * world[0])
         self.wrench[4] = share * (-_TILT_STIFFNESS * up_x - _TILT_DAMPING * world[1])
         self.wrench[5] = -share * _TILT_DAMPING * world[2]
-
-
-def height_is_usable(height: float) -> bool:
-    """Whether the gantry reaches a pelvis height. In m."""
-    return math.isfinite(height) and 0.2 <= height <= 2.0

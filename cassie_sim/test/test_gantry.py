@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cassie_gaits import robot
-from cassie_sim.gantry import SPEED, STIFFNESS, Gantry, height_is_usable
+from cassie_sim.gantry import SPEED, STIFFNESS, Gantry
 
 PERIOD = 0.0005
 MASS = robot.total_mass()
@@ -121,10 +121,3 @@ def test_loaded_straps_centre_and_damp():
     spinning = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     torque = gantry.step(PERIOD, load.position, UPRIGHT, spinning)[3:]
     assert (torque < 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("height", "usable"), [(0.9, True), (0.2, True), (0.1, False), (2.1, False), (math.nan, False)]
-)
-def test_usable_heights(height, usable):
-    assert height_is_usable(height) is usable

@@ -126,7 +126,7 @@ class ModeSupervisor:
             segway=reasons[RobotMode.SEGWAY],
             faults=self._faults(linked, refused, controller_lost, failed),
             fallen=self._posture.fallen,
-            stepping=self._current is RobotMode.STAND and self._posture.stepping,
+            waits=self._waits(state) if self._current is RobotMode.STAND else "",
             link=linked,
         )
         return self._answer(state)
@@ -204,6 +204,11 @@ class ModeSupervisor:
         if height > c.ride_height + c.height_tolerance:
             return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {height:.2f} m"
         return self._restless()
+
+    def _waits(self, state: RobotState) -> str:
+        if self._posture.stepping:
+            return "one foot off the ground: stepping until she rests"
+        return "" if self._posture.grounded else self._unloaded(state)
 
     def _unloaded(self, state: RobotState) -> str:
         carried = float(state.foot_force.sum())

@@ -17,7 +17,7 @@ class SupervisorStatus:
         stand, walk, segway: Why that mode is refused now; empty when it would be entered.
         faults: What is wrong, in words.
         fallen: Whether Cassie fell and has not been set upright since.
-        stepping: Whether she stands, yet with one foot off the ground.
+        waits: What she waits for while she stands as asked for: to be let down, or for rest.
         link: Whether the operator's commands arrive over a good link.
     """
 
@@ -28,14 +28,14 @@ class SupervisorStatus:
     segway: str = ""
     faults: tuple[str, ...] = ()
     fallen: bool = False
-    stepping: bool = False
+    waits: str = ""
     link: bool = False
 
     @property
     def readiness(self) -> str:
-        """Why the requested mode is not in force, or stands with a step; empty when it is."""
+        """Why the requested mode is not in force, or what it waits for; empty when it is."""
         if self.mode == self.requested:
-            return "one foot off the ground: stepping until she rests" if self.stepping else ""
+            return self.waits
         reasons = {
             RobotMode.STAND: self.stand,
             RobotMode.WALK: self.walk,
