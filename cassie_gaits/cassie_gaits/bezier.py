@@ -9,8 +9,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_gaits.errors import GaitLibraryError
-
 FloatArray = npt.NDArray[np.float64]
 
 DEGREE = 5
@@ -61,41 +59,6 @@ def derivative(coefficients: FloatArray, phase: float) -> FloatArray:
     return value
 
 
-def second_derivative(coefficients: FloatArray, phase: float) -> FloatArray:
-    """Second derivative of each row with respect to phase. Shape (n,)."""
-    value: FloatArray = coefficients @ basis(phase)[:, 2]
-    return value
-
-
-def continue_from(
-    coefficients: FloatArray, value: npt.ArrayLike, rate: npt.ArrayLike, step_time: float
-) -> FloatArray:
-    """Coefficients of a step that starts where the last one ended.
-
-    Args:
-        coefficients: Of the new step. Shape (n, 6). Not changed.
-        value: Desired outputs at the end of the last step. Shape (n,).
-        rate: Their time derivatives. Shape (n,), per second.
-        step_time: Duration T of the new step. In s.
-
-    Returns:
-        The coefficients with alpha_0 = value and alpha_1 = value + rate T / 5. Shape (n, 6).
-
-    Raises:
-        GaitLibraryError: if `step_time` is not positive.
-
-    Source:
-        Da et al. 2016, as the paper cites it for its gait library.
-    """
-    if not step_time > 0.0:
-        raise GaitLibraryError(f"step time is {step_time} s, expected more than 0")
-    start = np.asarray(value, dtype=np.float64)
-    result = coefficients.copy()
-    result[:, 0] = start
-    result[:, 1] = start + np.asarray(rate, dtype=np.float64) * (step_time / DEGREE)
-    return result
-
-
 def fade(phase: float) -> float:
     """Polynomial with coefficients (0, 0, 1, 1, 1, 1): from 0 at phase 0 to 1 at phase 1.
 
@@ -103,11 +66,3 @@ def fade(phase: float) -> float:
     """
     r = 1.0 - min(1.0, max(0.0, phase))
     return 1.0 - r * r * r * r * (5.0 - 4.0 * r)
-
-
-def fade_derivative(phase: float) -> float:
-    """Derivative of `fade` with respect to phase, 0 outside [0, 1]."""
-    if not 0.0 <= phase <= 1.0:
-        return 0.0
-    r = 1.0 - phase
-    return 20.0 * r * r * r * phase

@@ -18,7 +18,6 @@ from cassie_msgs.ros.fast_lane import (
     LaneSubscription,
     LaneWaiter,
     message_type,
-    wait_for_peers,
 )
 
 ECHO = Path(__file__).with_name("lane_echo.py")
@@ -135,10 +134,3 @@ def test_a_wait_ends_when_woken_and_when_its_time_is_over(node):
     threading.Timer(0.05, waiter.wake).start()
     assert not waiter.wait(30.0)
     assert time.monotonic() - start < 5.0
-
-
-def test_missing_peers_are_named(node):
-    missing = wait_for_peers(node, {"/cassie/state": ("publisher", "state_estimator")}, 0.1)
-    assert missing == ["/cassie/state: no publisher within 0.1 s (state_estimator not running?)"]
-    _kept = LanePublisher(node, Sensors)
-    assert wait_for_peers(node, {"/cassie/sensors": ("publisher", "simulator")}) == []

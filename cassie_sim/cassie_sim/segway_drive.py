@@ -12,9 +12,6 @@ from cassie_sim.scene_parameters import Segway
 from cassie_sim.segway import GRAVITY, MASS, WHEEL_RADIUS
 from cassie_sim.segway_ground import WAYS
 
-TOP_SPEED = 16.0 / 3.6
-"""In m/s."""
-
 PITCH_GAIN, PITCH_DAMPING = 700.0, 60.0
 """Of both motors together under a rider of 60 kg. In Nm/rad and Nms/rad."""
 

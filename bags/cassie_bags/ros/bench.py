@@ -128,7 +128,7 @@ def _five_processes(experiment: Experiment) -> dict[str, float]:
 def _default_executor(experiment: Experiment) -> dict[str, float]:
     """Five processes with message objects and `rclpy.spin`."""
 
-    def play(folder: Path, processes: Processes, domain: int) -> None:
+    def play(folder: Path, processes: Processes, _: int) -> None:
         file = folder / "experiment.yaml"
         write_resolved(experiment, file)
         for name in _NODES:

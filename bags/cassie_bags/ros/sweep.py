@@ -132,7 +132,7 @@ def _row(row: Row, variant: str, budget: Budget, crew: Workers, bar: tqdm) -> Ro
         result = measure_row(row, budget, crew, progress)
     except ExperimentError as error:
         result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
-    bar.write(f"{row.title} ({variant}): {cell(row, result)}", file=sys.stderr)
+    bar.write(f"{row.title} ({variant}): {cell(result)}", file=sys.stderr)
     return result
 
 

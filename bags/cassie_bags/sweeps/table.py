@@ -50,16 +50,14 @@ def table(rows: Sequence[Row], results: Results) -> str:
     lines = [["capability", "target", *results]]
     for row in rows:
         bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
-        lines.append(
-            [row.title, bound, *(cell(row, found.get(row.name)) for found in results.values())]
-        )
+        lines.append([row.title, bound, *(cell(found.get(row.name)) for found in results.values())])
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
     text.insert(1, "-" * max(map(len, text)))
     return "\n".join(text)
 
 
-def cell(row: Row, result: RowResult | None) -> str:
+def cell(result: RowResult | None) -> str:
     """What a row came to, in short."""
     if result is None:
         return "-"

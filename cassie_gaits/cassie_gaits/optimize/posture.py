@@ -7,7 +7,6 @@ every joint.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -121,7 +120,3 @@ def about_x(angle: ca.SX) -> ca.SX:
 def _about_y(angle: ca.SX) -> ca.SX:
     c, s = ca.cos(angle), ca.sin(angle)
     return ca.vertcat(ca.horzcat(c, 0.0, s), ca.horzcat(0.0, 1.0, 0.0), ca.horzcat(-s, 0.0, c))
-
-
-MAX_LENGTH = math.sqrt(THIGH**2 + SHIN**2 + 2.0 * THIGH * SHIN)
-"""Longest virtual leg. In m."""

@@ -15,7 +15,7 @@ import os
 import select
 import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import Any, Generic, TypeVar
@@ -234,37 +234,6 @@ class Doze:
         now = time.monotonic()
         time.sleep(min(0.5 * (now - self._last), self._longest))
         self._last = now
-
-
-def wait_for_peers(
-    node: Node,
-    peers: Mapping[str, tuple[str, str]],
-    timeout: float = 10.0,
-    stopped: Callable[[], bool] = lambda: False,
-) -> list[str]:
-    """Wait until each topic has its counterpart.
-
-    Args:
-        node: Node to look from.
-        peers: For each topic, whether a "publisher" or a "subscription" is needed, and
-            who would have it.
-        timeout: Longest wait, in s of wall time.
-        stopped: Ends the wait early when true.
-
-    Returns:
-        One line for each that is missing; empty when all are there.
-    """
-    count = {"publisher": node.count_publishers, "subscription": node.count_subscribers}
-    deadline = time.monotonic() + timeout
-    while True:
-        missing = [
-            f"{topic}: no {kind} within {timeout:g} s ({who} not running?)"
-            for topic, (kind, who) in peers.items()
-            if count[kind](topic) == 0
-        ]
-        if not missing or stopped() or time.monotonic() >= deadline:
-            return missing
-        time.sleep(0.01)
 
 
 def _ignore(_: object) -> None:
