@@ -6,19 +6,19 @@ its own that begins as a copy of that one.
 
 from __future__ import annotations
 
+import functools
 import math
-import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
+from cassie_bags.copies import in_copies
 from cassie_bags.cores import make_cores
 from cassie_bags.experiment_file import Experiment, read_experiment
 from cassie_bags.in_process import Loop
 from cassie_bags.resolve import resolve
-from cassie_bags.workers import obey_parent
 from cassie_control.estimator.channels import CHANNELS
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_sim.events import ActiveFault
@@ -244,20 +244,14 @@ def run_table(
         jobs: Processes at a time.
         also: Channels that fail along with each.
     """
-    fork = multiprocessing.get_context("fork")
     for mode in modes:
-        global _rehearsal
-        _rehearsal = Rehearsal(mode, seed)
+        rehearsal = Rehearsal(mode, seed)
         faults = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
-        with fork.Pool(jobs, obey_parent, maxtasksperchild=1) as pool:
-            yield from pool.imap(_one, faults, chunksize=1)
+        yield from in_copies(functools.partial(_fail, rehearsal), faults, jobs)
 
 
-_rehearsal: Rehearsal
-
-
-def _one(fault: tuple[str, str, tuple[str, ...]]) -> Cell:
-    return _rehearsal.fail(*fault)
+def _fail(rehearsal: Rehearsal, fault: tuple[str, str, tuple[str, ...]]) -> Cell:
+    return rehearsal.fail(*fault)
 
 
 def all_channels() -> tuple[str, ...]:

@@ -8,8 +8,7 @@ Robot and sensor noise are the same in all of them, so what differs is what the 
 from __future__ import annotations
 
 import math
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from cassie_bags.copies import in_copies
 from cassie_bags.cores import make_cores
 from cassie_bags.errors import RunError
 from cassie_bags.experiment_file import Experiment, read_experiment
@@ -24,7 +24,6 @@ from cassie_bags.in_process import Loop
 from cassie_bags.resolve import resolve
 from cassie_bags.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.trial import has_fallen
-from cassie_bags.workers import obey_parent
 from cassie_control.estimator.fusion import GRAVITY
 from cassie_msgs.layout import Mode
 from cassie_sim.scenario import Push
@@ -240,8 +239,9 @@ def measure(
     pushes = [((0.0, 0.0), 0.0)]
     pushes += [((impulse * x, impulse * y), delay) for delay in DELAYS for x, y in IMPULSES]
     pushes.append(((WHISPER * impulse, WHISPER * impulse), DELAYS[0]))
-    runs = []
-    for run in _copies(Walk(experiment, speed), pushes, steps, jobs):
+    runs: list[Touchdowns] = []
+    walk = Walk(experiment, speed)
+    for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
         runs.append(run)
         advance()
     nominal, pushed, whisper = runs[0], runs[1:-1], runs[-1]
@@ -270,23 +270,6 @@ def in_line(time: FloatArray, nominal: FloatArray) -> bool:
     """
     ratio = np.diff(time, prepend=0.0) / np.diff(nominal, prepend=0.0)
     return bool((ratio > 0.5).all() and (ratio < 1.5).all())
-
-
-def _copies(
-    walk: Walk, pushes: Sequence[tuple[tuple[float, float], float]], steps: int, jobs: int
-) -> Iterator[Touchdowns]:
-    global _walk
-    _walk = walk
-    fork = multiprocessing.get_context("fork")
-    with fork.Pool(jobs, obey_parent, maxtasksperchild=1) as pool:
-        yield from pool.imap(_one, [(*push, steps) for push in pushes], chunksize=1)
-
-
-_walk: Walk
-
-
-def _one(job: tuple[tuple[float, float], float, int]) -> Touchdowns:
-    return _walk.go_on(*job)
 
 
 def _yaw(quaternion: FloatArray) -> float:

@@ -27,6 +27,8 @@ Result = TypeVar("Result")
 CONNECT_TIMEOUT = 10
 """Wall time in which a scheduler must answer. In s."""
 
+DIED = "a worker process died, perhaps for want of memory"
+
 _NICENESS = 5
 
 
@@ -126,12 +128,12 @@ class LocalProcesses:
                 future = next(completed(running))
                 index, result = running.pop(future), future.result()
             except BrokenProcessPool:
-                raise RunError("a worker process died, perhaps for want of memory") from None
+                raise RunError(DIED) from None
             yield index, result
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         # `close` does not know a process half started, and one that starts knows no Ctrl-C.
-        with self._starting, _no_ctrl_c(), _children_without_ctrl_c():
+        with self._starting, _no_ctrl_c(), children_without_ctrl_c():
             future = self._pool.submit(function, item)
             self._given = {other for other in self._given if not other.done()} | {future}
         return future
@@ -258,7 +260,7 @@ def _no_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _children_without_ctrl_c() -> Iterator[None]:
+def children_without_ctrl_c() -> Iterator[None]:
     """Processes that the block starts do not get Ctrl-C, not even before they can ignore it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

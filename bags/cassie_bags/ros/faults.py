@@ -8,6 +8,7 @@ import sys
 
 from tqdm import tqdm
 
+from cassie_bags.errors import RunError
 from cassie_bags.fault_table import MODES, Cell, all_channels, run_table, table
 from cassie_bags.ros.argument_types import count, positive
 from cassie_bags.workers import available_cores
@@ -15,7 +16,7 @@ from cassie_gaits.errors import CassieError
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.scenario import FAULT_KINDS
 
-SAFE, UNSAFE, WRONG_INPUT, STOPPED = 0, 1, 2, 130
+SAFE, UNSAFE, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 
@@ -41,6 +42,9 @@ def main() -> int:
     except KeyboardInterrupt:
         print("faults: stopped", file=sys.stderr)
         return STOPPED
+    except RunError as error:
+        print(f"faults: error: {error}", file=sys.stderr)
+        return NO_RUN
     except (ValueError, CassieError) as error:
         print(f"faults: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
@@ -56,7 +60,7 @@ def _arguments() -> argparse.Namespace:
         description="Let sensors fail while Cassie stands and walks; print a table of what she "
         "does and how long after the error's bound the channel is reported.",
         epilog="Exit codes: 0 all faults end safely and are reported within 100 ms, 1 some do not, "
-        "2 wrong arguments, 130 stopped.",
+        "2 wrong arguments, 3 a worker died, 130 stopped.",
     )
     parser.add_argument("channels", nargs="*", metavar="CHANNEL", help="drive_position.3; all")
     parser.add_argument("--kinds", nargs="+", default=FAULT_KINDS, choices=FAULT_KINDS)
