@@ -142,6 +142,12 @@ def test_a_wrong_file_is_refused_with_key_value_and_range(text: str, reason: str
         resolve(read(text))
 
 
+@pytest.mark.parametrize("word", ["off", "'off'"])
+def test_a_sensor_that_is_off_is_off_although_yaml_takes_that_for_false(word: str):
+    fault = f"faults: [{{t: 1.0, duration: 1.0, channel: drive_position.3, kind: {word}}}]\n"
+    assert read(TEXT + fault).scenario.faults[0].kind == "off"
+
+
 def test_a_missing_file_is_refused(tmp_path: Path):
     with pytest.raises(ExperimentError, match="No such file"):
         load_experiment(tmp_path / "none.yaml")

@@ -192,6 +192,8 @@ def _events(cls: type, mapping: Mapping[str, Any], key: str) -> tuple[Any, ...]:
     for index, entry in enumerate(entries):
         if not isinstance(entry, Mapping):
             raise ParameterError(f"{key}[{index}] = {entry!r} is not a mapping of names to values")
+        if entry.get("kind") is False:
+            entry = {**entry, "kind": "off"}  # which YAML takes for false, unless it is quoted
         try:
             events.append(from_mapping(cls, entry))
         except ParameterError as error:
