@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast
 
 from cassie_bags.errors import RunError
 from cassie_bags.workers import DIED, children_without_ctrl_c, obey_parent
+from cassie_gaits.processes import end_with_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -77,6 +78,7 @@ def _received(receiver: Connection) -> Any:
 
 def _answer(sender: Connection, function: Callable[[Item], Result], item: Item) -> None:
     obey_parent()
+    end_with_parent()
     try:
         answer: tuple[Result | None, Exception | None] = (function(item), None)
     except Exception as error:

@@ -76,7 +76,7 @@ def json_line(outcome: Outcome) -> str:
         },
         "files": dict(outcome.files),
     }
-    return json.dumps(_finite(content), allow_nan=False)
+    return json.dumps(finite(content), allow_nan=False)
 
 
 def table(outcome: Outcome) -> str:
@@ -145,12 +145,12 @@ def _phase_content(phase: PhaseMetrics) -> dict[str, Any]:
     }
 
 
-def _finite(content: Any) -> Any:
+def finite(content: Any) -> Any:
     """NaN and infinity as null, through nested mappings and lists."""
     if isinstance(content, float):
         return content if math.isfinite(content) else None
     if isinstance(content, Mapping):
-        return {key: _finite(value) for key, value in content.items()}
+        return {key: finite(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
-        return [_finite(value) for value in content]
+        return [finite(value) for value in content]
     return content

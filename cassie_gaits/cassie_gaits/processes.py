@@ -43,9 +43,14 @@ def local_processes(count: int) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
+def end_with_parent() -> None:
+    """In a child: be terminated when the process that started it dies, however it dies."""
+    with contextlib.suppress(OSError, AttributeError):  # not on Linux
+        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
+
+
 def _begin_worker() -> None:
     """A worker leaves Ctrl-C to its parent, which ends it, and ends when that one is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    with contextlib.suppress(OSError, AttributeError):  # not on Linux
-        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
+    end_with_parent()

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -19,12 +17,12 @@ from typing import Any
 import yaml
 
 from cassie_bags.errors import RunError
+from cassie_gaits.processes import end_with_parent
 
 GRACE = 5.0
 """Wall time that a process has to end after Ctrl-C before it is killed. In s."""
 
 _DOMAINS = range(40, 100)  # DDS domains whose ports are free of the system's own on every OS
-_PARENT_DIES = 1  # PR_SET_PDEATHSIG
 
 
 def executable(package: str, name: str) -> Path:
@@ -106,7 +104,7 @@ class Processes:
         """
 
         def prepare() -> None:
-            _die_with_parent()
+            end_with_parent()
             if processors:
                 os.sched_setaffinity(0, processors)
 
@@ -195,9 +193,3 @@ def _all_end(processes: Sequence[subprocess.Popen[bytes]], patience: float) -> b
         except subprocess.TimeoutExpired:
             return False
     return True
-
-
-def _die_with_parent() -> None:
-    """In the child: be terminated when the process that started it dies, however it dies."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)

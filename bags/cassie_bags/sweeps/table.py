@@ -11,6 +11,7 @@ from typing import Any
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.provenance import versions
+from cassie_bags.report import finite
 from cassie_bags.sweeps.course import Budget
 from cassie_bags.sweeps.ground_rows import ground_rows
 from cassie_bags.sweeps.loop_rows import loop_rows
@@ -98,7 +99,7 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
         ],
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(_finite(content), indent=1, allow_nan=False), encoding="utf-8")
+    path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
 
 
 def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
@@ -133,13 +134,3 @@ def _result(content: Mapping[str, Any]) -> RowResult:
         for level in content["levels"]
     ]
     return RowResult(**{**content, "measured": number(content["measured"]), "levels": levels})
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, float):
-        return content if math.isfinite(content) else None
-    if isinstance(content, Mapping):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [_finite(value) for value in content]
-    return content
