@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 from synthetic import glide
 
+from cassie_bags.cores import make_loop, tick_count
+from cassie_bags.in_process import Store, run
+from cassie_bags.leg_geometry import euler_angles
 from cassie_bags.odometry import odometry_dtype
-from cassie_bags.recording import Recording, Rows
+from cassie_bags.recording import Recording, Rows, stamps
 from cassie_bags.ride import gate_miss, measure_ride
 from cassie_bags.sweeps.course import Budget
-from cassie_bags.sweeps.segway_rows import leans, segway_rows
+from cassie_bags.sweeps.segway_rows import GO, leans, segway_rows
+from cassie_bags.sweeps.segway_rows import ride as segway_ride
 from cassie_bags.toe_gains import (
     SOFTNESS,
     Setting,
@@ -120,6 +124,18 @@ def test_random_leans_do_not_throw_her_off():
     trial = next(t for t in row.trials(Budget(seeds=6), 0.0) if t.seed == 6)
     shorter = dataclasses.replace(trial, content={**trial.content, "duration": 45.0})
     assert not run_trial(shorter)["fell"]
+
+
+def test_he_finds_another_heading_without_swinging():
+    """He looked 0.2 s late and leant by too much: the heading swung, and ever more so."""
+    window = (GO + 6.0, GO + 9.0)
+    trial = segway_ride(Budget(seeds=1), 1, window, [{"t": GO, "heading": 0.15}])
+    experiment, store = experiment_of(trial), Store()
+    run(make_loop(experiment, store), range(tick_count(experiment)))
+    rows = store.recording(0.0).segway
+    calm = stamps(rows) > window[0]
+    assert np.abs(rows["angular"][calm, 2]).max() < 0.1
+    assert euler_angles(rows["orientation"])[-1, 0] == pytest.approx(0.15, abs=0.05)
 
 
 def test_nominal_gains_are_those_of_two_feet():

@@ -30,7 +30,7 @@ class Rider:
     to, he looks ahead:
 
         com_y = turn_lean (1 + v / 2) (k + turn_time dk/dt + turn_gain (k0 - r)
-                + heading_gain * error of heading + side_gain * distance + side_sum * its integral),
+                + slope_gain * error of heading + side_gain * distance + side_sum * its integral),
 
     with k the turn of the way where he will be `turn_wait` from now, k0 that where he is seen.
 
@@ -147,7 +147,7 @@ class Rider:
         self._sums[1] = _bounded(self._sums[1] + summed, _SUM_Y)
         wanted = turn + c.turn_time * (later - turn) / step
         wanted += c.turn_gain * (self._seen * curvature(gates, along) - rate)
-        wanted += c.heading_gain * _wrapped(slope(gates, along) - sight.heading + start.heading)
+        wanted += c.slope_gain * _wrapped(slope(gates, along) - sight.heading + start.heading)
         return lean * (wanted + c.side_gain * aside) + self._sums[1]
 
 

@@ -32,7 +32,8 @@ class RiderSettings:
     turn_wait: float = tunable(0.22, "s", 0.0, 2.0, "How far ahead on his way he looks for it")
     turn_gain: float = tunable(1.03, "", 0.0, 5.0, "Turn rate by its error")
     turn_sum: float = tunable(0.9, "1/s", 0.0, 5.0, "Turn rate by the sum of its error")
-    heading_gain: float = tunable(1.1, "1/s", 0.0, 5.0, "Turn rate by error of heading")
+    heading_gain: float = tunable(0.4, "1/s", 0.0, 5.0, "Turn rate by error of heading")
+    slope_gain: float = tunable(1.1, "1/s", 0.0, 5.0, "The same on his way through gates")
     side_gain: float = tunable(0.5, "rad/s/m", 0.0, 5.0, "Turn rate by distance from his way")
     side_sum: float = tunable(
         0.08, "rad/s/(m s)", 0.0, 2.0, "Turn rate by the sum of that distance"
