@@ -196,3 +196,35 @@ def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
     told, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01, vx=3.0), 2000)
     silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 2000)
     assert told.speed == pytest.approx(silent.speed, abs=1e-9)
+
+
+def leant(ahead=0.0, turn=0.0, **wish):
+    """Where she leans a second after a wish, as she turns with her CoM so far ahead (m, rad/s)."""
+    state = crouched()
+    state.com_position[0] += ahead
+    state.v[3] = state.angular_velocity[2] = turn
+    return ridden(state, mode_of(height=0.65, **wish), 500)[0].lean
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_too_fast_a_turn_is_not_leant_into(side):
+    """At the same lean it turns faster as it slows down, and throws her out."""
+    assert side * leant(turn=0.5 * side, com_y=0.095 * side)[1] > 0.06
+    assert side * leant(turn=2.0 * side, com_y=0.095 * side)[1] < 0.03
+
+
+def test_far_back_she_does_not_lean_to_a_side():
+    """There the outer shin catches the pad of the bar, and her foot slips."""
+    assert leant(ahead=0.05, com_y=0.05)[1] == pytest.approx(0.05)
+    assert leant(com_y=0.05)[1] == pytest.approx(0.05)
+    assert leant(ahead=-0.08, com_y=0.05)[1] < 0.035
+
+
+def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
+    """From far back they press at their heels already: more of it and the torso bends."""
+    pendulum = Pendulum()
+    assert pendulum.balance.near(pendulum.readings)[0][1] > 0.09
+    pendulum.run(6.0, -0.3, -0.06)
+    (_, ahead), _ = pendulum.balance.near(pendulum.readings)
+    assert pendulum.x == pytest.approx(-0.06, abs=0.005)
+    assert -0.045 < ahead < 0.04

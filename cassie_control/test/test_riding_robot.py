@@ -89,6 +89,18 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
     assert abs(_forward(robot)) < 0.4
 
 
+def test_leant_back_and_to_a_side_until_it_rolls_backward_she_is_not_thrown_off():
+    """It turned faster and faster as it slowed down, and threw her out as it rolled back."""
+    robot = put_on(LET_DOWN["gantry"][:2], 5.0)
+    robot.wish(com_x=0.06)
+    robot.run(2.0)
+    robot.wish(com_x=-0.095, com_y=0.095)
+    robot.run(10.0)
+    assert _forward(robot) < -0.1
+    assert not robot.fallen
+    assert max(abs(moment.angles[2]) for moment in robot.moments) < 0.25
+
+
 def test_on_a_lawn_the_torso_does_not_swing_from_side_to_side():
     robot = put_on(LET_DOWN["gantry"][:2], 5.0, surface="grass")
     robot.wish(com_x=0.08)

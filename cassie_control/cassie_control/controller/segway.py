@@ -18,6 +18,7 @@ _TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which she leans to a side by that share only
+_LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
@@ -84,6 +85,11 @@ class RidingController:
         """Forward, as Cassie estimates it. In m/s."""
         return self._balance.speed
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        """Where the CoM is wanted after all bounds, forward and to the left of the feet. In m."""
+        return float(self._mode.com_x), float(self._mode.com_y)
+
     def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin at rest, from the present pose.
 
@@ -123,6 +129,10 @@ class RidingController:
             wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
         wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
+        self._out_of_corner(readings, wanted)
+        (back, ahead), (right, left) = self._balance.near(readings)
+        wanted.com_x[...] = max(back, min(ahead, float(wanted.com_x)))
+        wanted.com_y[...] = max(right, min(left, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
 
     def _bounded_by_speed(self, com_x: float) -> float:
@@ -185,13 +195,35 @@ class RidingController:
     def _bounded_y(self, readings: Readings, com_y: float) -> float:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
-        # Backward a lean to a side turns to the other side, and throws her out.
-        backward = max(0.0, min(1.0, -balance.speed / _SLOW))
+        com_y = self._bounded_by_turn(self._turn, com_y)
+        # Backward a lean to a side throws her out. She leans slowly: how fast will it be?
+        soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
+        backward = max(0.0, min(1.0, -soon / _SLOW))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
         left, limit = balance.rest(readings)[1], c.press_limit_y
         if backward > 0.0:
             com_y = max(-aside, min(aside, com_y))
         return max(left - limit, min(left + limit, com_y))
+
+    def _out_of_corner(self, readings: Readings, wanted: Mode) -> None:
+        """Less of a lean back the farther the CoM is to a side, and the other way round.
+
+        Far back and to a side the outer shin catches the pad of the bar: it carries her instead of
+        the foot, which slips, and as it lets go she falls.
+        """
+        ahead, left, _ = readings.com_from_feet
+        back = max(_LEAST, self.config.corner - abs(left))
+        aside = max(_LEAST, self.config.corner - max(0.0, -ahead))
+        wanted.com_x[...] = max(-back, float(wanted.com_x))
+        wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
+
+    def _bounded_by_turn(self, rate: float, com_y: float) -> float:
+        """Of a lean (m) what does not add to too fast a turn; `rate` is the yaw rate, in rad/s."""
+        c = self.config
+        lean = c.turn_lean * (1.0 + 0.5 * abs(self._balance.speed)) * c.turn_limit
+        highest = lean + c.kp_turn * (c.turn_limit - rate)
+        lowest = -lean - c.kp_turn * (c.turn_limit + rate)
+        return max(lowest, min(highest, com_y))
 
     def _feel_turn(self, rate: float) -> None:
         """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""

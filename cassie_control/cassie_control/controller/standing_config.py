@@ -167,6 +167,17 @@ class SegwayConfig(StandConfig):
     kp_yaw_rate: float = tunable(
         0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
     )
+    turn_limit: float = tunable(1.2, "rad/s", 0.1, 5.0, "Yaw rate beyond which no lean adds")
+    turn_lean: float = tunable(
+        0.05, "m/(rad/s)", 0.0, 0.2, "CoM y that turns it so fast, times 1 + speed / 2"
+    )
+    kp_turn: float = tunable(0.08, "m/(rad/s)", 0.0, 0.5, "CoM y back by what it turns faster")
+    slow_time: float = tunable(
+        0.7, "s", 0.0, 3.0, "How far ahead it is minded that it will roll backward"
+    )
+    corner: float = tunable(
+        0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
+    )
     speed_time: float = tunable(
         5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans her"
     )
@@ -190,7 +201,7 @@ class SegwayConfig(StandConfig):
     top_speed: float = tunable(
         5.5, "m/s", 0.0, 10.0, "Speed, as she estimates it, beyond which no lean adds"
     )
-    back_speed: float = tunable(2.0, "m/s", 0.0, 5.0, "The same backward")
+    back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
     tilt_margin: float = tunable(
         0.02,
         "rad",
