@@ -11,7 +11,8 @@ robot's clock whatever the speed of the machine; `publish_time` is the time of r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -46,7 +47,10 @@ _QOS = """- history: {history}
 
 
 class BagWriter:
-    """One bag, open for writing. Use it in a `with` statement, or call `close`."""
+    """One bag, open for writing. Use it in a `with` statement, or call `close`.
+
+    Whatever writes raises a BagError if the file cannot take it, as when the disk is full.
+    """
 
     def __init__(self, path: Path) -> None:
         """Create the file; its folder is made too.
@@ -127,8 +131,9 @@ class BagWriter:
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Append a named record of words, for example what a seed drew."""
-        self._writer.add_metadata(name, dict(content))
-        self._stream.flush()
+        with self._told():
+            self._writer.add_metadata(name, dict(content))
+            self._stream.flush()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -139,8 +144,9 @@ class BagWriter:
         """Write what is open, then the index. Calling it again does nothing."""
         if not self._closed:
             self._closed = True
-            self._writer.finish()
-            self._stream.close()
+            with self._told():
+                self._writer.finish()
+                self._stream.close()
 
     def __enter__(self) -> BagWriter:
         return self
@@ -154,5 +160,16 @@ class BagWriter:
         self.close()
 
     def _close_chunk(self) -> None:
-        self._writer.flush()
+        with self._told():
+            self._writer.flush()
         self._chunk_log = None
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._closed = True  # what it holds cannot be written, now or at the end
+            with contextlib.suppress(OSError):
+                self._stream.close()
+            raise BagError(f"cannot write bag {self.path}: {error.strerror}") from None

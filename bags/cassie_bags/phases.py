@@ -14,9 +14,11 @@ def phases_of_steps(steps: Sequence[Mapping[str, Any]], duration: float) -> tupl
     """One phase for each interval between operator steps, named after what the step changes.
 
     Args:
-        steps: Operator steps, in order of time.
+        steps: Operator steps, in order of time; without any, all of the run is one phase.
         duration: End of the last phase. In s.
     """
+    if not steps:
+        return (Phase("without an operator", 0.0, duration),)
     starts = [float(step["t"]) for step in steps]
     ends = [*starts[1:], duration]
     return tuple(

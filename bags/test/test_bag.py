@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from synthetic import TICK_NS, glide_messages
@@ -178,50 +177,6 @@ time.sleep(60)
     saved = recover(path, tmp_path / "saved.mcap")
     assert saved.messages >= 750
     assert gaps(read_recording(tmp_path / "saved.mcap")) == []
-
-
-def parts(path: Path) -> list[tuple[int, int, int]]:
-    """Opcode, start and end of each record of a file."""
-    content, at, found = path.read_bytes(), 8, []
-    while at < len(content) - 8:
-        end = at + 9 + int.from_bytes(content[at + 1 : at + 9], "little")
-        found.append((content[at], at, end))
-        at = end
-    return found
-
-
-@pytest.mark.parametrize("which", [0, 1, -1])
-def test_a_damaged_chunk_costs_what_is_in_it_and_no_more(tmp_path: Path, bag: Path, which: int):
-    chunks = [part for part in parts(bag) if part[0] == Opcode.CHUNK]
-    _, start, end = chunks[which]
-    content = bytearray(bag.read_bytes())
-    content[end - 50] ^= 4
-    bag.write_bytes(content)
-    saved = recover(bag, tmp_path / "saved.mcap")
-    assert not saved.complete
-    assert saved.lost_bytes == end - start
-    copy, index = tmp_path / "saved.mcap", BagIndex()
-    left = [seq for _, seq, *_ in read_messages(bag, [RobotState.TOPIC], index)]
-    assert len(left) == 1000 - 250
-    assert index.lost_bytes == end - start
-    assert not index.complete
-    assert index.types[RobotState.TOPIC] == RobotState.TYPE
-    assert [seq for _, seq, *_ in read_messages(copy, [RobotState.TOPIC])] == left
-
-
-@pytest.mark.parametrize("kind", [Opcode.HEADER, Opcode.METADATA])
-def test_a_damaged_record_between_the_chunks_costs_only_itself(
-    tmp_path: Path, bag: Path, kind: Opcode
-):
-    _, start, end = next(part for part in parts(bag) if part[0] == kind)
-    content = bytearray(bag.read_bytes())
-    content[start + 13] = 0xFF  # no first byte of a letter
-    bag.write_bytes(content)
-    assert len(read_recording(bag).lane[RobotState.TOPIC]) == 1000
-    saved = recover(bag, tmp_path / "saved.mcap")
-    assert saved.lost_bytes == end - start
-    with AnyReader([tmp_path / "saved.mcap"]) as reader:
-        assert reader.topics[RobotState.TOPIC].msgcount == 1000
 
 
 def test_what_is_no_bag_is_refused(tmp_path: Path, bag: Path):

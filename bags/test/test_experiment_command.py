@@ -113,6 +113,13 @@ def test_a_wrong_file_exits_with_2_and_one_line(file: Path, words: list[str], re
     assert reason in process.stderr
 
 
+def test_a_file_with_nothing_but_its_duration_is_an_experiment(tmp_path: Path):
+    (tmp_path / "hang.yaml").write_text("duration: 0.5\n")
+    process = experiment(tmp_path / "hang.yaml", "--in-process")
+    assert process.returncode == 0, process.stderr
+    assert [phase["name"] for phase in result(process)["phases"]] == ["without an operator"]
+
+
 def test_a_missing_file_exits_with_2(tmp_path: Path):
     process = experiment(tmp_path / "none.yaml")
     assert process.returncode == 2

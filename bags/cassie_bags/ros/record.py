@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from cassie_bags.continuity import SeqMonitor
+from cassie_bags.errors import BagError
 from cassie_bags.mcap_writer import BagWriter
 from cassie_bags.provenance import versions
 from cassie_bags.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
@@ -76,6 +77,13 @@ class Recorder(Node):
     def loop(self) -> None:
         """Record until Ctrl-C, then what is still on its way."""
         print(f"recording to {self._bag.path}", file=sys.stderr, flush=True)
+        try:
+            self._record()
+        except BagError as error:
+            print(f"record: error: {error}", file=sys.stderr)
+            self._stop.request(exit_code=1)
+
+    def _record(self) -> None:
         next_look = 0.0
         while not self._stop.requested:
             if time.monotonic() >= next_look:
