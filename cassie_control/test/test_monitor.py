@@ -162,6 +162,19 @@ def test_pushes_and_a_body_unlike_the_nominal_one_raise_no_alarm(pushed):
     assert reports(samples(pushed, 0)) == {}
 
 
+def test_the_echo_of_a_blow_is_no_late_accelerometer():
+    blow = {"t": 5.23, "duration": 0.04, "force": (-212.0, 212.0, 0.0)}
+    robot = Robot(
+        Scenario.from_mapping({"start": "standing", "pushes": [blow]}), "faithful", record=True
+    )
+    robot.wish(height=0.98)
+    robot.run(1.8)
+    robot.wish(mode=int(WALK))
+    robot.run(3.8)
+    assert not robot.fallen
+    assert reports(samples(robot, 0)) == {}
+
+
 def landing(rate):
     """A joint that is turned this fast (rad/s) by a landing, and back: positions and velocities.
 

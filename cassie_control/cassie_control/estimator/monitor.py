@@ -75,7 +75,9 @@ class SensorMonitor:
       tells which of them is late; the IMU's orientation and gyro are such a pair as well.
     - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20 or
       40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
-      not among these forces; it fits neither. In the gantry nothing is compared.
+      not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
+      give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is
+      compared.
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer

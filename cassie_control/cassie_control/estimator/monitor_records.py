@@ -41,6 +41,7 @@ WATCH_TYPE = np.dtype(
         ("smooth", float, (4, 3)),  # m/s^2, measured smoothed fast and slow, expected likewise
         ("expected", float, (KEPT, 3)),  # ring: m/s^2, what changes within a step
         ("power", float, 3),  # (m/s^2)^2, of that
+        ("blow", float),  # s, for which the echo of one may go on
         ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
     ]
