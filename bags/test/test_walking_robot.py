@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from cassie_bags.cores import make_loop, tick_count
-from cassie_bags.experiment_file import parse_experiment
+from cassie_bags.experiment_file import load_experiment, parse_experiment
 from cassie_bags.in_process import Store, run
 from cassie_bags.recording import Recording, stamps
 from cassie_bags.resolve import resolve
@@ -78,6 +81,18 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
     assert track.time[-1] == pytest.approx(11.0, abs=0.1)
     assert np.abs(track.angles[:, 1:]).max() < 0.3
     assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", [None, 5])
+def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed):
+    """She put her feet far out to catch herself, and they slid away."""
+    file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
+    experiment = resolve(replace(load_experiment(file, seed=seed), duration=18.0))
+    store = Store()
+    recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
+    track = make_track(recording)
+    assert track.time[-1] == pytest.approx(18.0, abs=0.1)
+    assert np.abs(track.angles[:, 1:]).max() < 0.5
 
 
 @pytest.mark.parametrize("seed", [6, 9])

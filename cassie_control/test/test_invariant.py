@@ -9,6 +9,7 @@ import pytest
 from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
+from cassie_control.controller.config import ControllerConfig, WalkConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
@@ -28,7 +29,8 @@ def replay(moments, **figures):
 
 @pytest.fixture(scope="module")
 def on_ice():
-    """Steps in place on smooth ground, pushed so that the feet slide."""
+    """Steps in place on smooth ground, pushed so that the feet slide; the law lets them."""
+    walk = WalkConfig(easy_lean=2.0, grip_share=2.0)
     scenario = Scenario.from_mapping(
         {
             "start": "standing",
@@ -36,7 +38,7 @@ def on_ice():
             "pushes": [{"t": 5.1, "duration": 0.2, "force": [0.0, -60.0, 0.0]}],
         }
     )
-    robot = Robot(scenario, "faithful", record=True)
+    robot = Robot(scenario, "faithful", ControllerConfig(walk=walk), record=True)
     robot.wish(height=0.98)
     robot.run(1.8)
     robot.wish(mode=int(RobotMode.WALK))

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from cassie_control.controller.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
 
 RATE = 3.5
-LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12)
+LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45)
 IN_PLACE = Aim(0.0, 0.13, 0.0, 0.23, 0.35, 0.35, 0.35)
 
 
@@ -58,3 +58,12 @@ def test_a_fall_to_the_side_of_the_swing_leg_is_met_sooner():
 def test_a_fall_over_the_stance_foot_is_met_as_soon_as_can_be():
     fall = Fall(0.0, -0.02, 0.0, -0.6, RATE, 0.0)
     assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4) == pytest.approx(0.1)
+
+
+def test_a_foot_that_would_land_far_out_lands_sooner_and_nearer():
+    fall, near = Fall(0.0, 0.02, 0.0, 0.3, RATE, 0.0), LEFT_SWINGS._replace(easy=0.2)
+    assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4) == 0.3
+    time = touchdown_time(fall, IN_PLACE, near, 0.3, 0.1, 0.4)
+    assert time < 0.27
+    planned, chosen = (foot(IN_PLACE, near, fallen(fall, t))[1] for t in (0.3, time))
+    assert chosen < planned - 0.01

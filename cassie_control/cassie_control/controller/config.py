@@ -113,6 +113,16 @@ class WalkConfig:
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
     )
+    easy_lean: float = tunable(
+        0.2,
+        "",
+        0.05,
+        2.0,
+        "How far out a foot lands, by the CoM's height, before a step is rather made quicker",
+    )
+    grip_share: float = tunable(
+        0.9, "", 0.1, 2.0, "Share of the grip found where a foot slipped that a landing may ask for"
+    )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
     )

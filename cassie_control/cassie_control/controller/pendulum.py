@@ -28,6 +28,7 @@ LAW_TYPE = np.dtype(
             *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
             *("sidestep", "step_ahead", "step_ahead_fast"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
+            *("easy_lean", "grip_share"),
         )
     ]
 )
@@ -41,12 +42,12 @@ NOW_TYPE = np.dtype(
             *("velocity_x", "velocity_y", "speed", "pitch", "side"),
             *("elapsed", "remaining", "lead", "earliest", "step_time"),
             *("yaw", "rise", "slope_x", "slope_y"),
-            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y"),
+            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y", "grip"),
         )
     ]
 )
 """What `landing` takes of the robot (CoM and stance toe joint from the pelvis origin, velocity of
-the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums."""
+the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums, grip."""
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
@@ -100,6 +101,7 @@ class Reach(NamedTuple):
         far: Greatest distance from the hip fore and aft.
         inward, outward: Greatest distance from the hip sideways.
         apart: Least sideways distance from the stance foot.
+        easy: Distance from the CoM outward from which the ground is asked for much friction.
     """
 
     side: float
@@ -109,6 +111,7 @@ class Reach(NamedTuple):
     inward: float
     outward: float
     apart: float
+    easy: float
 
 
 @compiled
@@ -137,7 +140,7 @@ def foot(
         u_x, u_y, and how far out of reach the law wanted it. In m.
     """
     _, y_end, vx, vy = end
-    side, hip_x, hip_y, far, inward, outward, apart = reach
+    side, hip_x, hip_y, far, inward, outward, apart, _ = reach
     # From backward to forward gain over a stretch of velocity, so that the law is continuous.
     forward = min(1.0, max(0.0, 0.5 + vx / 0.4))
     gain = aim.gain_backward + forward * (aim.gain_forward - aim.gain_backward)
@@ -156,7 +159,7 @@ def foot(
 def touchdown_time(
     fall: Fall, aim: Aim, reach: Reach, planned: float, earliest: float, latest: float
 ) -> float:
-    """Time to touchdown at which the foot that the law wants is nearest to within reach.
+    """Time to touchdown at which the foot that the law wants is nearest to within easy reach.
 
     Args:
         planned: Time to the gait's own touchdown, which is kept where it serves as well.
@@ -175,7 +178,9 @@ def touchdown_time(
 
 @compiled
 def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> float:
-    missed = foot(aim, reach, fallen(fall, time))[2]
+    _, uy, missed = foot(aim, reach, fallen(fall, time))
+    # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
+    missed += max(0.0, reach.side * uy - reach.easy)
     return float(missed * missed + _LATENESS * change * change)
 
 
@@ -216,8 +221,9 @@ def landing(
         hip_y - now.com_y,
         math.sqrt(max(0.01, (_LONGEST + HIP_DOWN) ** 2 - down * down)),
         law.reach_inward,
-        law.reach_outward,
+        min(law.reach_outward, law.grip_share * now.grip * above - side * (hip_y - now.com_y)),
         law.least_foot_distance,
+        law.easy_lean * above,
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
