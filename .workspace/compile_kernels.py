@@ -6,6 +6,7 @@ from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
 from cassie_control.controller.learned_kernels import teach
 from cassie_control.controller.learned_torques import nothing_learned
+from cassie_control.controller.pendulum import Fall, fallen
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
@@ -33,3 +34,4 @@ for tick in range(TICKS):
 learned = nothing_learned()
 counts, weights = np.zeros(learned.torques.shape[2]), np.zeros(len(learned.speeds))
 teach(learned.torques, learned.torques, counts, weights, np.ones(10), np.ones(10), (0.0, 0.0))
+fallen(Fall(0.0, 0.0, 0.1, 0.1, 3.0, 0.0), 0.1)  # which the paper's law calls from Python
