@@ -175,20 +175,6 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
     assert lead(3.0) == lead(1.5)
 
 
-def test_feet_land_no_farther_out_than_the_ground_was_found_to_bear():
-    readings = pose()
-    moving(readings, 0.0, -0.7)
-    height = readings.com[2] - readings.legs[LEFT].ankle[2]
-
-    def out(grip):
-        ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH, grip=grip)
-        end = placement(CONFIG).swing_end(readings, *readings.legs, Wish(), ahead)
-        return -foot_from_com(readings, readings.legs[RIGHT], end)[1]
-
-    assert out(0.25) == pytest.approx(CONFIG.grip_share * 0.25 * height)
-    assert out(2.0) > 0.3
-
-
 def test_feet_go_farther_ahead_and_out_with_the_speed():
     offsets = {"sidestep": 0.1, "step_ahead": 0.1, "step_ahead_fast": 0.2}
     config = replace(CONFIG, least_foot_distance=0.05, **offsets)

@@ -120,9 +120,6 @@ class WalkConfig:
         2.0,
         "How far out a foot lands, by the CoM's height, before a step is rather made quicker",
     )
-    grip_share: float = tunable(
-        0.9, "", 0.1, 2.0, "Share of the grip found where a foot slipped that a landing may ask for"
-    )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
     )

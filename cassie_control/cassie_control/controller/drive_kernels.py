@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.controller.records import RecordArray
-from cassie_control.controller.slip_kernels import feel_slip
 from cassie_control.controller.thigh_kernels import steady_hip, track_thighs
 from cassie_control.controller.weight_kernels import (
     carried_share,
@@ -43,7 +42,6 @@ def drive(
     """
     figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
     stance = int(step.stance)
-    feel_slip(figure, robot, step)
     track_thighs(figure, robot, step)
     _drive_stance(figure, robot, stance, step, command)
     _drive_swing(figure, robot, 1 - stance, step, command)

@@ -60,8 +60,7 @@ class PendulumPlacement:
     `sum` adds up the error of each step's mean speed, against the wish in the mean of the same two
     steps, bounded: it takes out what the pendulum leaves out.
 
-    The foot stays within the swing leg's reach and apart from the stance foot, and once a foot has
-    slipped (`slip_kernels`) it lands no farther out than the ground bears. Where that bends
+    The foot stays within the swing leg's reach and apart from the stance foot. Where that bends
     the law, or where it wants the foot farther out than `easy_lean` of the CoM's height, the step
     ends sooner or later, within `quickest_step` and `slowest_step`, at the time
     at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). The leg gets
@@ -126,7 +125,7 @@ class PendulumPlacement:
             *(ahead.velocity[0], readings.pitch, swing.side),
             *(ahead.elapsed, ahead.remaining, lead, ahead.earliest, ahead.step_time),
             *(ahead.yaw, ahead.rise, *ahead.slope),
-            *(wish.vx, wish.vy, wish.spread, *trims, ahead.grip),
+            *(wish.vx, wish.vy, wish.spread, *trims),
         )
         roll, pitch, length, remaining = landing(self._law, self._now, readings.tilt)
         return SwingEnd(pitch + wish.pitch_trim, roll, length, remaining, lead)

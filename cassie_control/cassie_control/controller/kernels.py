@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -80,17 +79,3 @@ def read_robot(estimates: RecordArray, legs: RecordArray, robots: RecordArray) -
     robot.velocity[0] = c * v[0] + s * v[1]
     robot.velocity[1] = c * v[1] - s * v[0]
     robot.velocity[2] = v[2]
-    for i in range(2):
-        _slip(robot, legs[i], estimate.angular_velocity, i)
-
-
-@compiled
-def _slip(robot: Any, leg: Any, rate: FloatArray, i: int) -> None:
-    """Velocity of the middle of a sole over ground, the body's turning at `rate` (rad/s) in it."""
-    moved, foot = np.empty(3), leg.foot
-    for k in range(3):
-        a, b = (k + 1) % 3, (k + 2) % 3
-        moved[k] = leg.foot_velocity[k] + rate[a] * foot[b] - rate[b] * foot[a]
-    over = turned(robot.tilt, moved)
-    for k in range(2):
-        robot.slip[i, k] = robot.velocity[k] + over[k]

@@ -28,7 +28,7 @@ LAW_TYPE = np.dtype(
             *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
             *("sidestep", "step_ahead", "step_ahead_fast"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
-            *("easy_lean", "grip_share"),
+            "easy_lean",
         )
     ]
 )
@@ -42,15 +42,16 @@ NOW_TYPE = np.dtype(
             *("velocity_x", "velocity_y", "speed", "pitch", "side"),
             *("elapsed", "remaining", "lead", "earliest", "step_time"),
             *("yaw", "rise", "slope_x", "slope_y"),
-            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y", "grip"),
+            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y"),
         )
     ]
 )
 """What `landing` takes of the robot (CoM and stance toe joint from the pelvis origin, velocity of
-the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums, grip."""
+the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums."""
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
+_FAST_LEAN = 0.1  # s/m, by which `easy_lean` grows beyond 1 m/s, where feet land farther out
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _LEAST_GAIN = 0.3  # share of a gain that is left at any speed
 _TIMES = 9  # touchdown times that are compared
@@ -180,7 +181,7 @@ def touchdown_time(
 def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> float:
     _, uy, missed = foot(aim, reach, fallen(fall, time))
     # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
-    missed += max(0.0, reach.side * uy - reach.easy)
+    missed = max(missed, reach.side * uy - reach.easy)
     return float(missed * missed + _LATENESS * change * change)
 
 
@@ -221,9 +222,9 @@ def landing(
         hip_y - now.com_y,
         math.sqrt(max(0.01, (_LONGEST + HIP_DOWN) ** 2 - down * down)),
         law.reach_inward,
-        min(law.reach_outward, law.grip_share * now.grip * above - side * (hip_y - now.com_y)),
+        law.reach_outward,
         law.least_foot_distance,
-        law.easy_lean * above,
+        above * (law.easy_lean + _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)),
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)

@@ -38,7 +38,6 @@ ROBOT_TYPE = np.dtype(
         ("ankle", float, (2, 3)),  # toe joint from the pelvis origin, m
         ("foot", float, (2, 3)),  # middle of the sole from there, m
         ("tilt", float, (3, 3)),  # rotation pelvis to heading frame
-        ("slip", float, (2, 2)),  # velocity of the middle of the sole over ground, m/s
     ]
 )
 """What the control laws read of the robot, see `readings`."""
@@ -81,9 +80,6 @@ STEP_TYPE = np.dtype(
         ("tracked", float),  # 1 once the tracks have begun
         ("thigh", float, (2, 2)),  # rad
         ("thigh_rates", float, (2, 2)),  # rad/s
-        ("slip", float, (2, 2)),  # of each foot, smoothed, m/s
-        ("com_track", float, 2),  # velocity of the CoM, smoothed, m/s
-        ("grip", float),  # friction that the ground is found to have
     ]
 )
 """A step of walking."""

@@ -7,7 +7,6 @@ from typing import Protocol
 
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.readings import LegReadings, Readings
-from cassie_control.controller.slip_kernels import FIRM
 
 
 @dataclass
@@ -60,7 +59,6 @@ class StepAhead:
         rise: How much the gait's stance leg grows until touchdown. In m.
         yaw: Swing hip yaw at touchdown. In rad.
         slope: Rise of the ground ahead and to the left. Shape (2,).
-        grip: Horizontal over vertical force that the ground bears.
     """
 
     elapsed: float = 0.0
@@ -74,7 +72,6 @@ class StepAhead:
     rise: float = 0.0
     yaw: float = 0.0
     slope: tuple[float, float] = (0.0, 0.0)
-    grip: float = FIRM
 
 
 class Placement(Protocol):

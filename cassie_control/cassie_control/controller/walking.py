@@ -22,7 +22,6 @@ from cassie_control.controller.outputs import (
 from cassie_control.controller.position_hold import PositionHold
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.records import COMMAND_TYPE, STEP_TYPE, RecordArray
-from cassie_control.controller.slip_kernels import FIRM
 from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
 from cassie_control.controller.step_timing import LEFT, StepTiming
 from cassie_gaits import robot
@@ -140,11 +139,6 @@ class WalkingController:
         low, high = self.library.speed_range
         return max(low, min(high, self.timing.velocity[0]))
 
-    @property
-    def grip(self) -> float:
-        """Horizontal over vertical force that the ground is found to bear, see `slip_kernels`."""
-        return float(self._step["grip"][0])
-
     def start(self, readings: Readings, stance: int) -> None:
         """Begin with a step on a stance leg."""
         self.timing.start(stance)
@@ -152,7 +146,7 @@ class WalkingController:
         self._sideways = 0.0
         self._hold.release()
         self._slope.reset()
-        self._step["tracked"], self._step["grip"] = 0.0, FIRM
+        self._step["tracked"] = 0.0
         self._placement.reset()
         self._begin_step(readings)
 
@@ -240,7 +234,6 @@ class WalkingController:
         ahead.earliest = left * self.config.quickest_step
         ahead.velocity = timing.velocity
         ahead.yaw, _, ahead.rise, ahead.pitch, ahead.roll, ahead.length = self._asked.tolist()
-        ahead.grip = self.grip
         ahead.slope = self._slope.ahead, self._slope.left
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
         end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
