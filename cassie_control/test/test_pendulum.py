@@ -67,9 +67,3 @@ def test_a_foot_that_would_land_far_out_lands_sooner_and_nearer():
     assert time < 0.27
     planned, chosen = (foot(IN_PLACE, near, fallen(fall, t))[1] for t in (0.3, time))
     assert chosen < planned - 0.01
-
-
-def test_it_hurries_no_step_that_has_to_go_far_ahead_or_back():
-    fall, near = Fall(0.0, 0.02, -1.8, 0.3, RATE, 0.0), LEFT_SWINGS._replace(easy=0.2)
-    times = [touchdown_time(fall, IN_PLACE, reach, 0.3, 0.1, 0.4) for reach in (LEFT_SWINGS, near)]
-    assert times[0] == times[1] < 0.3
