@@ -228,3 +228,23 @@ def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
     (_, ahead), _ = pendulum.balance.near(pendulum.readings)
     assert pendulum.x == pytest.approx(-0.06, abs=0.005)
     assert -0.045 < ahead < 0.04
+
+
+def test_hands_off_she_steers_back_to_the_heading_that_she_had():
+    """Only the yaw rate was held, and the heading wandered."""
+    core, readings, mode = (
+        RidingController(CONFIG, PERIOD),
+        readings_of(crouched()),
+        mode_of(vx=2.0),
+    )
+    core.start(readings)
+    core.step(readings, mode, MotorCommand())
+    _, ahead = core.lean
+    state = crouched()
+    state.q[3] -= 0.1
+    core.step(readings_of(state), mode, MotorCommand())
+    assert core.lean[1] - ahead == pytest.approx(CONFIG.kp_yaw_rate * CONFIG.heading_gain * 0.1)
+    leant = mode_of(vx=2.0, com_x=0.02)
+    core.step(readings_of(state), leant, MotorCommand())
+    core.step(readings_of(state), mode, MotorCommand())
+    assert core.lean[1] == pytest.approx(ahead, abs=1e-6)

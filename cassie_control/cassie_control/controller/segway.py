@@ -22,6 +22,7 @@ _LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
+_OFF = 0.3  # rad, by which a heading is missed at most before it is given up
 _ERROR = 0.1  # m/s^2, bound of the learnt error of the ground's acceleration
 
 
@@ -32,11 +33,13 @@ class RidingController:
 
         c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
         c_x* = n + kp_speed (vx - v)               while he does not: Cassie holds vx, and brakes
-        c_y* = kp_yaw_rate (yaw_rate - r)          if that is 0, by what she herself feels,
+        c_y* = kp_yaw_rate (w - r)                 if that is 0, by what she herself feels,
+        w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
 
-    with v the sum of the ground's acceleration since riding began and r the yaw rate. v drifts, as
-    nothing measures the speed of a vehicle: told to stop, she takes `rest_speed` for rest. A turn
-    tells it, as the ground accelerates to a side by a_y = v r, and the bar presses as well:
+    with e the heading's error, v the sum of the ground's acceleration since riding began and r the
+    yaw rate. v drifts, as nothing measures the speed of a vehicle: told to stop, she takes
+    `rest_speed` for rest. A turn tells it, as the ground accelerates to a side by a_y = v r, and
+    the bar presses as well:
 
         v' = a + r (a_y - r (v + 0.4 m/s)) / (turn_time (r^2 + 0.05 rad^2/s^2)).
 
@@ -70,6 +73,7 @@ class RidingController:
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
         self._turn = 0.0
+        self._heading = math.nan
 
     @property
     def config(self) -> SegwayConfig:
@@ -103,6 +107,7 @@ class RidingController:
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
         self._turn = 0.0
+        self._heading = math.nan
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.
@@ -125,6 +130,7 @@ class RidingController:
         if float(mode.com_x) == 0.0 == float(mode.com_y):
             self._hold(readings, mode, wanted)
         else:
+            self._heading = math.nan
             self._hear(float(mode.vx), float(mode.com_x))
             wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
@@ -170,8 +176,20 @@ class RidingController:
         if _FELT < abs(away) < _NEAR:
             self._learn_neutral(self._neutral + c.speed_sum * away, 1.0)
         wanted.com_x[...] = self._neutral - back + c.kp_speed * away
-        if vx != 0.0 or yaw_rate != 0.0:
-            wanted.com_y[...] = c.kp_yaw_rate * (yaw_rate - readings.yaw_rate)
+        if vx == 0.0 == yaw_rate:
+            self._heading = math.nan
+            return
+        turn = yaw_rate + c.heading_gain * self._off_heading(readings.yaw, yaw_rate)
+        wanted.com_y[...] = c.kp_yaw_rate * (turn - readings.yaw_rate)
+
+    def _off_heading(self, yaw: float, yaw_rate: float) -> float:
+        """How far to the left the heading is that is kept, bounded; all in rad, rad/s."""
+        if math.isnan(self._heading):
+            self._heading = yaw
+        off = math.remainder(self._heading + self._period * yaw_rate - yaw, 2.0 * math.pi)
+        off = max(-_OFF, min(_OFF, off))
+        self._heading = yaw + off
+        return off
 
     def _learn_neutral(self, com_x: float, time: float) -> None:
         """Draw the CoM x at which nothing accelerates to a value (m) over a time (s)."""

@@ -167,6 +167,9 @@ class SegwayConfig(StandConfig):
     kp_yaw_rate: float = tunable(
         0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
     )
+    heading_gain: float = tunable(
+        0.4, "1/s", 0.0, 2.0, "Yaw rate by error of the heading, while vx or yaw_rate command"
+    )
     turn_limit: float = tunable(1.2, "rad/s", 0.1, 5.0, "Yaw rate beyond which no lean adds")
     turn_lean: float = tunable(
         0.05, "m/(rad/s)", 0.0, 0.2, "CoM y that turns it so fast, times 1 + speed / 2"
