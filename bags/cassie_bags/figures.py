@@ -150,7 +150,7 @@ def footsteps(track: Track, title: str) -> Figure:
     axes.set_aspect("equal", adjustable="box")
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_title(f"Footsteps from above: {title}")
-    axes.legend(loc="upper center", ncols=4)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.0)
     return figure
 
 
