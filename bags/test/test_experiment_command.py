@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from cassie_bags.bag_reader import BagIndex, read_messages
+from cassie_bags.ros.experiment import stopped_between
 
 TEXT = """
 start: standing
@@ -124,6 +125,18 @@ def test_a_missing_file_exits_with_2(tmp_path: Path):
     process = experiment(tmp_path / "none.yaml")
     assert process.returncode == 2
     assert "No such file" in process.stderr
+
+
+def test_ctrl_c_ends_a_run_between_two_ticks():
+    """Within a tick it tore what was being written to the bag, the rest of which was lost."""
+    whole_ones = []
+    with pytest.raises(KeyboardInterrupt), stopped_between(range(5)) as ticks:
+        for tick in ticks:
+            if tick == 2:
+                signal.raise_signal(signal.SIGINT)
+            whole_ones.append(tick)
+    assert whole_ones == [0, 1, 2]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_ctrl_c_ends_a_run_without_a_traceback_and_closes_its_bag(file: Path, tmp_path: Path):

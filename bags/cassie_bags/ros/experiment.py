@@ -7,6 +7,9 @@ import dataclasses
 import signal
 import sys
 import tempfile
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from tqdm import tqdm
@@ -72,12 +75,38 @@ def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
-    if folder is None:
-        wall_time = run(make_loop(experiment, store), bar)
-    else:
-        with BagObserver(folder / "bag.mcap", experiment) as bag:
-            wall_time = run(make_loop(experiment, both(store, bag)), bar)
+    with stopped_between(bar) as whole:
+        if folder is None:
+            wall_time = run(make_loop(experiment, store), whole)
+        else:
+            with BagObserver(folder / "bag.mcap", experiment) as bag:
+                wall_time = run(make_loop(experiment, both(store, bag)), whole)
     return evaluate(experiment, store.recording(wall_time), "in-process")
+
+
+@contextmanager
+def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
+    """Ticks between which alone Ctrl-C ends a run: within one it would tear a record of the bag."""
+    if threading.current_thread() is not threading.main_thread():
+        yield iter(ticks)  # only the main thread is interrupted
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    came: list[int] = []
+    before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
+
+    def whole() -> Iterator[int]:
+        for tick in ticks:
+            if came:
+                raise KeyboardInterrupt
+            yield tick
+
+    try:
+        yield whole()
+    finally:
+        for each, handler in zip(signals, before, strict=True):
+            signal.signal(each, handler)
+    if came:
+        raise KeyboardInterrupt
 
 
 def _over_dds(experiment: Experiment, folder: Path) -> Outcome:
