@@ -133,7 +133,7 @@ class LocalProcesses:
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         # `close` does not know a process half started, and one that starts knows no Ctrl-C.
-        with self._starting, _no_ctrl_c(), children_without_ctrl_c():
+        with self._starting, ctrl_c_at_the_end(), children_without_ctrl_c():
             future = self._pool.submit(function, item)
             self._given = {other for other in self._given if not other.done()} | {future}
         return future
@@ -242,16 +242,16 @@ def obey_parent() -> None:
 
 
 @contextmanager
-def _no_ctrl_c() -> Iterator[None]:
-    """Whatever would interrupt the block does so at its end."""
+def ctrl_c_at_the_end() -> Iterator[list[int]]:
+    """Whatever would interrupt the block does so at its end; yields the signals that came."""
+    came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread is interrupted
+        yield came  # only the main thread is interrupted
         return
     signals = (signal.SIGINT, signal.SIGTERM)
-    came: list[int] = []
     before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
     try:
-        yield
+        yield came
     finally:
         for each, handler in zip(signals, before, strict=True):
             signal.signal(each, handler)

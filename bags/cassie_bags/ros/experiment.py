@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 import signal
 import sys
 import tempfile
-import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +25,7 @@ from cassie_bags.recording import read_recording
 from cassie_bags.report import Outcome, json_line, table
 from cassie_bags.resolve import resolve, write_resolved
 from cassie_bags.track import make_track
+from cassie_bags.workers import ctrl_c_at_the_end
 
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -87,26 +88,8 @@ def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
 @contextmanager
 def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
     """Ticks between which alone Ctrl-C ends a run: within one it would tear a record of the bag."""
-    if threading.current_thread() is not threading.main_thread():
-        yield iter(ticks)  # only the main thread is interrupted
-        return
-    signals = (signal.SIGINT, signal.SIGTERM)
-    came: list[int] = []
-    before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
-
-    def whole() -> Iterator[int]:
-        for tick in ticks:
-            if came:
-                raise KeyboardInterrupt
-            yield tick
-
-    try:
-        yield whole()
-    finally:
-        for each, handler in zip(signals, before, strict=True):
-            signal.signal(each, handler)
-    if came:
-        raise KeyboardInterrupt
+    with ctrl_c_at_the_end() as came:
+        yield itertools.takewhile(lambda _: not came, ticks)
 
 
 def _over_dds(experiment: Experiment, folder: Path) -> Outcome:

@@ -231,9 +231,9 @@ def _arguments() -> argparse.Namespace:
 
 
 def _crowd(word: str) -> int:
-    if (number := count(word)) == 1:
+    if (crowd := count(word)) == 1:
         raise argparse.ArgumentTypeError("1 is not 0 (auto), or 2 or more")
-    return number
+    return crowd
 
 
 def _factor(word: str) -> float:
