@@ -62,6 +62,15 @@ def test_no_more_levels_are_tried_beyond_a_target_than_wanted(beyond: int, tried
     assert result.met
 
 
+def test_a_level_whose_figure_is_a_hair_short_of_the_target_is_not_yet_the_last():
+    budget = dataclasses.replace(BUDGET, beyond=0)
+    short = row(figure=lambda figures, _: figures["vx"])
+    result = measure_row(short, budget, ThisProcess(), lambda word: None, strong(9.0))
+    assert [level.level for level in result.levels] == [3.0, 4.0]
+    assert result.measured == pytest.approx(3.9)
+    assert result.met
+
+
 def test_a_level_names_the_robots_that_missed_it():
     (level,) = measure(row((1.0,), start=0, share=0.5), strong(9.0, weak_seeds=2)).levels
     assert level.missed == [1, 2]

@@ -37,7 +37,8 @@ class Budget:
         seeds: Robots that each setting is tried on: those of seeds 1 to this.
         phases: Moments over two steps at which events are tried.
         seconds: Length of the part that speeds are measured over. In s.
-        beyond: Levels tried beyond a target that is met; None: until one does not hold.
+        beyond: Levels tried beyond one whose figure meets the target; None: until one does not
+            hold.
         changes: `key=value` words for every run.
     """
 

@@ -122,12 +122,14 @@ def measure_row(
         tried[index] = measure_level(row, row.levels[index], budget, workers, progress, run)
         return tried[index].passed
 
-    index = row.start
-    last = len(row.levels) - 1
-    if budget.beyond is not None:
-        last = min(last, index + budget.beyond)
+    index, last = row.start, len(row.levels) - 1
+    spare = math.inf if budget.beyond is None else budget.beyond
     if holds(index):
-        while index < last and holds(index + 1):
+        while index < last:
+            # A level may lie at the target and its figure a hair short of it: the next counts.
+            spare -= _meets(row, _figure(row, tried[index]))
+            if spare < 0 or not holds(index + 1):
+                break
             index += 1
     else:
         while index > 0 and not holds(index - 1):
@@ -135,7 +137,7 @@ def measure_row(
     passed = [index for index, level in tried.items() if level.passed]
     best = tried[max(passed)] if passed else None
     measured = _figure(row, best if best is not None else tried[row.start])
-    met = measured >= row.target - 1e-9 if row.at_least else measured <= row.target + 1e-9
+    met = _meets(row, measured)
     if row.figure is not None and not row.counts:
         met = met and best is not None
     return RowResult(row.name, measured, met, list(tried.values()))
@@ -172,6 +174,10 @@ def measure_level(
     worst = (min if row.at_least else max)(figures, default=math.nan)
     mean = sum(figures) / len(figures) if figures else math.nan
     return Level(level, len(trials), done, held, fell, worst, mean, held >= needed, missed)
+
+
+def _meets(row: Row, figure: float) -> bool:
+    return figure >= row.target - 1e-9 if row.at_least else figure <= row.target + 1e-9
 
 
 def _figure(row: Row, level: Level) -> float:
