@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cassie_msgs.tunables import from_mapping
+from cassie_sim.errors import SimulationError
 from cassie_sim.gantry import SPEED
 from cassie_sim.plant import Plant
 from cassie_sim.scenario import GantryMove, Push
@@ -46,6 +47,7 @@ def move_gantry(plant: Plant, action: str, height: float, speed: float) -> str:
 
     Raises:
         ParameterError: naming the value and what is permitted.
+        SimulationError: if it is to lower what it does not hold.
     """
     mapping: dict[str, object] = {"t": 0.0, "action": action}
     if action != "release":
@@ -55,9 +57,9 @@ def move_gantry(plant: Plant, action: str, height: float, speed: float) -> str:
     if action == "hold":
         gantry.hold(plant.pelvis_pose[0], move.height, move.speed)
         return f"the gantry holds the pelvis at {move.height:g} m"
-    if not gantry.attached:
-        return "the gantry does not hold the robot"
     if action == "lower":
+        if not gantry.attached:
+            raise SimulationError("the gantry does not hold the robot: ask for hold before lower")
         gantry.lower(move.height, move.speed)
         return f"the gantry lowers the pelvis to {move.height:g} m and lets go"
     gantry.release()

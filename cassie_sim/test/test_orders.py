@@ -52,6 +52,13 @@ def test_lower_moves_at_its_speed(plant: Plant) -> None:
     assert plant.gantry.height == pytest.approx(height - 0.05, abs=1e-6)
 
 
+def test_what_is_not_held_cannot_be_lowered(plant: Plant) -> None:
+    _run(plant, 10)
+    assert "let go" in move_gantry(plant, "release", 0.0, 0.0)
+    with pytest.raises(ValueError, match="ask for hold before lower"):
+        move_gantry(plant, "lower", 1.0, 0.5)
+
+
 @pytest.mark.parametrize(
     ("body", "force", "duration", "words"),
     [
