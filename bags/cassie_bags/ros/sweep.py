@@ -144,6 +144,25 @@ def _arguments() -> argparse.Namespace:
         epilog="Exit codes: 0 all targets reached, 1 not all, 2 wrong arguments, 3 no scheduler, "
         "130 stopped; what was measured until then stands in sweeps.json.",
     )
+    _add_extent(parser)
+    _add_comparison(parser)
+    parser.add_argument(
+        "--resume", action="store_true", help="leave out what stands in --out already"
+    )
+    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
+    parser.add_argument(
+        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
+    )
+    parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
+    arguments = parser.parse_args()
+    for name, value in (QUICK if arguments.quick else FULL).items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, value)
+    return arguments
+
+
+def _add_extent(parser: argparse.ArgumentParser) -> None:
+    """How much to run."""
     parser.add_argument("rows", nargs="*", help="rows or groups of rows, all if left out")
     parser.add_argument("--list", action="store_true", help="name all rows and exit")
     parser.add_argument("--seeds", type=positive, help="robots tried for each setting (10)")
@@ -159,6 +178,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, unless they are given"
     )
+
+
+def _add_comparison(parser: argparse.ArgumentParser) -> None:
+    """With which law."""
     parser.add_argument(
         "--set",
         action="append",
@@ -173,19 +196,6 @@ def _arguments() -> argparse.Namespace:
         "--compare-seeds", type=positive, help="robots and moments for that, if fewer will do"
     )
     parser.add_argument("--no-compare", action="store_true", help="measure only as it is")
-    parser.add_argument(
-        "--resume", action="store_true", help="leave out what stands in --out already"
-    )
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
-    parser.add_argument(
-        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
-    )
-    parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
-    arguments = parser.parse_args()
-    for name, value in (QUICK if arguments.quick else FULL).items():
-        if getattr(arguments, name) is None:
-            setattr(arguments, name, value)
-    return arguments
 
 
 if __name__ == "__main__":

@@ -76,17 +76,6 @@ def segway_rows() -> list[Row]:
 
 
 def _speeds() -> list[Row]:
-    stop = GO + 20.0
-
-    def fast(budget: Budget, speed: float, surface: str) -> list[Trial]:
-        window = (GO + 10.0, GO + 10.0 + HELD)
-        go = [{"t": GO, "speed": speed}]
-        return [ride(budget, seed, window, go, surface=surface) for seed in budget.each_seed()]
-
-    def brake(budget: Budget, speed: float) -> list[Trial]:
-        course = [{"t": GO, "speed": speed}, {"t": stop, "speed": 0.0}]
-        return [ride(budget, seed, (stop, stop + 10.0), course) for seed in budget.each_seed()]
-
     return [
         Row(
             "segway.speed",
@@ -94,7 +83,7 @@ def _speeds() -> list[Row]:
             "m/s",
             STEADY,
             (TOP,),
-            lambda budget, speed: fast(budget, speed, "sidewalk"),
+            lambda budget, speed: _fast(budget, speed, "sidewalk"),
             figure=_off,
             at_least=False,
         ),
@@ -104,7 +93,7 @@ def _speeds() -> list[Row]:
             "m/s",
             TOP,
             [2.0, 2.5, 3.0, 3.5, TOP],
-            lambda budget, speed: fast(budget, speed, "grass"),
+            lambda budget, speed: _fast(budget, speed, "grass"),
             holds=lambda figures, speed: _off(figures, speed) <= STEADY,
             start=4,
         ),
@@ -114,11 +103,23 @@ def _speeds() -> list[Row]:
             "s",
             6.0,
             (TOP,),
-            brake,
+            _brake,
             figure=lambda figures, _: figures["stop_time"],
             at_least=False,
         ),
     ]
+
+
+def _fast(budget: Budget, speed: float, surface: str) -> list[Trial]:
+    window = (GO + 10.0, GO + 10.0 + HELD)
+    go = [{"t": GO, "speed": speed}]
+    return [ride(budget, seed, window, go, surface=surface) for seed in budget.each_seed()]
+
+
+def _brake(budget: Budget, speed: float) -> list[Trial]:
+    stop = GO + 20.0
+    course = [{"t": GO, "speed": speed}, {"t": stop, "speed": 0.0}]
+    return [ride(budget, seed, (stop, stop + 10.0), course) for seed in budget.each_seed()]
 
 
 def _off(figures: Figures, speed: float) -> float:

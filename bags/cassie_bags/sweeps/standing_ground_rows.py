@@ -16,53 +16,58 @@ _GENTLY = ({"t": 0.5, "height": 0.7, "speed": 0.3},)
 
 
 def standing_ground_rows() -> list[Row]:
-    rows = [
-        hardest(
-            f"block.{side}",
-            f"block under the {side} foot",
-            "m",
-            0.1,
-            [0.04, 0.06, 0.08, 0.1, 0.12, 0.14],
-            partial(_on, "block", lambda height, side=side: {"height": height, "side": side}),
-            holds=rests,
-        )
-        for side in ("left", "right")
-    ]
-    for name, angle in {**AROUND, **DIAGONAL}.items():
-        rows.append(
-            hardest(
-                f"slope.{name}",
-                f"slope that rises {name.replace('_', ' ')}, stood",
-                "deg",
-                12.0,
-                [6.0, 9.0, 12.0, 15.0, 18.0],
-                partial(_on, "slope", partial(_rising, angle)),
-                holds=rests,
-            )
-        )
-        rows.append(
-            hardest(
-                f"tilting.{name}",
-                f"ground that tilts at 5 deg/s, up {name.replace('_', ' ')}",
-                "deg",
-                10.0,
-                [5.0, 10.0, 15.0, 20.0],
-                partial(_on, "tilting", partial(_tilting, angle)),
-                holds=rests,
-            )
-        )
-    rows.append(
-        hardest(
-            "sinking.sand",
-            "depth to which sand gives way under her",
-            "m",
-            0.06,
-            [0.02, 0.04, 0.06, 0.08, 0.1],
-            partial(_on, "course", _sand),
-            holds=rests,
-        )
+    """All rows of this module."""
+    around = {**AROUND, **DIAGONAL}.items()
+    leaning = [row for name, angle in around for row in (_slope(name, angle), _tilts(name, angle))]
+    return [_block("left"), _block("right"), *leaning, _sinking()]
+
+
+def _block(side: str) -> Row:
+    return hardest(
+        f"block.{side}",
+        f"block under the {side} foot",
+        "m",
+        0.1,
+        [0.04, 0.06, 0.08, 0.1, 0.12, 0.14],
+        partial(_on, "block", lambda height: {"height": height, "side": side}),
+        holds=rests,
     )
-    return rows
+
+
+def _slope(name: str, angle: float) -> Row:
+    return hardest(
+        f"slope.{name}",
+        f"slope that rises {name.replace('_', ' ')}, stood",
+        "deg",
+        12.0,
+        [6.0, 9.0, 12.0, 15.0, 18.0],
+        partial(_on, "slope", partial(_rising, angle)),
+        holds=rests,
+    )
+
+
+def _tilts(name: str, angle: float) -> Row:
+    return hardest(
+        f"tilting.{name}",
+        f"ground that tilts at 5 deg/s, up {name.replace('_', ' ')}",
+        "deg",
+        10.0,
+        [5.0, 10.0, 15.0, 20.0],
+        partial(_on, "tilting", partial(_tilting, angle)),
+        holds=rests,
+    )
+
+
+def _sinking() -> Row:
+    return hardest(
+        "sinking.sand",
+        "depth to which sand gives way under her",
+        "m",
+        0.06,
+        [0.02, 0.04, 0.06, 0.08, 0.1],
+        partial(_on, "course", _sand),
+        holds=rests,
+    )
 
 
 def _on(scene: str, parameters: Any, budget: Budget, level: float) -> list[Trial]:

@@ -201,18 +201,7 @@ def landing(
     """
     law, now = law_record[0], now_record[0]
     side, lead = now.side, now.lead
-    x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
-    # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
-    above = max(0.4, height - now.slope_x * x - now.slope_y * y)
-    faster = max(0.4, height) / above
-    fall = Fall(
-        x,
-        y,
-        faster * now.velocity_x,
-        faster * now.velocity_y,
-        math.sqrt(GRAVITY / above),
-        max(0.0, law.double_support - now.elapsed),
-    )
+    fall, above = _falling(law_record, now_record)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
@@ -250,6 +239,19 @@ def landing(
         now.pitch,
     )
     return roll, pitch, max(_SHORTEST, min(_LONGEST, length + law.landing_depth)), lead + time
+
+
+@compiled
+def _falling(law_record: RecordArray, now_record: RecordArray) -> tuple[Fall, float]:
+    """The pendulum as it is, and its CoM's height above the foot along the slope (m)."""
+    law, now = law_record[0], now_record[0]
+    x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
+    # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
+    above = max(0.4, height - now.slope_x * x - now.slope_y * y)
+    faster = max(0.4, height) / above
+    coasts = max(0.0, law.double_support - now.elapsed)
+    rate = math.sqrt(GRAVITY / above)
+    return Fall(x, y, faster * now.velocity_x, faster * now.velocity_y, rate, coasts), above
 
 
 @compiled

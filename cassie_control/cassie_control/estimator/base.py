@@ -99,11 +99,7 @@ class LegEstimator:
         """
         _check(sensors)
         config, state = self._config, self._state
-        state.seq[...] = sensors.seq
-        state.episode[...] = sensors.episode
-        state.stamp_ns = sensors.stamp_ns
-        state.power[...] = sensors.power
-        state.drive_torque[:] = sensors.drive_torque
+        _pass_on(sensors, state)
         if sensors is not self._sensors:
             self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
         arrange_joints(self._sample, self._q, self._v, self._toe_torques, self._attitude)
@@ -148,6 +144,15 @@ class LegEstimator:
     def _first_height(self) -> float:
         """Pelvis height when the lower foot touches level ground. In m."""
         return robot.SOLE_RADIUS - float((self._feet @ self._attitude[2]).min())
+
+
+def _pass_on(sensors: Sensors, state: RobotState) -> None:
+    """What the state repeats of the sample."""
+    state.seq[...] = sensors.seq
+    state.episode[...] = sensors.episode
+    state.stamp_ns = sensors.stamp_ns
+    state.power[...] = sensors.power
+    state.drive_torque[:] = sensors.drive_torque
 
 
 def _check(sensors: Sensors) -> None:
