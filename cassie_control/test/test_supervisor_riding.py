@@ -131,3 +131,14 @@ def test_a_lost_link_is_no_confirmation(riding):
     riding.wish(link=True)
     riding.run(1.0)
     assert riding.mode is SEGWAY
+
+
+@pytest.mark.parametrize("mode", [STAND, WALK])
+@pytest.mark.parametrize(("height", "kept"), [(1.0, CONFIG.ride_height), (0.4, 0.6)])
+def test_a_rider_who_asks_for_another_mode_stays_crouched_and_upright(riding, mode, height, kept):
+    riding.wish(mode=int(mode), height=height, vx=1.0, roll=-0.2, pitch=0.2)
+    answer = riding.run(5.5)
+    assert riding.mode is SEGWAY
+    assert float(answer.vx) == 0.0
+    assert (float(answer.roll), float(answer.pitch)) == (-CONFIG.ride_tilt, CONFIG.ride_tilt)
+    assert float(answer.height) == pytest.approx(kept)

@@ -13,6 +13,7 @@ from cassie_control.supervisor.posture import Posture
 from cassie_control.supervisor.set_points import (
     SetPoints,
     approach,
+    crouched,
     is_upright,
     refusal,
     requested_mode,
@@ -246,11 +247,12 @@ class ModeSupervisor:
             wish = replace(wish, height=min(wish.height, c.ride_height))
             if self._current is not requested:  # she brakes by herself, or waits for her crouch
                 wish = replace(wish, com_x=0.0, com_y=0.0)
-        if self._current is RobotMode.SEGWAY:
-            c = riding(c)
         if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
             wish = upright(wish, c.walk_height)
-        if requested is RobotMode.WALK or self._current is RobotMode.WALK:
+        if self._current is RobotMode.SEGWAY:  # also while another mode is asked for
+            c = riding(c)
+            wish = crouched(wish, c)
+        elif RobotMode.WALK in (requested, self._current):
             wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
         approach(self._set_points, wish, c, self._period)
         if self._current is RobotMode.SEGWAY is not requested:

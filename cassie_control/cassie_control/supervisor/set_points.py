@@ -100,6 +100,17 @@ def riding(config: SupervisorConfig) -> SupervisorConfig:
     )
 
 
+def crouched(wish: SetPoints, config: SupervisorConfig) -> SetPoints:
+    """A wish made on foot, with the height and tilt that the limits of riding permit."""
+    c = config
+    return replace(
+        wish,
+        height=_bounded(wish.height, c.height_low, c.height_high),
+        roll=_bounded(wish.roll, -c.tilt_limit, c.tilt_limit),
+        pitch=_bounded(wish.pitch, -c.tilt_limit, c.tilt_limit),
+    )
+
+
 def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: float) -> None:
     """Move set-points towards a wish by one period, in s, each no faster than permitted."""
     c = config
