@@ -7,6 +7,9 @@ costs the loop no time and the result does not depend on the machine.
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotMode
 
@@ -61,7 +64,8 @@ class ModeTable:
 class StopAndStand:
     """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
 
-    Off and damping stay what they are; other set-points keep their values.
+    Off and damping stay what they are; other set-points keep their values. On a Segway, which she
+    does not leave, the lean goes back to zero as well: it would go on to drive her.
 
     Args:
         period: Of control. In s.
@@ -69,6 +73,9 @@ class StopAndStand:
 
     DECELERATION = 0.4
     """Of the commanded velocities. In m/s^2, for the turn rate in rad/s^2."""
+
+    SHIFT_RATE = 0.2
+    """Of the CoM's commanded shift on a Segway. In m/s."""
 
     STEPPING_TIME = 1.5
     """Stepping in place between slowing down and standing. In s."""
@@ -90,9 +97,10 @@ class StopAndStand:
         change = self.DECELERATION * self._period
         moving = False
         for value in (mode.vx, mode.vy, mode.yaw_rate):
-            speed = float(value)
-            value[...] = max(0.0, speed - change) if speed > 0.0 else min(0.0, speed + change)
-            moving = moving or speed != 0.0
+            moving = _less(value, change) or moving
+        if mode.mode == RobotMode.SEGWAY:
+            for value in (mode.com_x, mode.com_y):
+                _less(value, self.SHIFT_RATE * self._period)
         self._slow = 0.0 if moving else self._slow + self._period
         if mode.mode == RobotMode.WALK and self._slow >= self.STEPPING_TIME:
             mode.mode[...] = int(RobotMode.STAND)
@@ -100,3 +108,10 @@ class StopAndStand:
         self._since += self._period
         mode.transition[...] = min(1.0, max(float(mode.transition), self._since))
         return mode
+
+
+def _less(value: npt.NDArray[np.float64], change: float) -> bool:
+    """Bring a set-point nearer to zero, in place; says whether it was not there yet."""
+    now = float(value)
+    value[...] = max(0.0, now - change) if now > 0.0 else min(0.0, now + change)
+    return now != 0.0

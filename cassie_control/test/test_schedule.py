@@ -101,3 +101,17 @@ def test_backward_speeds_go_to_zero_too() -> None:
     for _ in range(1000):
         mode = fallback.step()
     assert float(mode.vx) == 0.0
+
+
+@pytest.mark.parametrize(("mode", "left"), [(RobotMode.SEGWAY, 0.0), (RobotMode.STAND, 1.0)])
+def test_only_a_lean_that_drives_a_segway_goes_back_without_a_supervisor(
+    mode: RobotMode, left: float
+) -> None:
+    leaning = _mode(500, mode, vx=4.0)
+    leaning.com_x[...], leaning.com_y[...] = 0.09, -0.05
+    fallback = StopAndStand(PERIOD)
+    fallback.start(leaning)
+    for _ in range(round(0.09 / StopAndStand.SHIFT_RATE / PERIOD) + 1):
+        answer = fallback.step()
+    assert answer.mode == mode
+    assert (float(answer.com_x), float(answer.com_y)) == (left * 0.09, left * -0.05)
