@@ -82,9 +82,8 @@ class RateCheck:
         self._episode = episode
         stamp = sample.stamp_ns
         if abs(stamp - seq * 1_000_000_000 // self._rate) > 500_000_000 // self._rate:
-            self._logger.fatal(
-                f"control_rate = {self._rate} Hz, but samples come at {seq * 1e9 / stamp:.6g} Hz"
-            )
+            come = f"come at {seq * 1e9 / stamp:.6g} Hz" if stamp > 0 else "carry no time"
+            self._logger.fatal(f"control_rate = {self._rate} Hz, but samples {come}")
             self._stop.request(exit_code=2)
 
 

@@ -114,7 +114,13 @@ class ModeSource:
         return self.overtaking is not None
 
     def _take(self) -> None:
-        while self._modes.take_next(self._mode):
+        while (raw := self._modes.take_raw()) is not None:
+            try:
+                self._mode.load(raw)
+            except ValueError as error:
+                self._conditions.set("mode", str(error))
+                continue
+            self._conditions.set("mode", "")
             if int(self._mode.episode) == self._episode:
                 self._table.add(self._mode)
                 self._heard = True

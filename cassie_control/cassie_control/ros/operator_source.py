@@ -124,6 +124,7 @@ class OperatorSource:
             except ValueError as error:
                 self._conditions.set("operator_command", str(error))
                 continue
+            self._conditions.set("operator_command", "")
             if self._scripted and not self._is_ours(command):
                 continue
             self._command = command

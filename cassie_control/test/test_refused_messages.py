@@ -1,0 +1,89 @@
+"""Messages of another build, or without a time, cost no node a traceback."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+import rclpy
+
+from cassie_control.ros.common import RateCheck
+from cassie_control.ros.mode_source import ModeSource
+from cassie_control.ros.operator_source import OperatorSource
+from cassie_msgs.layout import Mode, OperatorCommand, RobotState
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription
+from cassie_msgs.ros.process import Stop
+
+
+class Told(dict):
+    """Conditions by subject."""
+
+    def set(self, subject, problem):
+        self[subject] = problem
+
+
+@pytest.fixture
+def node():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("tester", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def until(holds):
+    deadline = time.monotonic() + 10.0
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_mode_of_another_layout_is_told_and_the_next_one_holds(node):
+    told = Told()
+    modes = ModeSource(node, Stop(), LaneSubscription(node, RobotState), told, 0.002)
+    modes.reset(1)
+    publisher = LanePublisher(node, Mode)
+    until(lambda: publisher.matched)
+    publisher.publish_raw(Mode().to_bytes()[:-8])
+    until(lambda: modes.is_there(0) or told.get("mode"))
+    assert "cassie_msgs/msg/Mode has" in told["mode"]
+    good = Mode()
+    good.episode[...], good.effective_seq[...] = 1, 10
+    publisher.publish(good)
+    until(lambda: modes.is_there(10))
+    assert told["mode"] == ""
+
+
+def test_an_operator_command_of_another_layout_is_told_until_a_good_one_comes(node):
+    told = Told()
+    states = LaneSubscription(node, RobotState)
+    operator = OperatorSource(node, Stop(), states, told, scripted=False)
+    publisher = LanePublisher(node, OperatorCommand)
+    until(lambda: publisher.matched)
+    publisher.publish_raw(OperatorCommand().to_bytes()[:-8])
+    until(lambda: operator.at(0) or told.get("operator_command"))
+    publisher.publish(OperatorCommand())
+    until(lambda: operator.at(0) is not None)
+    assert told["operator_command"] == ""
+
+
+@pytest.mark.parametrize(
+    ("stamp", "words"), [(0, "carry no time"), (20_000_000, "come at 1000 Hz"), (40_000_000, "")]
+)
+def test_samples_at_another_rate_end_the_node_with_a_reason(stamp, words):
+    said = []
+
+    class Logging:
+        def get_logger(self):
+            return self
+
+        def fatal(self, text):
+            said.append(text)
+
+    stop, state = Stop(), RobotState()
+    state.stamp_ns = stamp
+    RateCheck(Logging(), stop, 500).check(1, 20, state)
+    assert stop.exit_code == (2 if words else 0)
+    assert all(words in text for text in said)
+    assert bool(said) == bool(words)
