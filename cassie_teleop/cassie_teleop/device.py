@@ -109,7 +109,8 @@ def _check_indices(device: Device) -> None:
         buttons["dead_man"] = device.dead_man
     for what, table, count in (("axis", axes, device.axes), ("button", buttons, device.buttons)):
         for name, index in table.items():
-            if not isinstance(index, int) or not -1 <= index < count:
+            none = -1 if name.partition(".")[0] in ("power", "mode") else 0  # -1: has none
+            if not isinstance(index, int) or not none <= index < count:
                 raise DeviceError(f"{name} = {index}: no such {what}, the last is {count - 1}")
     for name, switch in switches.items():
         if switch.axis < 0 and switch.on_button < 0:

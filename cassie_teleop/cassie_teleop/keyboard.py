@@ -40,11 +40,14 @@ class Keyboard:
         self.left = False
 
     def press(self, key: str) -> bool:
-        """Take one key; says whether it means something now."""
+        """Take one key, also with Caps Lock on; says whether it means something now."""
+        key = key.lower()
         if key == "x":
             self.left = True
-        elif key in "po":
-            self.wish = replace_checked(self.wish or Wish(), power=key == "p")
+        elif key == "p":
+            self.wish = replace_checked(self.wish or Wish(), power=True)
+        elif key == "o":  # nor does she walk off when power is back
+            self.wish = replace_checked(stopped(self.wish or Wish()), mode="stand", power=False)
         elif self.wish is None:
             return False
         elif key in STEPS:

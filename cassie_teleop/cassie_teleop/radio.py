@@ -60,6 +60,15 @@ class Radio:
             mode=asked[-1] if asked else "stand",
         )
 
+    def cuts_power(self, axes: Sequence[float], buttons: Sequence[int]) -> bool:
+        """Whether the power switch is off; of channels that are refused for others, too."""
+        device = self.device
+        if (len(axes), len(buttons)) != (device.axes, device.buttons):
+            return False  # who knows which of them is the switch
+        if device.power.axis >= 0 and not _sound(axes[device.power.axis]):
+            return False
+        return self._on("power", device.power, axes, buttons) is False
+
     def _check(self, axes: Sequence[float], buttons: Sequence[int]) -> None:
         device = self.device
         for what, given, count in (
@@ -69,7 +78,7 @@ class Radio:
             if len(given) != count:
                 raise RadioError(f"/joy has {len(given)} {what}, the device file says {count}")
         for index, value in enumerate(axes):
-            if not (math.isfinite(value) and abs(value) <= 1.001):
+            if not _sound(value):
                 raise RadioError(f"/joy axis {index} = {value:g} is outside -1 .. 1")
 
     def _on(
@@ -84,6 +93,10 @@ class Radio:
         elif buttons[switch.on_button]:
             self._latched[name] = True
         return self._latched.get(name)
+
+
+def _sound(value: float) -> bool:
+    return abs(value) <= 1.001  # not so of NaN
 
 
 def mapped(axis_map: AxisMap, value: float) -> float:

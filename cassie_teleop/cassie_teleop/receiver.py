@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import Radio, RadioError, without_link
 from cassie_teleop.wish import Wish
 
@@ -32,7 +33,10 @@ class Receiver:
             wish = self._radio.read(axes, buttons)
         except RadioError as error:
             self._refusal = self._refusal or str(error)  # the first of a row: one report
-            return False
+            if before is None or not before.power or not self._radio.cuts_power(axes, buttons):
+                return False
+            self._wish = replace_checked(before, power=False)  # the emergency stop works still
+            return True
         self._refusal = ""
         self._wish = wish
         return wish is not None and (before is None or before.power != wish.power)

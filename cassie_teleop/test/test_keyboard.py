@@ -15,6 +15,12 @@ def test_nothing_is_wished_before_a_power_key():
     assert typed("p").wish.power and not typed("o").wish.power
 
 
+def test_the_emergency_stop_works_with_caps_lock_and_power_alone_moves_nothing():
+    wish = typed("p2wwaqrO").wish
+    assert (wish.power, wish.mode, wish.vx, wish.vy, wish.yaw_rate) == (False, "stand", 0, 0, 0)
+    assert typed("p2wwaqrOp").wish == typed("pr").wish
+
+
 def test_keys_step_set_points_within_their_ranges():
     wish = typed("p2" + "w" * 5 + "a" * 2).wish
     assert (wish.mode, wish.vx, wish.yaw_rate) == ("walk", 0.5, 0.2)

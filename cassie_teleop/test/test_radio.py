@@ -101,6 +101,25 @@ def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
 
 
 @pytest.mark.parametrize(
+    ("axes", "power"),
+    [
+        (taranis(RV=float("nan"), SA=-1.0), False),
+        (taranis(RV=float("nan"), SA=1.0), True),
+        (taranis(SA=float("nan")), True),
+        (taranis(SA=-1.0)[:15], True),
+    ],
+)
+def test_the_emergency_stop_works_with_a_broken_stick(radio, axes, power):
+    receiver = Receiver(radio, 0.5)
+    receiver.receive(taranis(), [1, 1], 1.0)
+    assert receiver.receive(axes, [1, 1], 1.1) is not power, "a moved power switch is told"
+    assert receiver.wish(1.1).power is power and not receiver.wish(1.1).link
+    assert not receiver.receive(axes, [1, 1], 1.2)
+    receiver.receive(taranis(), [1, 1], 1.3)
+    assert receiver.wish(1.3).power and receiver.wish(1.3).link
+
+
+@pytest.mark.parametrize(
     ("change", "message"),
     [
         ("axes: 99", r"axes = 99 is outside 0 \.\. 64"),
@@ -112,6 +131,8 @@ def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
         ("mode: {stand: {axis: 0}}", "unknown mode stand"),
         ("link: 1", "link = 1 is not a list of buttons"),
         ("setpoints: {vx: 3}", "setpoints.vx: expected axis, scale"),
+        ("link: [-1]", r"link\[0\] = -1: no such button"),
+        ("dead_man: -1", "dead_man = -1: no such button"),
         ("link: [5]", r"link\[0\] = 5: no such button"),
     ],
 )
