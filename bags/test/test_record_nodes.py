@@ -229,12 +229,15 @@ def spin(node: Node) -> bool:
         (["replay", "text.mcap"], "is not an MCAP file"),
         (["recover", "text.mcap"], "is not an MCAP file"),
         (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
+        (["record", "-o", "text.mcap"], "text.mcap exists: give another file"),
+        (["record", "-o", "new.mcap", "--metadata", "flat.yaml"], "seed = 3 is not a mapping"),
     ],
 )
 def test_a_wrong_file_ends_the_command_with_one_line(
     processes: Processes, tmp_path: Path, command: list[str], reason: str
 ):
     (tmp_path / "text.mcap").write_text("no bag")
+    (tmp_path / "flat.yaml").write_text("seed: 3")
     name, *words = command
     paths = [str(tmp_path / word) if "." in word else word for word in words]
     processes.start(name, [executable("cassie_bags", name), *paths])
@@ -242,3 +245,5 @@ def test_a_wrong_file_ends_the_command_with_one_line(
     with pytest.raises(RunError, match=f"exit code 2: {name}: error: .*{reason}"):
         processes.check()
     assert len(processes.log(name).read_text().splitlines()) == 1
+    assert (tmp_path / "text.mcap").read_text() == "no bag"
+    assert not (tmp_path / "new.mcap").exists()

@@ -67,6 +67,7 @@ def run_over_dds(experiment: Experiment, folder: Path) -> Path:
     bag = folder / "bag.mcap"
     metadata = folder / "metadata.yaml"
     folder.mkdir(parents=True, exist_ok=True)
+    bag.unlink(missing_ok=True)  # of a run before
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
     with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
         record = executable("cassie_bags", "record")

@@ -66,8 +66,11 @@ class Recorder(Node):
         self._silent = set(_NEEDED)
         self._first: int | None = None
         self._last = 0
+        metadata = _metadata(arguments.metadata)
+        if arguments.output.exists():
+            raise BagError(f"{arguments.output} exists: give another file with -o, or remove it")
         self._bag = BagWriter(arguments.output)
-        for name, content in _metadata(arguments.metadata).items():
+        for name, content in metadata.items():
             self._bag.add_metadata(name, content)
         for topic in TYPES if self._all else self._wanted & TYPES.keys():
             self._subscribe(topic, TYPES[topic])
@@ -164,6 +167,9 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     if path is None:
         return {"cassie_versions": versions()}
     content = read_yaml(path)
+    for name, record in content.items():
+        if not isinstance(record, dict):
+            raise BagError(f"{path}: {name} = {record!r} is not a mapping of names to values")
     return {
         str(name): {str(key): str(value) for key, value in record.items()}
         for name, record in content.items()
