@@ -15,6 +15,7 @@ from cassie_bags.leg_geometry import euler_angles
 from cassie_bags.odometry import odometry_dtype
 from cassie_bags.recording import Recording, Rows, stamps
 from cassie_bags.ride import gate_miss, measure_ride
+from cassie_bags.ros import toe_gains as command
 from cassie_bags.sweeps.course import Budget
 from cassie_bags.sweeps.segway_rows import GO, leans, segway_rows
 from cassie_bags.sweeps.segway_rows import ride as segway_ride
@@ -172,3 +173,12 @@ def test_the_worst_robot_counts_and_who_fell_is_told():
     runs.append({"fell": 1.0, "platform_rms": math.nan})
     summed = shaking(Setting("riding", None, SOFTNESS[0]), runs)
     assert (summed.rms, summed.fell, summed.run) == (0.3, 1, 3)
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("sys.argv", ["toe_gains", "--out", str(tmp_path / "file" / "folder")])
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr(command, "workers", lambda *_: pytest.fail("it runs"))
+    assert command.main() == command.WRONG_INPUT
+    assert "Not a directory" in capsys.readouterr().err

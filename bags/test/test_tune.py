@@ -234,6 +234,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
         (["--population", "1"], "1 is not 0 (auto), or 2 or more"),
         (["--resume"], "cannot resume from"),
         (["--set", "controler.x=1"], "unknown key controler"),
+        (["--set", "controller=5"], "controller = 5 is not a mapping"),
         (["--objective", "none.yaml"], "cannot read none.yaml"),
     ],
 )

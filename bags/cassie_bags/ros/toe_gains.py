@@ -33,13 +33,13 @@ def main() -> int:
     runs: list[list[Figures]] = [[] for _ in points]
     bar = tqdm(total=len(jobs), unit="run", disable=not sys.stderr.isatty(), leave=False)
     try:
+        arguments.out.mkdir(parents=True, exist_ok=True)
         with contextlib.closing(workers(arguments.jobs, None)) as crew, bar:
             trials = [trial_of(points[index], seed) for index, seed in jobs]
             for number, figures in crew.results(run_trial, trials):
                 runs[jobs[number][0]].append(figures)
                 bar.update()
         found = [shaking(point, figures) for point, figures in zip(points, runs, strict=True)]
-        arguments.out.mkdir(parents=True, exist_ok=True)
         (arguments.out / "toe_gains.txt").write_text(table(found) + "\n", "utf-8")
         draw(arguments.out / "toe_gains.png", found)
     except KeyboardInterrupt:

@@ -78,8 +78,10 @@ def main() -> int:
 def _task(arguments: argparse.Namespace) -> Task:
     content: dict[str, Any] = {}
     apply_changes(content, arguments.set)
-    given: Mapping[str, object] = flatten(content.get("controller") or {})
-    space = parameters(arguments.parameters, given, arguments.factor)
+    given = content.get("controller") or {}
+    if not isinstance(given, Mapping):
+        raise ExperimentError(f"controller = {given!r} is not a mapping")
+    space = parameters(arguments.parameters, flatten(given), arguments.factor)
     if len(space) < 2:
         raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
     objective = load_objective(arguments.objective)
