@@ -14,6 +14,7 @@ import rclpy
 import yaml
 from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, parameter_value_to_python
 
@@ -85,7 +86,7 @@ def call_service(service: str, type_name: str, text: str) -> Any:
     package, _, name = type_name.partition("/srv/")
     try:
         kind = getattr(import_module(f"{package}.srv"), name)
-    except (ImportError, AttributeError, ValueError):
+    except (ImportError, AttributeError, ValueError, TypeError):
         raise CallError(f"no service type {type_name}: expected package/srv/Name") from None
     try:
         content = yaml.safe_load(text) or {}
@@ -108,11 +109,12 @@ def _fill(message: Any, content: Any) -> None:
         if hasattr(present, "get_fields_and_field_types"):
             _fill(present, value)
             continue
-        setattr(message, name, _converted(value, present, f"{name} ({fields[name]})"))
+        setattr(message, name, _converted(value, present, name, fields[name]))
 
 
-def _converted(value: Any, present: Any, what: str) -> Any:
+def _converted(value: Any, present: Any, name: str, type_name: str) -> Any:
     """A value in the type of what is there; the messages themselves do not look."""
+    what = f"{name} ({type_name})"
     if isinstance(present, np.ndarray):
         try:
             array = np.array(value, dtype=present.dtype)
@@ -126,6 +128,10 @@ def _converted(value: Any, present: Any, what: str) -> Any:
         return float(value)
     if type(value) is not kind:
         raise CallError(f"{what}: {value!r} is no {kind.__name__}")
+    if kind is int:
+        bounds = np.iinfo(type_name)
+        if not bounds.min <= value <= bounds.max:
+            raise CallError(f"{what}: {value} is outside {bounds.min} .. {bounds.max}")
     return value
 
 
@@ -142,9 +148,12 @@ def _node() -> Iterator[Node]:
 
 
 def _call(node: Node, service: str, kind: Any, request: Any) -> Any:
-    client = node.create_client(kind, service)
+    try:
+        client = node.create_client(kind, service)
+    except NameValidationException as error:
+        raise CallError(" ".join(str(error).split())) from None
     if not client.wait_for_service(PATIENCE):
-        known = [name for name, _ in node.get_service_names_and_types()]
+        known = [name for name, _ in node.get_service_names_and_types() if name != service]
         close = difflib.get_close_matches(service, known, n=1)
         hint = f", did you mean {close[0]}?" if close else ""
         raise CallError(f"nobody serves {service} within {PATIENCE:g} s{hint}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -70,9 +71,26 @@ def test_parameters_are_set_and_services_called(tmp_path: Path) -> None:
         (("cassie_msgs/srv/Push", "{forc: 3}"), "unknown field forc: known: body, force"),
         (("cassie_msgs/srv/Push", "{"), "the request is no YAML"),
         (("cassie_msgs/srv/Push", "3"), "3 is no mapping"),
+        (("cassie_msgs/srv/Step", "{ticks: -1}"), "ticks (uint32): -1 is outside 0 .. 4294967295"),
+        (("/srv/Push", "{}"), "no service type /srv/Push"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_not_sent(words: tuple[str, str], reason: str) -> None:
     code, said = ros2(0, "service", "call", "/cassie/push", *words)
     assert code == 1
     assert reason in said
+
+
+def test_a_name_that_nothing_can_have_is_refused_in_one_line() -> None:
+    code, said = ros2(0, "param", "get", "no node", "x")
+    assert code == 1
+    assert len(said.splitlines()) == 1
+    assert "must not contain characters other than" in said
+
+
+def test_a_service_that_is_not_there_is_not_suggested_in_its_own_place(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(ROS2.parents[1])
+    calls = import_module("ros2_calls")
+    monkeypatch.setattr(calls, "PATIENCE", 0.1)
+    with pytest.raises(calls.CallError, match=r"nobody serves /cassie/nothing within 0.1 s$"):
+        calls.call_service("/cassie/nothing", "cassie_msgs/srv/Push", "{force: [0, 0, 1]}")
