@@ -27,7 +27,7 @@ lint: build ## ruff, and mypy (strict on the cores)
 format: build ## let ruff lay out the code
 	@.venv/bin/ruff check --fix-only --quiet . && .venv/bin/ruff format .
 
-clean: ## remove what was built, keep the environment
+clean: ## remove what was built, and all results in build; keep the environment
 	rm -rf build install log
 
 distclean: clean ## remove the environment too

@@ -94,7 +94,9 @@ def bring_up_workspace(venv_stamp: str) -> bool:
         return False
     if old[0] != venv_stamp:  # CMake caches of another environment are of no use
         shutil.rmtree(ROOT / "install", ignore_errors=True)
-        shutil.rmtree(ROOT / "build", ignore_errors=True)
+        for package in PACKAGES:  # the rest of build/ are somebody's results
+            name = package if package.startswith("cassie_") else f"cassie_{package}"
+            shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
     record.unlink(missing_ok=True)
     print("make build: building the packages with colcon")
     python = str(VENV / "bin/python")
