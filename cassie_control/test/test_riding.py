@@ -220,6 +220,16 @@ def test_far_back_she_does_not_lean_to_a_side():
     assert leant(ahead=-0.08, com_y=0.05)[1] < 0.035
 
 
+@pytest.mark.parametrize(("carried", "left"), [(0.97, 1.0), (0.9, 0.5), (0.8, 0.0)])
+def test_she_leans_less_where_the_feet_do_not_carry_her(carried, left):
+    """A shin on the bar's pad did: the feet told of rest while she rolled backward, and fell."""
+    half = 0.5 * carried * WEIGHT
+    state = state_of(leg_joints(), leg_joints(), height=0.65, forces=(half, half))
+    for sign in (1.0, -1.0):
+        core = ridden(state, mode_of(height=0.65, com_y=0.02 * sign), 1000)[0]
+        assert core.lean[1] == pytest.approx(0.02 * sign * left, abs=0.001)
+
+
 def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
     """From far back they press at their heels already: more of it and the torso bends."""
     pendulum = Pendulum()

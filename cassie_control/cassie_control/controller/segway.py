@@ -6,7 +6,7 @@ import math
 
 from cassie_control.controller.level import Level
 from cassie_control.controller.moving_balance import MovingBalance
-from cassie_control.controller.readings import LegReadings, Readings
+from cassie_control.controller.readings import WEIGHT, LegReadings, Readings
 from cassie_control.controller.standing import StandingController
 from cassie_control.controller.standing_config import SegwayConfig
 from cassie_gaits import virtual_leg
@@ -18,6 +18,8 @@ _TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which she leans to a side by that share only
+_LIFT_TIME = 0.3  # s, low-pass of the share of her weight that the feet do not carry
+_LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
 _LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
@@ -72,7 +74,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
-        self._turn = 0.0
+        self._turn = self._lifted = 0.0
         self._heading = math.nan
 
     @property
@@ -106,7 +108,7 @@ class RidingController:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
-        self._turn = 0.0
+        self._turn = self._lifted = 0.0
         self._heading = math.nan
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
@@ -136,6 +138,7 @@ class RidingController:
         wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
         wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
         self._out_of_corner(readings, wanted)
+        self._off_the_bar(readings, wanted)
         (back, ahead), (right, left) = self._balance.near(readings)
         wanted.com_x[...] = max(back, min(ahead, float(wanted.com_x)))
         wanted.com_y[...] = max(right, min(left, float(wanted.com_y)))
@@ -234,6 +237,19 @@ class RidingController:
         aside = max(_LEAST, self.config.corner - max(0.0, -ahead))
         wanted.com_x[...] = max(-back, float(wanted.com_x))
         wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
+
+    def _off_the_bar(self, readings: Readings, wanted: Mode) -> None:
+        """Less of a lean while something beside the feet carries her: a shin on the bar's pad.
+
+        What the feet press then tells neither the ground's acceleration nor the speed, and the
+        foot below that shin slips.
+        """
+        feet = float(readings.legs[0].force) + float(readings.legs[1].force)
+        self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
+        least, most = _LIFTED
+        share = max(0.0, min(1.0, (self._lifted - least) / (most - least)))
+        wanted.com_x[...] = (1.0 - share) * float(wanted.com_x)
+        wanted.com_y[...] = (1.0 - share) * float(wanted.com_y)
 
     def _bounded_by_turn(self, rate: float, com_y: float) -> float:
         """Of a lean (m) what does not add to too fast a turn; `rate` is the yaw rate, in rad/s."""
