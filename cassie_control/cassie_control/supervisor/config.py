@@ -38,7 +38,7 @@ class SupervisorConfig:
     ride_acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "Change of the speed of a Segway")
     ride_com_x: float = tunable(0.095, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
     ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "The same sideways")
-    ride_shift_rate: float = tunable(0.2, "m/s", 0.01, 0.5, "Change of these shifts")
+    ride_shift_rate: float = tunable(0.25, "m/s", 0.01, 0.5, "Change of these shifts")
     ride_height: float = tunable(0.67, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
     ride_height_low: float = tunable(
         0.6, "m", 0.4, 0.9, "Lowest one: the knees stay at the pads of the bar"
