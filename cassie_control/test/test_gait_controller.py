@@ -246,3 +246,15 @@ def test_the_command_answers_its_state():
     command = run(controller(), state, STAND)
     assert isinstance(command, MotorCommand)
     assert (int(command.seq), int(command.episode), command.stamp_ns) == (12, 5, 24_000_000)
+
+
+@pytest.mark.parametrize("blend_time", [0.0, 0.05])
+def test_a_shorter_blend_set_during_one_holds_from_the_next_on(blend_time):
+    core = GaitController(
+        replace(CONFIG, transition=replace(CONFIG.transition, blend_time=2.0)), LIBRARY, PERIOD
+    )
+    run(core, standing(), STAND)
+    before = run(core, standing(), STAND, 0.2).torque.copy()
+    transition = replace(CONFIG.transition, blend_time=blend_time)
+    core.configure(replace(CONFIG, transition=transition))
+    assert np.abs(run(core, standing(), STAND).torque - before).max() < 1.0

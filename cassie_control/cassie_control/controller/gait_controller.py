@@ -98,7 +98,7 @@ class GaitController:
         self.recovery.reset()
         self.latency.reset()
         self._allow_for(0.0)
-        self._blend = 0.0
+        self._blend = self._blend_time = 0.0
         self._command.floats[:] = 0.0
 
     def _allow_for(self, latency: float) -> None:
@@ -168,7 +168,7 @@ class GaitController:
             return
         self.activity = activity
         self._since = 0.0
-        self._blend = self.config.transition.blend_time
+        self._blend = self._blend_time = self.config.transition.blend_time
         self._last.copy_from(self._command)
 
     def _act(self, mode: Mode) -> None:
@@ -240,7 +240,7 @@ class GaitController:
         if self._blend <= 0.0 or self.activity not in steady:
             return
         self._blend -= self._period
-        share = max(0.0, self._blend / self.config.transition.blend_time)
+        share = max(0.0, self._blend / self._blend_time)
         for field in ("torque", "kp", "kd"):
             now, before = getattr(self._command, field), getattr(self._last, field)
             now *= 1.0 - share
