@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from cassie_bags.ros.dds_run import processors_of
-from cassie_bags.ros.processes import Processes
+from cassie_bags.ros.processes import Processes, own_domain
 from cassie_sim.simulator_config import SimulatorConfig
 
 
@@ -46,3 +46,25 @@ def test_a_process_keeps_to_the_processors_it_is_given(tmp_path: Path):
             pass
     assert processes.printed("one", f"[{min(mine)}]\n")
     assert processes.printed("any", f"{sorted(mine)}\n")
+
+
+def test_a_domain_whose_lock_another_user_keeps_is_left_out(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    with own_domain() as first:
+        lock = tmp_path / f"cassie_domain_{first}.lock"
+        with own_domain() as second:
+            assert second != first
+    opened = os.open
+
+    def theirs(path, flags, *mode, **folder):
+        if path == lock and flags & (os.O_WRONLY | os.O_CREAT):
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(path, flags, *mode, **folder)
+
+    monkeypatch.setattr("os.open", theirs)
+    with own_domain() as again:
+        assert again == first  # nobody holds it any more; reading is enough
+    lock.unlink()
+    lock.symlink_to(lock)  # cannot even be read
+    with own_domain() as other:
+        assert other == second

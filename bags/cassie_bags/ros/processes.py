@@ -49,14 +49,24 @@ def own_domain() -> Iterator[int]:
     folder = Path(tempfile.gettempdir())
     for offset in range(len(_DOMAINS)):
         domain = _DOMAINS[(os.getpid() + offset) % len(_DOMAINS)]
-        with (folder / f"cassie_domain_{domain}.lock").open("w") as lock:
+        with contextlib.ExitStack() as stack:
             try:
+                lock = _opened(folder / f"cassie_domain_{domain}.lock")
+                stack.callback(os.close, lock)
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 continue
             yield domain
             return
     raise RunError(f"ROS domains {_DOMAINS[0]} .. {_DOMAINS[-1]} are all in use")
+
+
+def _opened(path: Path) -> int:
+    """A lock file that may be another user's, which one may read but not write."""
+    try:
+        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
 
 def environment(domain: int) -> dict[str, str]:
