@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -179,6 +180,33 @@ def test_a_replay_of_some_topics_plays_these_again_and_again(
     processes.check("replay")
     assert node.count_publishers("/cassie/sensors") == 0
     node.destroy_subscription(subscription)
+
+
+def test_ctrl_c_ends_a_replay_to_a_subscriber_that_is_stopped(
+    processes: Processes, domain: int, tmp_path: Path
+):
+    from test_bag import write_bag
+
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.1))
+    listener = (
+        "import rclpy, time; rclpy.init(); node = rclpy.create_node('listener')\n"
+        "from cassie_msgs.msg import RobotState\n"
+        "node.create_subscription(RobotState, '/cassie/state', print, 10)\n"
+        "print('listening', flush=True); time.sleep(60)"
+    )
+    processes.start("listener", [sys.executable, "-c", listener])
+    wait_until(lambda: processes.printed("listener", "listening"))
+    replay = [executable("cassie_bags", "replay"), bag, "--rate", "0.05", "--wait", "10"]
+    processes.start("replay", [*replay, "--topics", "/cassie/state"])
+    time.sleep(1.5)  # it plays for two seconds after it has found the listener
+    processes.signal("listener", signal.SIGSTOP)
+    time.sleep(3.0)
+    processes.signal("replay", signal.SIGINT)
+    asked = time.monotonic()
+    wait_until(lambda: not processes.running("replay"))
+    processes.signal("listener", signal.SIGCONT)
+    assert time.monotonic() - asked < 3.0
 
 
 def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import remove_ros_args
@@ -30,6 +31,7 @@ _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
+_ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
 _LOOK = 0.02  # s between two looks whether somebody listens
 
 
@@ -59,7 +61,9 @@ class Replay(Node):
             offset += length
         if not self._stop.requested:
             for publisher in self._publishers_by_topic.values():
-                publisher.wait_for_all_acked()
+                # Bit by bit: Ctrl-C does not end a wait, and a subscriber may be stopped.
+                while not self._stop.requested and not publisher.wait_for_all_acked(_ACKED):
+                    pass
             self.get_logger().info(f"{len(self._messages)} messages replayed")
 
     def _load(self, path: Path, topics: Sequence[str]) -> list[tuple[int, Any, bytes]]:
