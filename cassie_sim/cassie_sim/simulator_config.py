@@ -126,6 +126,8 @@ def load_scenario(path: Path) -> Scenario:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ParameterError(f"scenario = {path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ParameterError(f"scenario = {path} is not a text file") from None
     content = _mapping(text, f"scenario {path}")
     for key in content:
         if key not in _SCENARIO_KEYS + _OTHER_KEYS:

@@ -66,6 +66,9 @@ def test_a_wrong_file_is_refused(tmp_path: Path, text: str, words: str) -> None:
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="cannot be read"):
         load_scenario(tmp_path / "none.yaml")
+    (tmp_path / "picture.yaml").write_bytes(b"\xd0\x00")
+    with pytest.raises(ParameterError, match=r"picture.yaml is not a text file"):
+        load_scenario(tmp_path / "picture.yaml")
 
 
 @pytest.mark.parametrize(
