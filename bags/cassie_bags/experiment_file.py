@@ -26,7 +26,7 @@ from cassie_msgs.tunables import (
     replace_checked,
     unknown_name,
 )
-from cassie_sim.scenario import Draw, Scenario
+from cassie_sim.scenario import Draw, Scenario, gantry_order
 from cassie_teleop.script import ScriptedOperator
 
 NODES = ("simulator", "estimator", "controller", "supervisor")
@@ -196,25 +196,11 @@ def to_yaml(experiment: Experiment) -> str:
 
 def _gantry(entry: object, index: int) -> dict[str, Any]:
     """`{t, height | release | hold}` as the scenario has it: action, height, speed."""
-    move = dict(_event(entry, "gantry", index))
-    if "action" in move:
-        return move
-    known = ("t", "height", "release", "hold", "speed")
-    for key in move:
-        if key not in known:
-            raise ExperimentError(unknown_name(str(key), known, f"key of gantry.{index}"))
-    actions = {"height": "lower", "release": "release", "hold": "hold"}
-    given = [key for key in actions if key in move]
-    if len(given) != 1:
-        raise ExperimentError(f"gantry.{index}: expected one of height, release and hold")
-    value = move.pop(given[0])
-    move["action"] = actions[given[0]]
-    if given[0] == "release":
-        if value is not True:
-            raise ExperimentError(f"gantry.{index}.release = {value!r} is not true")
-    else:
-        move["height"] = value
-    return move
+    move = _event(entry, "gantry", index)
+    try:
+        return gantry_order(move, f"gantry.{index}")
+    except ParameterError as error:
+        raise ExperimentError(str(error)) from None
 
 
 def _entries(content: Mapping[str, Any], key: str) -> list[tuple[int, object]]:

@@ -173,6 +173,37 @@ class Scenario:
         )
 
 
+def gantry_order(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """`{t, height | release | hold}`, as people write it, as the fields of a `GantryMove`.
+
+    Args:
+        entry: What stands in the file; one with `action` is taken as it is.
+        where: Its name, for messages.
+
+    Raises:
+        ParameterError: naming the key, its value and what is permitted.
+    """
+    move = dict(entry)
+    if "action" in move:
+        return move
+    known = ("t", "height", "release", "hold", "speed")
+    for key in move:
+        if key not in known:
+            raise ParameterError(unknown_name(str(key), known, f"key of {where}"))
+    actions = {"height": "lower", "release": "release", "hold": "hold"}
+    given = [key for key in actions if key in move]
+    if len(given) != 1:
+        raise ParameterError(f"{where}: expected one of height, release and hold")
+    value = move.pop(given[0])
+    move["action"] = actions[given[0]]
+    if given[0] == "release":
+        if value is not True:
+            raise ParameterError(f"{where}.release = {value!r} is not true")
+    else:
+        move["height"] = value
+    return move
+
+
 def _section(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
     section = mapping.get(key)
     if section is None:

@@ -11,7 +11,7 @@ import yaml
 
 from cassie_msgs.tunables import ParameterError, tunable, unknown_name
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.scenario import STARTS, Draw, Scenario
+from cassie_sim.scenario import STARTS, Draw, Scenario, gantry_order
 
 PACINGS = ("lockstep", "realtime", "fixed_lag")
 
@@ -134,6 +134,11 @@ def load_scenario(path: Path) -> Scenario:
             known = _SCENARIO_KEYS + _OTHER_KEYS
             raise ParameterError(f"{path}: {unknown_name(str(key), known, 'key')}")
     mapping = {key: value for key, value in content.items() if key in _SCENARIO_KEYS}
+    if isinstance(moves := mapping.get("gantry"), list):
+        mapping["gantry"] = [
+            gantry_order(move, f"gantry[{i}]") if isinstance(move, Mapping) else move
+            for i, move in enumerate(moves)
+        ]
     if "draw" not in mapping:
         seed = content.get("seed", 0)
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:

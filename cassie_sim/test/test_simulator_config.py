@@ -45,9 +45,18 @@ def test_a_file_of_an_experiment_is_read_without_what_others_read(tmp_path: Path
     assert scenario.draw == Draw.from_seed(5)
 
 
+def test_the_gantry_is_ordered_as_experiments_write_it(tmp_path: Path) -> None:
+    file = tmp_path / "e.yaml"
+    file.write_text("gantry: [{t: 0, hold: 1.4}, {t: 1, height: 0.8}, {t: 2, release: true}]")
+    moves = load_scenario(file).gantry
+    assert [move.action for move in moves] == ["hold", "lower", "release"]
+    assert [move.height for move in moves[:2]] == [1.4, 0.8]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("gantry: [{t: 0, hold: 1.4, release: true}]", "expected one of height, release and hold"),
         ("strat: standing", "did you mean start"),
         ("- 1", "not a mapping"),
         (100 * "words ", r"(words ){10}'\.\.\. is not a mapping"),
