@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -61,3 +62,37 @@ def test_a_sample_that_is_sent_again_is_answered_again_but_not_estimated_twice()
     for _ in range(50):  # a monitor that took them for new samples would find everything stuck
         assert (answer(sample).q == first).all()
     assert not estimator.faults
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--repetitions", "0"], "0 is not a whole number of 1 or more"),
+        (["--seconds", "0.5"], "0.5 is not 2 .. 600 s"),
+        (["--out", "file/folder/bench.json"], "Not a directory"),
+    ],
+)
+def test_wrong_words_are_told_before_anything_runs(words: list[str], reason: str, tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    run = subprocess.run(
+        [sys.executable, "-m", "cassie_bags.ros.bench", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        timeout=60,
+    )
+    assert run.returncode == 2
+    assert reason in run.stderr.splitlines()[-1]
+
+
+def test_ctrl_c_ends_it_without_a_traceback(tmp_path: Path):
+    command = [sys.executable, "-m", "cassie_bags.ros.bench", "--out", str(tmp_path / "b.json")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    assert "run 1: five processes" in process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert said.splitlines()[-1] == "bench: stopped"
+    assert "Traceback" not in said

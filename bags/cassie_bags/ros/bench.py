@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import platform
+import signal
 import statistics
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from cassie_bags.errors import RunError
 from cassie_bags.experiment_file import Experiment, parse_experiment
 from cassie_bags.in_process import Loop, run
 from cassie_bags.resolve import resolve, write_resolved
+from cassie_bags.ros.argument_types import positive, seconds
 from cassie_bags.ros.processes import Processes, environment, own_domain
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,18 +62,25 @@ def main() -> int:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(prog="python -m cassie_bags.ros.bench", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/bench.json"))
-    parser.add_argument("--repetitions", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=12.0, help="robot time of a run")
+    parser.add_argument("--repetitions", type=positive, default=3)
+    parser.add_argument("--seconds", type=seconds, default=12.0, help="robot time of a run")
     arguments = parser.parse_args()
     text = EXPERIMENT.replace("12.0", f"{arguments.seconds:g}")
     experiment = resolve(parse_experiment(text, "bench"))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
         results = [_measure(experiment, number) for number in range(arguments.repetitions)]
+    except KeyboardInterrupt:
+        print("bench: stopped", file=sys.stderr)
+        return 130
     except (RunError, TimeoutError) as error:
         print(f"bench: error: {error}", file=sys.stderr)
         return 3
+    except OSError as error:
+        print(f"bench: error: {error}", file=sys.stderr)
+        return 2
     medians = {name: statistics.median(result[name] for result in results) for name in results[0]}
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     content = {
         **medians,
         "repetitions": results,
