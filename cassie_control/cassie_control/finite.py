@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from cassie_gaits.errors import CassieError
@@ -14,8 +16,12 @@ Such a value would pass a test for being finite, and overflow on the way.
 """
 
 
-def fault(sample: Sample) -> str:
+def fault(sample: Sample, unused: Collection[str] = ()) -> str:
     """What is wrong with a message's numbers; empty if nothing is.
+
+    Args:
+        sample: The message.
+        unused: Fields that nothing is computed with.
 
     Returns:
         Words that name the first bad field, its value and what is expected.
@@ -25,7 +31,7 @@ def fault(sample: Sample) -> str:
     if np.dot(sample.floats, sample.floats) <= LARGEST * LARGEST:
         return ""
     for name, kind, count in sample.LAYOUT:
-        if kind is not np.float64:
+        if kind is not np.float64 or name in unused:
             continue
         values = np.atleast_1d(getattr(sample, name))
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
@@ -37,12 +43,14 @@ def fault(sample: Sample) -> str:
     return ""
 
 
-def check(sample: Sample, what: str, error: type[CassieError]) -> None:
-    """Refuse a message whose numbers cannot be computed with.
+def check(
+    sample: Sample, what: str, error: type[CassieError], unused: Collection[str] = ()
+) -> None:
+    """Refuse a message whose numbers cannot be computed with, as `fault` finds them.
 
     Raises:
         error: naming `what`, the field, its value and what is expected.
     """
-    problem = fault(sample)
+    problem = fault(sample, unused)
     if problem:
         raise error(f"{what} {problem}")

@@ -180,6 +180,12 @@ def test_a_value_that_is_no_number_is_refused_by_name(name, value, estimator):
     assert core.step(sample(0.3)).to_bytes() == undisturbed.step(sample(0.3)).to_bytes()
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e300])
+def test_a_battery_gauge_that_fails_changes_nothing(value, estimator):
+    state = estimator().step(spoiled("battery[0]", value)).to_bytes()
+    assert state == estimator().step(sample(0.5)).to_bytes()
+
+
 def test_an_orientation_of_no_length_is_refused(estimator):
     sensors = sample()
     sensors.orientation[:] = 0.0
