@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from typing import Protocol
 
 from cassie_bags.recording import RECORDED_TOPICS, Recording, from_messages
 from cassie_control.guarded import (
@@ -20,7 +19,7 @@ from cassie_control.guarded import (
     Supervisor,
 )
 from cassie_control.schedule import STATUS_TICKS
-from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sample
+from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_sim import ground_truth
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import Plant
@@ -30,13 +29,6 @@ from cassie_teleop.script import ScriptedOperator
 
 Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
-
-
-class TellingController(Controller, Protocol):
-    """A controller that says what it is doing."""
-
-    @property
-    def status(self) -> ControllerStatus: ...
 
 
 class Loop:
@@ -61,7 +53,7 @@ class Loop:
         self,
         plant: Plant,
         estimator: Estimator,
-        controller: TellingController,
+        controller: Controller,
         supervisor: Supervisor,
         operator: ScriptedOperator,
         observer: Observer,
@@ -72,15 +64,14 @@ class Loop:
         self._estimator = GuardedEstimator(estimator)
         self._controller = GuardedController(controller)
         self._supervisor = GuardedSupervisor(supervisor)
-        self._telling = controller
         self._fixed_lag = fixed_lag
         self._truth, self._segway = ground_truth.GroundTruth(), SegwayTruth()
         self._mode, self._next_mode = Mode(), Mode()
         self._lagging = MotorCommand()
         self._power = self._next_power = False
         self._has_lagging = False
-        self.refused = 0
-        """Commands that the plant refused."""
+        self.problems: dict[str, tuple[str, float]] = {}
+        """What first went wrong with a core, by its node, and at what robot time. In s."""
 
     def tick(self) -> None:
         """Run one control tick."""
@@ -95,12 +86,14 @@ class Loop:
         self._operator.watch(stamp, truth)
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
+        self._note("state_estimator", self._estimator.problem, stamp)
         if seq % PERIOD == 0:
             self._answer(state, stamp)
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
         if seq % STATUS_TICKS == 0:
-            self._observe(self._telling.status, stamp)
+            self._observe(self._controller.status(state), stamp)
+        self._note("gait_controller", self._controller.problem, stamp)
         plant.power(self._power)
         self._step_plant(command)
 
@@ -113,6 +106,7 @@ class Loop:
         self._next_power = bool(operator.power)
         mode = self._supervisor.step(state, operator)
         self._observe(mode, stamp)
+        self._note("mode_supervisor", self._supervisor.problem, stamp)
         self._next_mode.copy_from(mode)
 
     def _step_plant(self, command: MotorCommand) -> None:
@@ -121,11 +115,15 @@ class Loop:
             applied = self._lagging if self._has_lagging else None
         try:
             self._plant.step(applied)
-        except CommandError:
-            self.refused += 1
+        except CommandError as error:
+            self._note("simulator", str(error), self._plant.seq * self._plant.tick_ns)
         if self._fixed_lag:
             self._lagging.copy_from(command)
             self._has_lagging = True
+
+    def _note(self, node: str, problem: str, stamp: int) -> None:
+        if problem and node not in self.problems:
+            self.problems[node] = (problem, stamp * 1e-9)
 
     def _observe(self, sample: Sample, stamp: int) -> None:
         self._observer(sample.TOPIC, sample.to_bytes(), stamp)

@@ -17,7 +17,16 @@ from cassie_bags.poses import Puppet
 from cassie_bags.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.resolve import resolve
 from cassie_bags.track import make_track
-from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, Sensors
+from cassie_control.controller.gait_controller import GaitController
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotMode,
+    RobotState,
+    Sensors,
+)
 
 TEXT = """
 start: standing
@@ -138,3 +147,21 @@ def test_a_missing_gait_library_is_refused():
 def test_a_rate_that_does_not_divide_is_refused():
     with pytest.raises(ValueError, match="control_rate = 300 Hz"):
         make_loop(read(TEXT + "simulator: {control_rate: 300}\n"), lambda *_: None)
+
+
+def test_a_core_that_breaks_damps_and_is_told_of_as_over_dds(monkeypatch: pytest.MonkeyPatch):
+    def broken(self: GaitController, state: RobotState, mode: Mode) -> MotorCommand:
+        raise KeyError("gain")
+
+    store, experiment = Store(), read()
+    loop = make_loop(experiment, store)
+    run(loop, range(100))
+    assert loop.problems == {}
+    monkeypatch.setattr(GaitController, "step", broken)
+    wall_time = run(loop, range(100))
+    problem, time = loop.problems["gait_controller"]
+    assert "KeyError: 'gain' (test_in_process.py:" in problem
+    assert time == pytest.approx(0.2)
+    recording = store.recording(wall_time)
+    assert not recording.rows(MotorCommand)["kp"][100:].any()
+    assert recording.rows(ControllerStatus)["seq"].tolist() == list(range(0, 200, 5))

@@ -5,11 +5,15 @@ The nodes and the run in one process both use these, so that they agree on bad i
 
 from __future__ import annotations
 
+import traceback
+from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
 
+from cassie_control.errors import ControlError
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_gaits.errors import CassieError
 from cassie_msgs.layout import (
     ControllerStatus,
     Mode,
@@ -149,7 +153,8 @@ class GuardedSupervisor:
         """The mode for the ticks from `effective_seq` on; reused by the next step."""
         try:
             if not np.isfinite(state.q.sum() + state.v.sum()):
-                raise ValueError("the state is not finite")  # it must not enter the core's filters
+                # It must not enter the core's filters.
+                raise ControlError("the state is not finite")
             mode = self.core.step(state, operator, controller_lost)
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)
@@ -167,5 +172,10 @@ def _answering(answer: SampleT, question: Sample) -> SampleT:
 
 
 def _describe(error: Exception) -> str:
-    text = str(error) or "no further words"
-    return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
+    """In words; of what nobody foresaw, also where it is."""
+    text = " ".join(str(error).split())
+    if isinstance(error, CassieError):
+        return text
+    *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+    place = f"{Path(frame.f_code.co_filename).name}:{line}"
+    return f"{type(error).__name__}: {text or 'no further words'} ({place})"

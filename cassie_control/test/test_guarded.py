@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from cassie_control.errors import SensorError
 from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
 from cassie_msgs.layout import (
     ControllerStatus,
@@ -23,7 +26,7 @@ class Estimator:
 
     def step(self, sensors: Sensors) -> RobotState:
         if sensors.seq == 1:
-            raise ValueError("sensor gyro[0] is nan")
+            raise SensorError("sensor gyro[0] is nan")
         return RobotState()
 
 
@@ -73,6 +76,11 @@ def _state(seq: int) -> RobotState:
     return state
 
 
+def _line_of(text: str) -> int:
+    lines = Path(__file__).read_text(encoding="utf-8").splitlines()
+    return next(number for number, line in enumerate(lines, 1) if line.strip().startswith(text))
+
+
 def test_a_sample_that_cannot_be_used_gives_a_state_that_cannot_either() -> None:
     estimator = GuardedEstimator(Estimator())
     sensors = Sensors()
@@ -95,7 +103,8 @@ def test_a_state_that_cannot_be_answered_gives_damping() -> None:
     assert not command.kp.any()
     assert not command.torque.any()
     assert (int(command.seq), int(command.episode), command.stamp_ns) == (1, 7, 2_000_000)
-    assert controller.problem == "ZeroDivisionError: division by zero"
+    place = f"test_guarded.py:{_line_of('raise ZeroDivisionError')}"
+    assert controller.problem == f"ZeroDivisionError: division by zero ({place})"
     controller.step(_state(3), Mode())
     assert controller.problem == ""
 
@@ -104,7 +113,8 @@ def test_a_status_that_breaks_does_not_cost_the_controller() -> None:
     controller = GuardedController(Controller())
     controller.step(_state(2), Mode())
     assert int(controller.status(_state(2)).seq) == 2
-    assert controller.problem == "AttributeError: no phase"
+    place = f"test_guarded.py:{_line_of('raise AttributeError')}"
+    assert controller.problem == f"AttributeError: no phase ({place})"
 
 
 def test_a_state_of_nan_damps_and_does_not_reach_the_supervisors_filters() -> None:

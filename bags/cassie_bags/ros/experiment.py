@@ -78,10 +78,14 @@ def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
     with stopped_between(bar) as whole:
         if folder is None:
-            wall_time = run(make_loop(experiment, store), whole)
+            loop = make_loop(experiment, store)
+            wall_time = run(loop, whole)
         else:
             with BagObserver(folder / "bag.mcap", experiment) as bag:
-                wall_time = run(make_loop(experiment, both(store, bag)), whole)
+                loop = make_loop(experiment, both(store, bag))
+                wall_time = run(loop, whole)
+    for node, (problem, time) in loop.problems.items():
+        print(f"{node} at {time:.3f} s: {problem}", file=sys.stderr)
     return evaluate(experiment, store.recording(wall_time), "in-process")
 
 
