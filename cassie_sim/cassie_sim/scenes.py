@@ -36,7 +36,7 @@ from cassie_sim.scene_parameters import (
 from cassie_sim.segway import add_segway
 from cassie_sim.segway_drive import SegwayDrive
 from cassie_sim.segway_ground import WAYS, add_bumps
-from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches
+from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches, check_branches
 
 SoftT = TypeVar("SoftT", Sand, Stretch)
 
@@ -144,6 +144,7 @@ def _sand(spec: mujoco.MjSpec, settings: Sand) -> None:
 
 
 def _debris(spec: mujoco.MjSpec, settings: Debris) -> None:
+    check_branches(settings.branch_low, settings.branch_high, "debris")
     _add_ahead(spec, settings, "burn", ("friction", "branches", "branch_low", "branch_high"))
 
 

@@ -88,12 +88,18 @@ def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
         stretch = replace_checked(SURFACES[name], **{key: given[key] for key in mapping})
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from None
-    if stretch.branch_low > stretch.branch_high:
-        raise ParameterError(
-            f"{where}: branch_low = {stretch.branch_low:g} m is above "
-            f"branch_high = {stretch.branch_high:g} m"
-        )
+    check_branches(stretch.branch_low, stretch.branch_high, where)
     return stretch
+
+
+def check_branches(low: float, high: float, where: str) -> None:
+    """Hold that the thinnest branch is not thicker than the thickest. In m.
+
+    Raises:
+        ParameterError: naming both.
+    """
+    if low > high:
+        raise ParameterError(f"{where}: branch_low = {low:g} m is above branch_high = {high:g} m")
 
 
 def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) -> None:

@@ -39,6 +39,12 @@ def test_unknown_parameter_names_the_nearest():
         scene_spec("slope", {"rise_dge": 5.0})
 
 
+def test_branches_thinner_than_the_thinnest_are_named():
+    message = r"debris: branch_low = 0.05 m is above branch_high = 0.04 m"
+    with pytest.raises(ParameterError, match=message):
+        scene_spec("debris", {"branch_low": 0.05})
+
+
 def test_parameter_out_of_range_names_value_and_range():
     with pytest.raises(ParameterError, match=r"rise_deg = 45 deg is outside -30 .. 30 deg"):
         scene_spec("slope", {"rise_deg": 45.0})
