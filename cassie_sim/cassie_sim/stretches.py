@@ -81,10 +81,13 @@ def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
         ParameterError: naming the key, its value and what is permitted.
     """
     name = mapping.get("surface", "concrete")
-    if name not in SURFACES:
+    if not isinstance(name, str) or name not in SURFACES:
         raise ParameterError(f"{where}: {unknown_name(str(name), SURFACES, 'surface')}")
     try:
         given = dataclasses.asdict(from_mapping(Stretch, mapping))
+        for key in mapping:  # an empty mapping under it gets past `from_mapping`
+            if key not in given:
+                raise ParameterError(unknown_name(str(key), given, "parameter"))
         stretch = replace_checked(SURFACES[name], **{key: given[key] for key in mapping})
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from None

@@ -153,6 +153,8 @@ def test_every_scene_refuses_what_it_does_not_know(scene):
             "stretches.0: unknown surface gras: did you mean gr",
         ),
         ({"stretches": [{}, {"lenght": 3}]}, "stretches.1: unknown parameter lenght: did you mean"),
+        ({"stretches": [{"surface": ["grass"]}]}, "stretches.0: unknown surface"),
+        ({"stretches": [{"lenght": {}}]}, "unknown parameter lenght: did you mean length"),
         ({"stretches": [{"step": 1.0}]}, r"stretches.0: step = 1 m is outside -0.3 .. 0.3 m"),
         ({"stretches": [{"branch_low": 0.05}]}, "branch_low = 0.05 m is above branch_high"),
         ({"stretches": [{}], "pillars": [{"radius": 0}]}, "pillars.0: radius = 0 m is outside"),
