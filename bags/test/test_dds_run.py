@@ -57,7 +57,7 @@ def test_a_domain_whose_lock_another_user_keeps_is_left_out(tmp_path: Path, monk
     opened = os.open
 
     def theirs(path, flags, *mode, **folder):
-        if path == lock and flags & (os.O_WRONLY | os.O_CREAT):
+        if path == lock and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
             raise PermissionError(13, "Permission denied", str(path))
         return opened(path, flags, *mode, **folder)
 

@@ -64,9 +64,9 @@ def own_domain() -> Iterator[int]:
 def _opened(path: Path) -> int:
     """A lock file that may be another user's, which one may read but not write."""
     try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except PermissionError:
         return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
-        return os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
 
 def environment(domain: int) -> dict[str, str]:
