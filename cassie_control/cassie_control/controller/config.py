@@ -13,16 +13,16 @@ from cassie_msgs.tunables import tunable
 class JointGains:
     """Position and velocity gains of one leg's drives while walking."""
 
-    kp_hip_roll: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
-    kp_hip_yaw: float = tunable(500.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
-    kp_hip_pitch: float = tunable(450.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
-    kp_knee: float = tunable(600.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
-    kp_toe: float = tunable(20.0, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
-    kd_hip_roll: float = tunable(22.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
-    kd_hip_yaw: float = tunable(20.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(10.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
-    kd_knee: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Knee damping")
-    kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
+    kp_hip_roll: float = tunable(527.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
+    kp_hip_yaw: float = tunable(448.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
+    kp_hip_pitch: float = tunable(361.0, "Nm/rad", 0.0, 2000.0, "Hip pitch stiffness")
+    kp_knee: float = tunable(549.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
+    kp_toe: float = tunable(20.2, "Nm/rad", 0.0, 500.0, "Toe stiffness in swing")
+    kd_hip_roll: float = tunable(23.7, "Nms/rad", 0.0, 100.0, "Hip roll damping")
+    kd_hip_yaw: float = tunable(18.1, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
+    kd_hip_pitch: float = tunable(9.14, "Nms/rad", 0.0, 100.0, "Hip pitch damping")
+    kd_knee: float = tunable(7.37, "Nms/rad", 0.0, 100.0, "Knee damping")
+    kd_toe: float = tunable(2.08, "Nms/rad", 0.0, 50.0, "Toe damping in swing")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,13 +64,13 @@ class WalkConfig:
 
     joints: JointGains = field(default_factory=JointGains)
     kp_torso_pitch: float = tunable(
-        267.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
+        285.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
     )
-    kd_torso_pitch: float = tunable(15.0, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_pitch: float = tunable(13.5, "Nms/rad", 0.0, 200.0, "Its damping")
     kp_torso_roll: float = tunable(
-        426.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
+        446.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
     )
-    kd_torso_roll: float = tunable(18.6, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_roll: float = tunable(20.2, "Nms/rad", 0.0, 200.0, "Its damping")
     late: LateGains = field(default_factory=LateGains)
     law: str = tunable(
         "pendulum",
@@ -136,18 +136,18 @@ class WalkConfig:
         0.03, "s/(m/s)", 0.0, 0.1, "By how much longer that is with speed fore or aft, to 1.5 m/s"
     )
     pendulum_gain_x: float = tunable(
-        0.9, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
+        0.939, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
     )
-    pendulum_gain_back: float = tunable(0.9, "", 0.0, 1.5, "The same while it moves backward")
+    pendulum_gain_back: float = tunable(0.795, "", 0.0, 1.5, "The same while it moves backward")
     pendulum_gain_y: float = tunable(
-        0.8, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
+        1.02, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
     pendulum_fade_x: float = tunable(
         0.3, "1/(m/s)", 0.0, 0.6, "Share by which the sagittal gain falls with speed forward"
     )
     pendulum_fade_y: float = tunable(0.12, "1/(m/s)", 0.0, 0.6, "The same of the lateral gain")
     pendulum_gain_still: float = tunable(
-        0.2, "", 0.0, 0.8, "Added to these gains in place; half of it at half `still_speed`"
+        0.18, "", 0.0, 0.8, "Added to these gains in place; half of it at half `still_speed`"
     )
     sidestep: float = tunable(
         0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
@@ -162,9 +162,9 @@ class WalkConfig:
         0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
     )
     integral_x: float = tunable(
-        0.03, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
+        0.0299, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.03, "m/(m/s)", 0.0, 0.2, "The same sideways")
+    integral_y: float = tunable(0.0265, "m/(m/s)", 0.0, 0.2, "The same sideways")
     integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
