@@ -16,11 +16,12 @@ from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.trial import experiment_of
-from cassie_bags.tuning.objective import load_objective
+from cassie_bags.tuning.objective import DEFAULT, load_objective
 from cassie_bags.tuning.search import Search
 from cassie_bags.tuning.space import Parameter, parameters, values
 from cassie_bags.yaml_file import apply_changes
 from cassie_control.controller.config import ControllerConfig
+from cassie_msgs.tunables import entries
 
 GOAL = np.array([0.4, -0.7, 0.1, 0.9])
 
@@ -243,6 +244,18 @@ def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):
     assert process.returncode == 2, process.stdout
     assert reason in process.stderr
     assert "Traceback" not in process.stderr
+
+
+def test_the_gains_of_walking_are_those_that_the_search_found():
+    record = json.loads(DEFAULT.with_name("shipped.json").read_text())
+    *_, last = record["searches"]
+    shipped = {entry.name: entry.value for entry in entries(ControllerConfig())}
+    found = {found["name"]: float(f"{found['found']:.3g}") for found in last["parameters"]}
+    assert found == {name: shipped[name] for name in found}
+    assert set(found) == {parameter.name for parameter in parameters([], {}, 1.5)}
+    before, after = (last["scores"][f"held out, {what}"] for what in ("to begin with", "found"))
+    assert after["cost"] < before["cost"]
+    assert after["fell"] <= before["fell"]
 
 
 def test_the_defaults_of_the_controller_are_within_their_reach():
