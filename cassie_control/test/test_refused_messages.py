@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 import pytest
-import rclpy
 
 from cassie_control.ros.common import RateCheck
 from cassie_control.ros.mode_source import ModeSource
@@ -20,16 +19,6 @@ class Told(dict):
 
     def set(self, subject, problem):
         self[subject] = problem
-
-
-@pytest.fixture
-def node():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("tester", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
 
 
 def until(holds):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from cassie_msgs.layout import Mode, MotorCommand, Sensors
@@ -21,16 +20,6 @@ from cassie_msgs.ros.fast_lane import (
 )
 
 ECHO = Path(__file__).with_name("lane_echo.py")
-
-
-@pytest.fixture
-def node():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("tester", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 @pytest.fixture

@@ -20,16 +20,6 @@ from cassie_msgs.ros.fast_lane import (
 )
 
 
-@pytest.fixture
-def node():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("tester", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
-
-
 def matched(publisher) -> None:
     deadline = time.monotonic() + 10.0
     while not publisher.get_subscription_count():

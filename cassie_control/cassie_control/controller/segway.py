@@ -71,6 +71,9 @@ class RidingController:
         self._mode = Mode()
         self._level = Level(period)
         self._readings = Readings()
+        self._forget()
+
+    def _forget(self) -> None:
         self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
@@ -105,11 +108,7 @@ class RidingController:
         """
         self._stand.start(readings, bias)
         self._level.start(readings.state)
-        self._tilt = 0.0
-        self._said = self._since = self._error = 0.0
-        self._neutral = self._went = self._slow = 0.0
-        self._turn = self._lifted = 0.0
-        self._heading = math.nan
+        self._forget()
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.

@@ -59,7 +59,7 @@ class KeyboardTeleop(Node):
             for key in self._terminal.keys(max(0.0, due - time.monotonic())):
                 if key == "?":
                     self._terminal.say(HELP)
-                elif self._keyboard.press(key) and key in "oO":
+                elif self._keyboard.press(key) and key.lower() == "o":
                     due = 0.0  # an emergency stop does not wait its turn
             if time.monotonic() >= due:
                 due = time.monotonic() + self._period
