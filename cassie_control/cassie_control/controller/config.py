@@ -40,12 +40,20 @@ class LateGains:
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` then")
     thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` then")
     thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` then")
+    far_within: float = tunable(
+        0.01, "s", 0.001, 0.1, "Latency from which `walk.far_share` counts no more"
+    )
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` then")
     roll_rate_length: float = tunable(0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` then")
 
     def share(self, latency: float) -> float:
         """How far a latency (s) has her gone over to these, 0..1."""
         return min(1.0, max(0.0, (latency - self.latency_from) / self.latency_span))
+
+    def placement(self, gains: WalkConfig, latency: float) -> WalkConfig:
+        """Gains of foot placement at a latency (s): what sways widely must not be cut short."""
+        in_time = max(0.0, 1.0 - latency / self.far_within)
+        return replace(gains, far_share=1.0 - in_time * (1.0 - gains.far_share))
 
     def standing(self, gains: StandConfig, latency: float) -> StandConfig:
         """Gains of standing at a latency (s)."""
@@ -119,6 +127,16 @@ class WalkConfig:
         0.05,
         2.0,
         "How far out a foot lands, by the CoM's height, before a step is rather made quicker",
+    )
+    far_lean: float = tunable(
+        0.25, "", 0.05, 2.0, "How far out, by the CoM's height, the ground may not bear a foot"
+    )
+    far_share: float = tunable(
+        0.3,
+        "",
+        0.0,
+        1.0,
+        "How much of the way beyond that a foot still goes; all with late drives",
     )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.foot_law import LEAST_GAIN, Aim, Reach, foot
 from cassie_control.controller.leg_aim import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, aim_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg_records import RecordArray
@@ -28,7 +29,7 @@ LAW_TYPE = np.dtype(
             *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
             *("sidestep", "step_ahead", "step_ahead_fast"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
-            "easy_lean",
+            *("easy_lean", "far_lean", "far_share"),
         )
     ]
 )
@@ -51,9 +52,8 @@ the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wi
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
-_FAST_LEAN = 0.1  # s/m, by which `easy_lean` grows beyond 1 m/s, where feet land farther out
+_FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
-_LEAST_GAIN = 0.3  # share of a gain that is left at any speed
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
 
@@ -75,46 +75,6 @@ class Fall(NamedTuple):
     coasting: float
 
 
-class Aim(NamedTuple):
-    """Foot placement as a linear law of the velocity at touchdown.
-
-    Attributes:
-        ux, uy: Of the swing foot from the CoM in steady walking.
-        vx, vy: Velocity at touchdown in steady walking.
-        gain_forward, gain_backward, gain_y: Of the error of that velocity. In s.
-    """
-
-    ux: float
-    uy: float
-    vx: float
-    vy: float
-    gain_forward: float
-    gain_backward: float
-    gain_y: float
-
-
-class Reach(NamedTuple):
-    """Where the swing foot can be set down.
-
-    Attributes:
-        side: Of the swing leg.
-        hip_x, hip_y: Swing hip from the CoM.
-        far: Greatest distance from the hip fore and aft.
-        inward, outward: Greatest distance from the hip sideways.
-        apart: Least sideways distance from the stance foot.
-        easy: Distance from the CoM outward from which the ground is asked for much friction.
-    """
-
-    side: float
-    hip_x: float
-    hip_y: float
-    far: float
-    inward: float
-    outward: float
-    apart: float
-    easy: float
-
-
 @compiled
 def fallen(fall: Fall, remaining: float) -> tuple[float, float, float, float]:
     """Position and velocity of the CoM after a time: x, y, vx, vy."""
@@ -129,31 +89,6 @@ def fallen(fall: Fall, remaining: float) -> tuple[float, float, float, float]:
         w * x * sinh + vx * cosh,
         w * y * sinh + vy * cosh,
     )
-
-
-@compiled
-def foot(
-    aim: Aim, reach: Reach, end: tuple[float, float, float, float]
-) -> tuple[float, float, float]:
-    """Where the foot goes for a CoM that touches down as `end` says, kept within reach.
-
-    Returns:
-        u_x, u_y, and how far out of reach the law wanted it. In m.
-    """
-    _, y_end, vx, vy = end
-    side, hip_x, hip_y, far, inward, outward, apart, _ = reach
-    # From backward to forward gain over a stretch of velocity, so that the law is continuous.
-    forward = min(1.0, max(0.0, 0.5 + vx / 0.4))
-    gain = aim.gain_backward + forward * (aim.gain_forward - aim.gain_backward)
-    wanted_x = aim.ux + gain * (vx - aim.vx)
-    wanted_y = aim.uy + aim.gain_y * (vy - aim.vy)
-    ux = hip_x + min(far, max(-far, wanted_x - hip_x))
-    out = side * (wanted_y - hip_y)
-    out = min(outward, max(-inward, out))
-    # Feet that would meet are worse than a foot out of the hip's reach.
-    out = max(out, apart - side * (y_end + hip_y))
-    uy = hip_y + side * out
-    return ux, uy, math.hypot(wanted_x - ux, wanted_y - uy)
 
 
 @compiled
@@ -179,9 +114,7 @@ def touchdown_time(
 
 @compiled
 def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> float:
-    _, uy, missed = foot(aim, reach, fallen(fall, time))
-    # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
-    missed = max(missed, reach.side * uy - reach.easy)
+    _, _, missed = foot(aim, reach, fallen(fall, time))
     return float(missed * missed + _LATENESS * change * change)
 
 
@@ -205,6 +138,7 @@ def landing(
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
+    faster = _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)
     reach = Reach(
         side,
         hip_x - HIP_BACK - now.com_x,
@@ -213,7 +147,9 @@ def landing(
         law.reach_inward,
         law.reach_outward,
         law.least_foot_distance,
-        above * (law.easy_lean + _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)),
+        above * (law.easy_lean + faster),
+        above * (law.far_lean + faster),
+        law.far_share,
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
@@ -272,9 +208,7 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
     moving = abs(now.velocity_x) / law.still_speed
     more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
     more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
-    forward = max(0.0, now.speed)
-    share_x = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_x * forward)
-    share_y = max(_LEAST_GAIN, 1.0 - law.pendulum_fade_y * forward)
+    share_y = max(LEAST_GAIN, 1.0 - law.pendulum_fade_y * max(0.0, now.speed))
     ahead = law.step_ahead - law.step_ahead_fast * abs(now.wish_vx)
     return Aim(
         vx * (coast + tanh_half) + ahead * now.wish_vx + now.sum_x,
@@ -285,7 +219,9 @@ def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: fl
         + trim,
         vx,
         vy + sway,
-        share_x * (law.pendulum_gain_x + more_x) * slope,
+        (law.pendulum_gain_x + more_x) * slope,
         (law.pendulum_gain_back + more_x) * slope,
         share_y * (law.pendulum_gain_y + more_y) * slope,
+        now.speed,
+        law.pendulum_fade_x,
     )

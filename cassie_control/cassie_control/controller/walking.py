@@ -105,14 +105,14 @@ class WalkingController:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
         if config.law != self.config.law:
             self._placement = placement(config)
-        self._placement.config = config
         self.timing.configure(config)
         self.config = config
-        self._figures = figures(config, self._period, self._latency)
+        self.allow_for(self._latency)
 
     def allow_for(self, latency: float) -> None:
         """Take over how late the drives act on commands, beyond their own delay. In s."""
         self._latency = latency
+        self._placement.config = self.config.late.placement(self.config, latency)
         self._figures = figures(self.config, self._period, latency)
 
     def _practise(self) -> None:
