@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
-from cassie_control.controller.config import WalkConfig
+from cassie_control.controller.config import LateGains, WalkConfig
 from cassie_control.controller.foot_placement import PendulumPlacement, placement
 from cassie_control.controller.leg_aim import HIP_Y
 from cassie_control.controller.paper_placement import PaperPlacement
@@ -23,6 +23,7 @@ CONFIG = WalkConfig(
     pendulum_gain_still=0.0,
     pendulum_fade_x=0.0,
     pendulum_fade_y=0.0,
+    far_share=1.0,
     sidestep=0.0,
     step_ahead=0.0,
     step_ahead_fast=0.0,
@@ -147,7 +148,7 @@ def test_what_is_added_to_the_gain_in_place_fades_out_with_the_commanded_speed(v
 
 @pytest.mark.parametrize(("speed", "share"), [(-0.5, 1.0), (0.0, 1.0), (1.0, 0.6), (9.0, 0.3)])
 def test_the_gains_fall_with_speed_forward(speed, share):
-    """The low-passed speed counts: the pendulum's own is that of a robot in place."""
+    """The low-passed speed counts, and for the sagittal one a push that is faster than that."""
     config = replace(CONFIG, pendulum_fade_x=0.4, pendulum_fade_y=0.4, least_foot_distance=0.05)
     readings = pose()
 
@@ -158,9 +159,22 @@ def test_the_gains_fall_with_speed_forward(speed, share):
         end = placement(config).swing_end(readings, *readings.legs, Wish(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)
 
+    def sagittal(velocity):
+        return velocity * max(0.3, 1.0 - 0.4 * max(speed, velocity))
+
+    shares = (sagittal(0.3) - sagittal(0.25)) / 0.05, share
     for k in range(2):
         faded, whole = (foot(c, 0.05)[k] - foot(c, 0.0)[k] for c in (config, CONFIG))
-        assert faded / whole == pytest.approx(share, abs=1e-6)
+        assert faded / whole == pytest.approx(shares[k], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("latency", "share"), [(0.0, 0.3), (0.005, 0.65), (0.01, 1.0), (0.04, 1.0)]
+)
+def test_with_late_drives_a_foot_goes_all_the_way_out(latency, share):
+    """Their sway is wide, and cut short it grew until she fell."""
+    late = LateGains(far_within=0.01)
+    assert late.placement(WalkConfig(far_share=0.3), latency).far_share == pytest.approx(share)
 
 
 def test_the_foot_leads_the_end_of_a_fast_step_by_more():

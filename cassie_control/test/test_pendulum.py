@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cassie_control.controller.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
+from cassie_control.controller.foot_law import Aim, Reach, foot
+from cassie_control.controller.pendulum import Fall, fallen, touchdown_time
 
 RATE = 3.5
-LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45)
-IN_PLACE = Aim(0.0, 0.13, 0.0, 0.23, 0.35, 0.35, 0.35)
+LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45, 0.5, 0.3)
+IN_PLACE = Aim(0.0, 0.13, 0.0, 0.23, 0.35, 0.35, 0.35, 0.0, 0.3)
 
 
 def test_the_fall_is_that_of_an_inverted_pendulum():
@@ -40,6 +41,30 @@ def test_the_foot_stays_within_reach_and_apart(seed):
     assert missed >= 0.0
     if missed == 0.0:
         assert uy == pytest.approx(0.13 + 0.35 * (end[3] - 0.23))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_push_is_caught_by_less_the_faster_it_makes_her(way):
+    slow, fast = (
+        way * foot(IN_PLACE, LEFT_SWINGS, (0.0, 0.1, way * v, 0.23))[0] for v in (0.4, 0.8)
+    )
+    assert slow == pytest.approx(0.35 * 0.4 * (1.0 - 0.3 * 0.4))
+    assert fast == pytest.approx(0.35 * 0.8 * (1.0 - 0.3 * 0.8))
+
+
+def test_walking_backward_steadily_takes_nothing_off_its_gain():
+    steady = IN_PLACE._replace(vx=-0.5, speed=-0.5)
+    ux = foot(steady, LEFT_SWINGS, (0.0, 0.1, -0.4, 0.23))[0]
+    assert ux == pytest.approx(0.35 * 0.1)
+    assert foot(steady, LEFT_SWINGS, (0.0, 0.1, -0.7, 0.23))[0] > -0.35 * 0.2
+
+
+def test_of_the_way_that_the_ground_may_not_bear_a_foot_goes_a_share():
+    slippery = LEFT_SWINGS._replace(slippery=0.2, share=0.3)
+    end = (0.0, 0.1, 0.0, 0.23 + 0.3)
+    free, held = (foot(IN_PLACE, reach, end)[1] for reach in (LEFT_SWINGS, slippery))
+    assert free == pytest.approx(0.13 + 0.35 * 0.3)
+    assert held == pytest.approx(0.2 + 0.3 * (free - 0.2))
 
 
 def test_a_step_that_can_be_made_keeps_its_time():

@@ -161,7 +161,7 @@ class WalkConfig:
         1.02, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
     pendulum_fade_x: float = tunable(
-        0.3, "1/(m/s)", 0.0, 0.6, "Share by which the sagittal gain falls with speed forward"
+        0.3, "1/(m/s)", 0.0, 0.6, "Share by which sagittal gains fall with speed"
     )
     pendulum_fade_y: float = tunable(0.12, "1/(m/s)", 0.0, 0.6, "The same of the lateral gain")
     pendulum_gain_still: float = tunable(

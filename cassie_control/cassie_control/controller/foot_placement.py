@@ -50,12 +50,14 @@ class PendulumPlacement:
     their own. The robot's own map from step to step, v_next = a v_end - b u, found by feet set down
     at random beside the law's, asks for a gain a / b that is 1.07 of the pendulum's in place, 0.8
     at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): at speed a
-    longer step brakes by its impact too. With all of it long and short steps alternate. So the
-    gains fall with the low-passed speed forward, by `pendulum_fade_x` and `_y` for each m/s, and
-    `pendulum_gain_still` is added in place; not after a push. Fast, fore or aft, the foot
-    also meets the ground earlier before the end of the step, by `contact_lead_speed`. Feet also go
-    farther by `sidestep` and by `step_ahead`, less `step_ahead_fast` for each m/s, times the speed
-    wished for: as that map has it, they land too close to the CoM by the pendulum.
+    longer step brakes by its impact too. With all of it long and short steps alternate, and the
+    step that catches a push throws her back. So the gains fall with the low-passed speed forward,
+    by `pendulum_fade_x` and `_y` for each m/s; the sagittal ones with v_end where that is faster,
+    backward as well, by as much as it is faster. `pendulum_gain_still` is added in place; not
+    after a push. Fast, fore or aft, the foot also meets the ground earlier before the end of the
+    step, by `contact_lead_speed`. Feet also go farther by `sidestep` and by `step_ahead`, less
+    `step_ahead_fast` for each m/s, times the speed wished for: as that map has it, they land too
+    close to the CoM by the pendulum.
 
     `sum` adds up the error of each step's mean speed, against the wish in the mean of the same two
     steps, bounded: it takes out what the pendulum leaves out.
@@ -63,8 +65,11 @@ class PendulumPlacement:
     The foot stays within the swing leg's reach and apart from the stance foot. Where that bends
     the law, or where it wants the foot farther out than `easy_lean` of the CoM's height, the step
     ends sooner or later, within `quickest_step` and `slowest_step`, at the time
-    at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). The leg gets
-    the length at which the foot meets the ground there, on the slope that the feet found.
+    at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Of what then
+    lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it goes
+    `far_share`; the next steps do the rest. Drives that act late sway too widely for that
+    (`LateGains.placement`). The leg gets the length at which the foot meets the ground there, on
+    the slope that the feet found.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """
