@@ -1,8 +1,9 @@
 """Lint, the unit tests beside each package and the bring-up tests, on two lanes at a time.
 
 On one lane whatever starts nodes, in turn, as some of them have to keep pace with the wall clock;
-beside it, with what these leave of the processors, whatever computes. What a suite prints comes in
-one piece when it is over; the last line says whether all passed.
+beside it, with what these leave of the processors, whatever computes, of which the first lane takes
+its part when it has nothing else to do. What a suite prints comes in one piece when it is over; the
+last line says whether all passed.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -29,11 +31,14 @@ NODES = {
 }
 ARITHMETIC = {
     "lint": (str(ROOT / ".workspace" / "lint.sh"),),
+    "bags": (*PYTEST, "bags/test", *(f"--ignore={file}" for file in BAGS_NODES)),
     "cassie_control": (*PYTEST, "cassie_control/test"),
     "cassie_gaits": (*PYTEST, "cassie_gaits/test"),
     "cassie_sim": (*PYTEST, "cassie_sim/test"),
-    "bags": (*PYTEST, "bags/test", *(f"--ignore={file}" for file in BAGS_NODES)),
 }
+
+Suites = deque[tuple[str, tuple[str, ...]]]
+"""Names and commands that are still to be run; after lint the longest first."""
 
 
 class Lane(threading.Thread):
@@ -43,43 +48,49 @@ class Lane(threading.Thread):
         failed: Names of those that did not pass.
 
     Args:
-        suites: Commands by name.
-        polite: Whether other processes come first.
+        own: Suites that this lane runs.
+        shared: Suites that any lane runs once it has none of its own; other processes come first.
     """
 
     _print = threading.Lock()
 
-    def __init__(self, suites: dict[str, tuple[str, ...]], *, polite: bool) -> None:
+    def __init__(self, own: Suites, shared: Suites) -> None:
         super().__init__(daemon=True)
-        self._suites, self._polite = suites, polite
+        self._own, self._shared = own, shared
         self._process: subprocess.Popen[str] | None = None
         self._stopped = False
         self.failed: list[str] = []
 
     def run(self) -> None:
         """Run everything."""
-        for name, command in self._suites.items():
-            if self._stopped:
+        while not self._stopped:
+            polite = not self._own
+            try:
+                name, command = (self._shared if polite else self._own).popleft()
+            except IndexError:
                 return
-            started = time.monotonic()
-            self._process = subprocess.Popen(
-                command,
-                cwd=ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
-                start_new_session=True,
-                preexec_fn=_give_way if self._polite else None,
-            )
-            text, _ = self._process.communicate()
-            status, took = self._process.returncode, time.monotonic() - started
-            if status:
-                self.failed.append(name)
-            word = f"FAILED with status {status}" if status else "passed"
-            with self._print:
-                print(f"== {name}: {word} ({took:.0f} s)\n{text.rstrip()}", flush=True)
+            self._run_suite(name, command, polite=polite)
+
+    def _run_suite(self, name: str, command: tuple[str, ...], *, polite: bool) -> None:
+        started = time.monotonic()
+        self._process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+            preexec_fn=_give_way if polite else None,
+        )
+        text, _ = self._process.communicate()
+        status, took = self._process.returncode, time.monotonic() - started
+        if status:
+            self.failed.append(name)
+        word = f"FAILED with status {status}" if status else "passed"
+        with self._print:
+            print(f"== {name}: {word} ({took:.0f} s)\n{text.rstrip()}", flush=True)
 
     def stop(self) -> None:
         """End what runs, as by Ctrl-C, and begin nothing any more."""
@@ -98,7 +109,8 @@ def _give_way() -> None:
 def main() -> int:
     """Run, say how it went; 0 if all passed."""
     started = time.monotonic()
-    lanes = [Lane(NODES, polite=False), Lane(ARITHMETIC, polite=True)]
+    shared = deque(ARITHMETIC.items())
+    lanes = [Lane(deque(NODES.items()), shared), Lane(deque(), shared)]
     for lane in lanes:
         lane.start()
     try:
