@@ -38,6 +38,8 @@ def test_the_foot_stays_within_reach_and_apart(seed):
     ux, uy, missed = foot(IN_PLACE, LEFT_SWINGS, end)
     assert abs(ux) <= 0.4 + 1e-12
     assert end[1] + uy >= 0.12 - 1e-9
+    slippery = LEFT_SWINGS._replace(slippery=0.2)
+    assert end[1] + foot(IN_PLACE, slippery, end)[1] >= 0.12 - 1e-9
     assert missed >= 0.0
     if missed == 0.0:
         assert uy == pytest.approx(0.13 + 0.35 * (end[3] - 0.23))

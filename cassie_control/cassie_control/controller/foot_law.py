@@ -76,15 +76,14 @@ def foot(
     wanted_x = aim.ux + _sagittal_gain(aim, vx) * (vx - aim.vx)
     wanted_y = aim.uy + aim.gain_y * (vy - aim.vy)
     ux = hip_x + min(far, max(-far, wanted_x - hip_x))
-    out = side * (wanted_y - hip_y)
-    out = min(outward, max(-inward, out))
+    out = side * hip_y + min(outward, max(-inward, side * (wanted_y - hip_y)))
+    held = out - (1.0 - far_share) * max(0.0, out - slippery)
     # Feet that would meet are worse than a foot out of the hip's reach.
-    out = max(out, apart - side * (y_end + hip_y))
-    uy = hip_y + side * out
+    nearest = apart - side * y_end
+    out = max(out, nearest)
     # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
-    missed = max(math.hypot(wanted_x - ux, wanted_y - uy), side * uy - easy)
-    beyond = max(0.0, side * uy - slippery)
-    return ux, uy - side * (1.0 - far_share) * beyond, missed
+    missed = max(math.hypot(wanted_x - ux, wanted_y - side * out), out - easy)
+    return ux, side * max(held, nearest), missed
 
 
 @compiled

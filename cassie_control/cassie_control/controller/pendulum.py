@@ -53,6 +53,7 @@ the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wi
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
 _FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
+_SIDE_LEAN = 1.0  # s/m, by which `far_lean` grows beyond 0.1 m/s asked for to a side
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
@@ -139,6 +140,7 @@ def landing(
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
     faster = _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)
+    aside = _SIDE_LEAN * max(0.0, abs(now.wish_vy) - 0.1)
     reach = Reach(
         side,
         hip_x - HIP_BACK - now.com_x,
@@ -148,7 +150,7 @@ def landing(
         law.reach_outward,
         law.least_foot_distance,
         above * (law.easy_lean + faster),
-        above * (law.far_lean + faster),
+        above * (law.far_lean + faster + aside),
         law.far_share,
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
