@@ -54,6 +54,7 @@ _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
 _FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
 _SIDE_LEAN = 1.0  # s/m, by which `far_lean` grows beyond 0.1 m/s asked for to a side
+_UNDER_WAY = 0.2  # m/s ahead or back that is asked for, from which `far_share` counts in full
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
@@ -151,7 +152,7 @@ def landing(
         law.least_foot_distance,
         above * (law.easy_lean + faster),
         above * (law.far_lean + faster + aside),
-        law.far_share,
+        1.0 - (1.0 - law.far_share) * min(1.0, abs(now.wish_vx) / _UNDER_WAY),
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
