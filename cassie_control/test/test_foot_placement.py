@@ -168,6 +168,23 @@ def test_the_gains_fall_with_speed_forward(speed, share):
         assert faded / whole == pytest.approx(shares[k], abs=1e-6)
 
 
+@pytest.mark.parametrize(("wish", "share"), [(0.0, 0.0), (0.1, 0.5), (0.4, 1.0), (-0.4, 1.0)])
+def test_a_foot_is_held_back_from_far_out_under_way_only(wish, share):
+    """Held back in the steps that follow a push while standing, too, she fell."""
+    readings = pose()
+    moving(readings, wish, -0.6)
+
+    def out(far_share, vx=wish):
+        law = replace(CONFIG, far_lean=0.2, far_share=far_share, reach_outward=0.4)
+        ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+        end = placement(law).swing_end(readings, *readings.legs, Wish(vx=vx), ahead)
+        return abs(foot_from_com(readings, readings.legs[RIGHT], end)[1])
+
+    whole = out(1.0, 0.4) - out(0.0, 0.4)
+    assert whole > 0.05
+    assert (out(1.0) - out(0.0)) / whole == pytest.approx(share, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("latency", "share"), [(0.0, 0.3), (0.005, 0.65), (0.01, 1.0), (0.04, 1.0)]
 )

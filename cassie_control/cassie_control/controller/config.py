@@ -136,7 +136,7 @@ class WalkConfig:
         "",
         0.0,
         1.0,
-        "How much of the way beyond that a foot still goes; all with late drives",
+        "Share of the way beyond that a foot goes; all in place or with late drives",
     )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"

@@ -65,9 +65,10 @@ class PendulumPlacement:
     The foot stays within the swing leg's reach and apart from the stance foot. Where that bends
     the law, or where it wants the foot farther out than `easy_lean` of the CoM's height, the step
     ends sooner or later, within `quickest_step` and `slowest_step`, at the time
-    at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Of what then
-    lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it goes
-    `far_share`; the next steps do the rest. Drives that act late sway too widely for that
+    at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Under way, of
+    what then lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it
+    goes `far_share`; the next steps do the rest. In place and in steps that recover from a push
+    while standing she needs the foot there at once, and drives that act late sway too widely
     (`LateGains.placement`). The leg gets the length at which the foot meets the ground there, on
     the slope that the feet found.
 
