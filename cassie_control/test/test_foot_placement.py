@@ -23,7 +23,6 @@ CONFIG = WalkConfig(
     pendulum_gain_still=0.0,
     pendulum_fade_x=0.0,
     pendulum_fade_y=0.0,
-    far_share=1.0,
     sidestep=0.0,
     step_ahead=0.0,
     step_ahead_fast=0.0,

@@ -62,7 +62,7 @@ def test_walking_backward_steadily_takes_nothing_off_its_gain():
 
 
 def test_of_the_way_that_the_ground_may_not_bear_a_foot_goes_a_share():
-    slippery = LEFT_SWINGS._replace(slippery=0.2, share=0.3)
+    slippery = LEFT_SWINGS._replace(slippery=0.2, far_share=0.3)
     end = (0.0, 0.1, 0.0, 0.23 + 0.3)
     free, held = (foot(IN_PLACE, reach, end)[1] for reach in (LEFT_SWINGS, slippery))
     assert free == pytest.approx(0.13 + 0.35 * 0.3)

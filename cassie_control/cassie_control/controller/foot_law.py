@@ -47,7 +47,7 @@ class Reach(NamedTuple):
         apart: Least sideways distance from the stance foot.
         easy: Distance from the CoM outward from which a step is rather made quicker.
         slippery: The same from which the ground may not bear a foot.
-        share: Of the way beyond that that a foot still goes.
+        far_share: Of the way beyond that, how much a foot still goes.
     """
 
     side: float
@@ -59,7 +59,7 @@ class Reach(NamedTuple):
     apart: float
     easy: float
     slippery: float
-    share: float
+    far_share: float
 
 
 @compiled
