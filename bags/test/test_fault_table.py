@@ -39,6 +39,13 @@ def test_no_fault_makes_her_fall_and_each_is_reported(mode):
 
 
 @pytest.mark.timeout(200)
+def test_a_late_knee_that_moves_from_rest_is_not_taken_for_its_velocity():
+    (cell,) = run_table(["drive_position.8"], ["delay"], ["walking"], seed=1)
+    assert cell.safe, describe(cell)
+    assert cell.others == ()
+
+
+@pytest.mark.timeout(200)
 def test_the_hard_touchdowns_of_a_fast_walk_are_no_faults():
     cores = make_cores(experiment_of(walk(Budget(), 2, (8.0, 13.0), vx=1.3)))
     loop = connect(cores, lambda *_: None)

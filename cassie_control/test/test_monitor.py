@@ -111,6 +111,22 @@ def test_a_channel_that_comes_late_is_named_in_time(walked_faithful, channel):
     assert first.get(channel, 10**6) <= bad[0] + IN_TIME
 
 
+@pytest.mark.parametrize(
+    "channel", ["drive_position.3", "drive_position.8", "drive_velocity.8", "joint_position.4"]
+)
+def test_of_a_pair_the_late_one_is_named_whenever_it_begins(walked_faithful, channel):
+    for start in range(200, 500, 20):
+        rows = samples(walked_faithful, 1250)[: start + 250]
+        field, _, index = channel.partition(".")
+        values = rows[field][:, int(index)]
+        true = values.copy()
+        values[start:] = true[np.maximum(start, np.arange(start, len(true)) - 10)]
+        bad = np.flatnonzero(np.abs(values - true) > LIMITS[field.rpartition("_")[2]])
+        first = reports(rows)
+        if len(bad) and bad[0] + IN_TIME < len(rows):
+            assert first.get(channel, 10**6) <= bad[0] + IN_TIME, f"late from row {start} on"
+
+
 # Between two steps she hardly accelerates; what falls into that is seen at the next touchdown.
 @pytest.mark.parametrize(("ticks", "in_time"), [(10, IN_TIME), (20, STEP)], ids=["20ms", "40ms"])
 @pytest.mark.parametrize("axis", range(3))

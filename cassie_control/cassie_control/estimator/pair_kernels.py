@@ -26,6 +26,16 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
+LATE_BY = 0.02
+"""Delay at which the motions of a pair are compared. In s."""
+
+LATE_TICKS = 20
+"""Ticks for which they are kept at most."""
+
+_MATCH_TIME = 0.06  # s
+_MATCHES = 0.2  # of how the motions differ now, how far they may differ where one of them is late
+_FITS = 5  # ticks on end for which they must
+_FITS_BETTER = 0.7  # of how it differs if the other one is late, where nothing else tells
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
 _SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
@@ -132,8 +142,19 @@ def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
     if i >= IMU:
         tilted = _TILTED * (np.abs(watch.turned).sum() - abs(watch.turned[i - IMU]))
         bound, small = bound + tilted, small + tilted
-    if abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small):
-        return
+    near = abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small)
+    matched = _match(watch, limit, i, step, turn)
+    if matched >= 0 or not near:
+        _judge(watch, limit, i, matched)
+
+
+@compiled
+def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
+    """Believe one of a pair no longer: the late one if `_match` knows it, else after `_blame`."""
+    if max(watch.bad[P, i], watch.bad[V, i]) <= 0.0:
+        watch.guessed[i] = 0
+    if matched >= 0 and watch.guessed[i]:
+        watch.bad[1 - matched, i] = 0.0
     known = False
     for kind in range(2):
         if watch.bad[kind, i] > 0.0:
@@ -141,15 +162,39 @@ def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
             known = True
     if known:
         return
-    kind = _blame(watch, i)
+    kind = matched if matched >= 0 else _blame(watch, i)
     if kind < 0 and watch.unclear[i] < _PATIENCE:
-        watch.unclear[i] += dt
+        watch.unclear[i] += limit.period
         return
-    kind = abs(kind)
-    watch.unclear[i] = 0.0
+    if kind < 0:
+        kind = P if watch.differ[P, i] < _FITS_BETTER * watch.differ[V, i] else V
+    watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
     watch.bad[kind, i] = limit.hold
     if kind == P:
-        watch.trusted[P, i] = watch.position[i] - apart - watch.turns[0, i]
+        watch.trusted[P, i] = watch.position[i] - watch.apart[i] - watch.turns[0, i]
+
+
+@compiled
+def _match(watch: Any, limit: Any, i: int, step: float, turn: float) -> int:
+    """Which of a pair moves now as the other one did `LATE_BY` ago; -1 if none.
+
+    Tells a late one from the first movement on, when there is little to correlate yet.
+    """
+    slot, fade = watch.ticks % limit.late_ticks, math.exp(-limit.period / _MATCH_TIME)
+    differ = watch.differ[:, i]
+    differ[P] = fade * differ[P] + (step - watch.past[V, slot, i]) ** 2
+    differ[V] = fade * differ[V] + (turn - watch.past[P, slot, i]) ** 2
+    differ[2] = fade * differ[2] + (step - turn) ** 2
+    watch.past[P, slot, i], watch.past[V, slot, i] = step, turn
+    late = -1
+    for kind in range(2):
+        fits = differ[2] > limit.differ[i] and differ[kind] < _MATCHES * differ[2]
+        # At an even speed one that stands still makes the other look late.
+        fits = fits and watch.same[1 - kind, i] == 0
+        watch.fits[kind, i] = watch.fits[kind, i] + 1 if fits else 0
+        if watch.fits[kind, i] >= _FITS:
+            late = kind
+    return late
 
 
 @compiled
