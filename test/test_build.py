@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from importlib import import_module
 from pathlib import Path
 
-WORKSPACE = Path(__file__).resolve().parents[1] / ".workspace"
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+WORKSPACE = ROOT / ".workspace"
+CPU_INFO = Path("/proc/cpuinfo").read_text()
 
 
 def test_a_new_environment_leaves_results_where_they_are(monkeypatch, tmp_path: Path) -> None:
@@ -22,3 +28,23 @@ def test_a_new_environment_leaves_results_where_they_are(monkeypatch, tmp_path: 
     assert results.exists()
     assert not any(cache.exists() for cache in caches)
     assert not build.bring_up_workspace("new")
+
+
+@pytest.mark.skipif("avx2" not in CPU_INFO, reason="a processor without AVX2")
+def test_processors_with_wider_registers_sum_in_the_same_order(tmp_path: Path) -> None:
+    """OpenBLAS took AVX-512 where there was one: the same seed gave another run there."""
+    program = tmp_path / "core_name.py"
+    program.write_text(
+        "import ctypes, os, pathlib, numpy\n"
+        "folder = pathlib.Path(numpy.__file__).parents[1] / 'numpy.libs'\n"
+        "(file,) = folder.glob('libscipy_openblas*.so*')\n"
+        "ask = ctypes.CDLL(str(file)).scipy_openblas_get_corename64_\n"
+        "ask.restype = ctypes.c_char_p\n"
+        "print(os.environ['OPENBLAS_CORETYPE'], ask().decode())\n"
+    )
+    plain = {k: v for k, v in os.environ.items() if k not in ("OPENBLAS_CORETYPE", "ROS_DISTRO")}
+    script = f'. ./env.sh && python3 "{program}"'
+    done = subprocess.run(
+        ["sh", "-c", script], cwd=ROOT, env=plain, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["Haswell", "Haswell"]
