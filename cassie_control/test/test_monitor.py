@@ -100,6 +100,15 @@ def test_a_failing_channel_is_named_in_time(walked_faithful, channel, kind):
     assert set(first) <= {channel}
 
 
+@pytest.mark.parametrize("channel", ["angular_velocity.2", "drive_velocity.1", "drive_velocity.6"])
+def test_spikes_of_a_velocity_do_not_make_its_position_look_late(walked_faithful, channel):
+    rows = samples(walked_faithful, 1250)
+    bad = spoil(rows, channel, "spike", 240)
+    first = reports(rows)
+    assert first.get(channel, 10**6) <= bad[0] + IN_TIME
+    assert set(first) <= {channel}
+
+
 @pytest.mark.parametrize(
     "channel", ["angular_velocity.1", "drive_position.3", "drive_velocity.2", "joint_position.1"]
 )
@@ -114,13 +123,14 @@ def test_a_channel_that_comes_late_is_named_in_time(walked_faithful, channel):
 @pytest.mark.parametrize(
     "channel", ["drive_position.3", "drive_position.8", "drive_velocity.8", "joint_position.4"]
 )
-def test_of_a_pair_the_late_one_is_named_whenever_it_begins(walked_faithful, channel):
+@pytest.mark.parametrize("late", [10, 15, 20])
+def test_of_a_pair_the_late_one_is_named_whenever_it_begins(walked_faithful, channel, late):
     for start in range(200, 500, 20):
         rows = samples(walked_faithful, 1250)[: start + 250]
         field, _, index = channel.partition(".")
         values = rows[field][:, int(index)]
         true = values.copy()
-        values[start:] = true[np.maximum(start, np.arange(start, len(true)) - 10)]
+        values[start:] = true[np.maximum(start, np.arange(start, len(true)) - late)]
         bad = np.flatnonzero(np.abs(values - true) > LIMITS[field.rpartition("_")[2]])
         first = reports(rows)
         if len(bad) and bad[0] + IN_TIME < len(rows):

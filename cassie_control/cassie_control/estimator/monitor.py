@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
-from cassie_control.estimator.acceleration_kernels import expect_acceleration
+from cassie_control.estimator.acceleration_kernels import DELAYS, expect_acceleration
 from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.monitor_kernels import inspect
 from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
-from cassie_control.estimator.pair_kernels import LATE_BY, LATE_TICKS
+from cassie_control.estimator.pair_kernels import DELAY_TICKS
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
 from cassie_msgs.layout import RobotState, Sensors
@@ -58,7 +58,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["spike"][_DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
     normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 2.0], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
-    normal["late_ticks"] = max(1, min(LATE_TICKS, round(LATE_BY / period)))
+    normal["delay_ticks"] = [max(1, min(DELAY_TICKS, round(delay / period))) for delay in DELAYS]
     normal["differ"][_DRIVE], normal["differ"][_JOINT], normal["differ"][_IMU] = 5e-7, 1e-5, 1e-6
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
@@ -75,8 +75,8 @@ class SensorMonitor:
     - A channel whose bits stay the same while its partner moves: stuck, or off.
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
-      20 ms ago is late. With other delays they grow apart, and the sign of their difference by the
-      velocity tells which of them it is. The IMU's orientation and gyro are such a pair as well.
+      20 or 40 ms ago is late. With other delays they grow apart, and the sign of their difference
+      by the velocity tells which of them it is. The IMU's orientation and gyro are such a pair.
     - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20 or
       40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
       not among these forces; it fits neither. After a blow, which fits no delay at all, the legs

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cassie_control.estimator.acceleration_kernels import DELAYS, KEPT
-from cassie_control.estimator.pair_kernels import LATE_TICKS, PAIRS
+from cassie_control.estimator.pair_kernels import DELAY_TICKS, PAIRS
 
 WATCH_TYPE = np.dtype(
     [
@@ -26,9 +26,10 @@ WATCH_TYPE = np.dtype(
         ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
         ("turned", float, 3),  # rad, of the IMU, fading as fast
         ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
-        ("past", float, (2, LATE_TICKS, PAIRS)),  # ring: steps and turns compared, rad
-        ("differ", float, (3, PAIRS)),  # rad^2, fading: were position late, were velocity; as is
-        ("fits", int, (2, PAIRS)),  # ticks for which position, velocity being late fits best
+        ("past", float, (2, DELAY_TICKS, PAIRS)),  # ring: steps and turns compared, rad
+        ("as_is", float, PAIRS),  # rad^2, fading: by which these differ
+        ("differ", float, (len(DELAYS), 2, PAIRS)),  # were position late, were velocity
+        ("fits", int, (len(DELAYS), 2, PAIRS)),  # ticks on end for which that explains it
         ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
         ("guessed", int, PAIRS),  # 1 where that was all there was to blame one of them by
         ("last_step", float, PAIRS),  # rad, compared last
@@ -63,7 +64,7 @@ LIMITS_TYPE = np.dtype(
         ("apart_at_speed", float, PAIRS),  # s
         ("spike", float, PAIRS),  # rad/s
         ("excited", float, PAIRS),  # (rad/s)^2, from which a delay shows
-        ("late_ticks", int),  # at which motions are compared
+        ("delay_ticks", int, len(DELAYS)),  # at which motions are compared
         ("differ", float, PAIRS),  # rad^2, from which on they do not go together
         ("position_lag", int, PAIRS),  # ticks by which the position is later than the velocity
         ("velocity_lag", int, PAIRS),  # and the other way round

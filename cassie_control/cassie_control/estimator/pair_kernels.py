@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cassie_control.estimator.acceleration_kernels import DELAYS
 from cassie_gaits.compiled import compiled
 
 PAIRS = 19
@@ -26,15 +27,13 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
-LATE_BY = 0.02
-"""Delay at which the motions of a pair are compared. In s."""
-
-LATE_TICKS = 20
-"""Ticks for which they are kept at most."""
+DELAY_TICKS = 40
+"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 1 kHz."""
 
 _MATCH_TIME = 0.06  # s
 _MATCHES = 0.2  # of how the motions differ now, how far they may differ where one of them is late
 _FITS = 5  # ticks on end for which they must
+_HARDLY_A_SPIKE = 0.3  # of late
 _FITS_BETTER = 0.7  # of how it differs if the other one is late, where nothing else tells
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
@@ -167,7 +166,8 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
         watch.unclear[i] += limit.period
         return
     if kind < 0:
-        kind = P if watch.differ[P, i] < _FITS_BETTER * watch.differ[V, i] else V
+        late = watch.differ[0, P, i] < _FITS_BETTER * watch.differ[0, V, i]
+        kind = P if late and watch.spikes[1, i] < _HARDLY_A_SPIKE else V
     watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
     watch.bad[kind, i] = limit.hold
     if kind == P:
@@ -176,24 +176,28 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
 
 @compiled
 def _match(watch: Any, limit: Any, i: int, step: float, turn: float) -> int:
-    """Which of a pair moves now as the other one did `LATE_BY` ago; -1 if none.
+    """Which of a pair moves now as the other one did one of `DELAYS` ago; -1 if none.
 
     Tells a late one from the first movement on, when there is little to correlate yet.
     """
-    slot, fade = watch.ticks % limit.late_ticks, math.exp(-limit.period / _MATCH_TIME)
-    differ = watch.differ[:, i]
-    differ[P] = fade * differ[P] + (step - watch.past[V, slot, i]) ** 2
-    differ[V] = fade * differ[V] + (turn - watch.past[P, slot, i]) ** 2
-    differ[2] = fade * differ[2] + (step - turn) ** 2
-    watch.past[P, slot, i], watch.past[V, slot, i] = step, turn
+    fade, differ = math.exp(-limit.period / _MATCH_TIME), watch.differ[:, :, i]
+    watch.as_is[i] = fade * watch.as_is[i] + (step - turn) ** 2
+    moves = watch.as_is[i] > limit.differ[i]
     late = -1
-    for kind in range(2):
-        fits = differ[2] > limit.differ[i] and differ[kind] < _MATCHES * differ[2]
-        # At an even speed one that stands still makes the other look late.
-        fits = fits and watch.same[1 - kind, i] == 0
-        watch.fits[kind, i] = watch.fits[kind, i] + 1 if fits else 0
-        if watch.fits[kind, i] >= _FITS:
-            late = kind
+    for m in range(len(DELAYS)):
+        then = (watch.ticks - limit.delay_ticks[m]) % DELAY_TICKS
+        differ[m, P] = fade * differ[m, P] + (step - watch.past[V, then, i]) ** 2
+        differ[m, V] = fade * differ[m, V] + (turn - watch.past[P, then, i]) ** 2
+        for kind in range(2):
+            fits = moves and differ[m, kind] < _MATCHES * watch.as_is[i]
+            # At an even speed one that stands still, or has spikes, makes the other look late.
+            fits = fits and watch.same[1 - kind, i] == 0
+            fits = fits and (kind == V or watch.spikes[1, i] < _HARDLY_A_SPIKE)
+            watch.fits[m, kind, i] = watch.fits[m, kind, i] + 1 if fits else 0
+            if watch.fits[m, kind, i] >= _FITS:
+                late = kind
+    now = watch.ticks % DELAY_TICKS
+    watch.past[P, now, i], watch.past[V, now, i] = step, turn
     return late
 
 
