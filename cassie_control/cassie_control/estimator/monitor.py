@@ -56,7 +56,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["apart_at_speed"][_JOINT] = 0.0045  # also where no filter delays the velocity
     normal["apart_at_speed"][_IMU] = 0.002
     normal["spike"][_DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
-    normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 2.0], 2), 0.25
+    normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
     normal["delay_ticks"] = [max(1, min(DELAY_TICKS, round(delay / period))) for delay in DELAYS]
     normal["differ"][_DRIVE], normal["differ"][_JOINT], normal["differ"][_IMU] = 5e-7, 1e-5, 1e-6
