@@ -111,11 +111,13 @@ def test_spikes_of_a_velocity_do_not_make_its_position_look_late(walked_faithful
 
 @pytest.mark.parametrize("channel", ["joint_velocity.2", "joint_velocity.5"])
 def test_spikes_of_a_toe_that_stands_are_named_in_time(walked_faithful, channel):
-    """They were as large as what counted as one: the noise decided."""
-    for start in range(300, 320):
-        rows = samples(walked_faithful, 0)[: start + 100]
-        bad = spoil(rows, channel, "spike", start)
-        assert reports(rows).get(channel, 10**6) <= bad[0] + IN_TIME
+    """Those of 2 rad/s were just as large as what counted as one: the noise decided."""
+    rows = samples(walked_faithful, 0)[:400]
+    field, _, index = channel.partition(".")
+    rows[field][300::5, int(index)] += 1.8
+    first = reports(rows)
+    assert first.get(channel, 10**6) <= 300 + IN_TIME
+    assert set(first) <= {channel}
 
 
 @pytest.mark.parametrize(
