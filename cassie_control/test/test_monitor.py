@@ -109,6 +109,22 @@ def test_spikes_of_a_velocity_do_not_make_its_position_look_late(walked_faithful
     assert set(first) <= {channel}
 
 
+@pytest.mark.parametrize("drive", [5, 6])
+@pytest.mark.parametrize("start", [300, 340, 380])
+def test_a_position_that_jumps_a_little_and_stays_is_not_taken_for_its_velocity(
+    walked_faithful, drive, start
+):
+    """At rest the velocity had said 0 for a while: it seemed to be stuck while the joint moved."""
+    rows = samples(walked_faithful, 0)[: start + 100]
+    position, velocity = (rows[field][:, drive] for field in ("drive_position", "drive_velocity"))
+    position[start - 10 : start], velocity[start - 10 : start + 1] = position[start], 0.0
+    position[start:] -= 0.017
+    position[start:] = position[start]
+    first = reports(rows)
+    assert first.get(f"drive_position.{drive}", 10**6) <= start + IN_TIME
+    assert set(first) <= {f"drive_position.{drive}"}
+
+
 @pytest.mark.parametrize("channel", ["joint_velocity.2", "joint_velocity.5"])
 def test_spikes_of_a_toe_that_stands_are_named_in_time(walked_faithful, channel):
     """Those of 2 rad/s were just as large as what counted as one: the noise decided."""

@@ -41,6 +41,7 @@ _SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
 _STUCK_TICKS = 3
 _FROZEN_TICKS = 15  # for what carries noise
 _UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
+_SEEN_SPEED = 0.5  # rad/s, as which faster motion counts that a velocity does not see
 _WRONG_SPEED = 0.5  # rad/s
 _NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
 
@@ -85,10 +86,11 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
 def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
     """A channel whose bits stay the same while its partner moves is stuck, or off."""
     step, turn = watch.steps[0, i], watch.turns[0, i]
+    most = _SEEN_SPEED * limit.period  # a position that jumps once is no motion
     now, last, moved = (
         (p, v),
         (watch.last_position[i], watch.last_velocity[0, i]),
-        (turn, step - turn),
+        (turn, max(-most, min(most, step - turn))),
     )
     # A velocity that comes late goes on for a while after the position has stopped.
     tail = (_TAIL * limit.velocity_lag[i] * limit.period * watch.peak[i], 0.0)
@@ -204,11 +206,11 @@ def _match(watch: Any, limit: Any, i: int, step: float, turn: float) -> int:
 @compiled
 def _blame(watch: Any, i: int) -> int:
     """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
+    if watch.leap[i] > 0.6 * abs(watch.apart[i]):
+        return P  # also where she stands, and the velocity is 0 for good reason
     still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)
     if still[0] != still[1]:
         return P if still[0] else V
-    if watch.leap[i] > 0.6 * abs(watch.apart[i]):
-        return P
     if watch.spikes[1, i] > 2.0:
         return V
     late = watch.late[2, i]
