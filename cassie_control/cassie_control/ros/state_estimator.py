@@ -85,6 +85,8 @@ class StateEstimator(Node):
         self._states.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, sample)
+        if self._stop.requested:
+            return  # nothing that would bury the reason
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
         if self._core.faults != self._told:
