@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cassie_bags.cores import make_loop, tick_count
+from cassie_bags.cores import connect, make_cores, make_loop, tick_count
 from cassie_bags.experiment_file import load_experiment, parse_experiment
 from cassie_bags.in_process import Store, run
 from cassie_bags.recording import Recording, stamps
@@ -16,7 +16,7 @@ from cassie_bags.resolve import resolve
 from cassie_bags.sweeps.course import Budget
 from cassie_bags.sweeps.table import chosen_rows
 from cassie_bags.track import Track, make_track
-from cassie_bags.trial import run_trial
+from cassie_bags.trial import experiment_of, run_trial
 from cassie_msgs.layout import ControllerStatus
 
 TEXT = """
@@ -97,6 +97,18 @@ def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(heavier):
     track = make_track(recording)
     assert track.time[-1] == pytest.approx(20.0, abs=0.1)
     assert np.abs(track.angles[:, 1:]).max() < 0.5
+
+
+@pytest.mark.parametrize("seed", [4, 8])
+def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
+    """Feet that were held back from far out let her speed to the side grow from step to step."""
+    (row,) = chosen_rows(["radio.jumps"])
+    trial = next(one for one in row.trials(Budget(), 0.0) if one.seed == seed)
+    cores = make_cores(experiment_of(trial))
+    loop = connect(cores, lambda *_: None)
+    for _ in range(int(83.0 / 0.002)):
+        loop.tick()
+    assert cores.plant.pelvis_pose[0][2] > 0.8
 
 
 @pytest.mark.parametrize(

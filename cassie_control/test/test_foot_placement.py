@@ -174,7 +174,7 @@ def test_a_foot_is_held_back_from_far_out_under_way_only(wish, share):
     moving(readings, wish, -0.6)
 
     def out(far_share, vx=wish):
-        law = replace(CONFIG, far_lean=0.2, far_share=far_share, reach_outward=0.4)
+        law = replace(CONFIG, far_lean=0.2, far_share=far_share, far_most=0.4, reach_outward=0.4)
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
         end = placement(law).swing_end(readings, *readings.legs, Wish(vx=vx), ahead)
         return abs(foot_from_com(readings, readings.legs[RIGHT], end)[1])

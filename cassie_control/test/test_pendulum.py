@@ -10,7 +10,7 @@ from cassie_control.controller.foot_law import Aim, Reach, foot
 from cassie_control.controller.pendulum import Fall, fallen, touchdown_time
 
 RATE = 3.5
-LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45, 0.5, 0.3)
+LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45, 0.5, 0.3, 0.3)
 IN_PLACE = Aim(0.0, 0.13, 0.0, 0.23, 0.35, 0.35, 0.35, 0.0, 0.3)
 
 
@@ -67,6 +67,15 @@ def test_of_the_way_that_the_ground_may_not_bear_a_foot_goes_a_share():
     free, held = (foot(IN_PLACE, reach, end)[1] for reach in (LEFT_SWINGS, slippery))
     assert free == pytest.approx(0.13 + 0.35 * 0.3)
     assert held == pytest.approx(0.2 + 0.3 * (free - 0.2))
+
+
+def test_a_foot_is_not_held_back_so_far_that_the_speed_to_the_side_grows():
+    slippery = LEFT_SWINGS._replace(slippery=0.2, far_share=0.0, far_most=0.04)
+    for vy in (0.5, 0.6):
+        free, held = (
+            foot(IN_PLACE, reach, (0.0, 0.1, 0.0, vy))[1] for reach in (LEFT_SWINGS, slippery)
+        )
+        assert held == pytest.approx(max(0.2, free - 0.04))
 
 
 def test_a_step_that_can_be_made_keeps_its_time():

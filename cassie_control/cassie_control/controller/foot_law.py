@@ -48,6 +48,8 @@ class Reach(NamedTuple):
         easy: Distance from the CoM outward from which a step is rather made quicker.
         slippery: The same from which the ground may not bear a foot.
         far_share: Of the way beyond that, how much a foot still goes.
+        far_most: By which it is held back at most; held back more, a speed to the side would grow
+            from step to step.
     """
 
     side: float
@@ -60,6 +62,7 @@ class Reach(NamedTuple):
     easy: float
     slippery: float
     far_share: float
+    far_most: float
 
 
 @compiled
@@ -72,12 +75,12 @@ def foot(
         u_x, u_y, and how far out of easy reach the law wanted it. In m.
     """
     _, y_end, vx, vy = end
-    side, hip_x, hip_y, far, inward, outward, apart, easy, slippery, far_share = reach
+    side, hip_x, hip_y, far, inward, outward, apart, easy, slippery, far_share, far_most = reach
     wanted_x = aim.ux + _sagittal_gain(aim, vx) * (vx - aim.vx)
     wanted_y = aim.uy + aim.gain_y * (vy - aim.vy)
     ux = hip_x + min(far, max(-far, wanted_x - hip_x))
     out = side * hip_y + min(outward, max(-inward, side * (wanted_y - hip_y)))
-    held = out - (1.0 - far_share) * max(0.0, out - slippery)
+    held = out - min(far_most, (1.0 - far_share) * max(0.0, out - slippery))
     # Feet that would meet are worse than a foot out of the hip's reach.
     nearest = apart - side * y_end
     out = max(out, nearest)

@@ -67,10 +67,10 @@ class PendulumPlacement:
     ends sooner or later, within `quickest_step` and `slowest_step`, at the time
     at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Under way, of
     what then lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it
-    goes `far_share`; the next steps do the rest. In place and in steps that recover from a push
-    while standing she needs the foot there at once, and drives that act late sway too widely
-    (`LateGains.placement`). The leg gets the length at which the foot meets the ground there, on
-    the slope that the feet found.
+    goes `far_share`, `far_most` short of it at most: held back more, the speed to that side would
+    grow from step to step. In place and in steps that recover from a push while standing she needs
+    the foot there at once, and drives that act late sway too widely (`LateGains.placement`). The
+    leg gets the length at which the foot meets the ground there, on the slope that the feet found.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """

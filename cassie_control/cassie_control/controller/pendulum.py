@@ -29,7 +29,7 @@ LAW_TYPE = np.dtype(
             *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
             *("sidestep", "step_ahead", "step_ahead_fast"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
-            *("easy_lean", "far_lean", "far_share"),
+            *("easy_lean", "far_lean", "far_share", "far_most"),
         )
     ]
 )
@@ -153,6 +153,7 @@ def landing(
         above * (law.easy_lean + faster),
         above * (law.far_lean + faster + aside),
         1.0 - (1.0 - law.far_share) * min(1.0, abs(now.wish_vx) / _UNDER_WAY),
+        law.far_most,
     )
     aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
