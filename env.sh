@@ -40,8 +40,8 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST
 export ROS_LOG_DIR="${ROS_LOG_DIR:-$_cassie_root/build/ros_log}"
 # The matrices here are small: more than one thread costs time and the order of sums.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
-# Processors with AVX2 and FMA all sum in the same order then, those with wider registers too: the
-# same seed gives the same run on each of them, to the last bit.
+# OpenBLAS then sums in the same order on processors with AVX2 and FMA, whatever else they can: the
+# last bit of a sum decides where a run is at its limits.
 if grep -qs '^flags.* avx2 ' /proc/cpuinfo && grep -qs '^flags.* fma ' /proc/cpuinfo; then
     export OPENBLAS_CORETYPE="${OPENBLAS_CORETYPE:-Haswell}"
     export NPY_DISABLE_CPU_FEATURES="${NPY_DISABLE_CPU_FEATURES:-X86_V4 AVX512_ICL AVX512_SPR}"

@@ -32,7 +32,7 @@ def test_a_new_environment_leaves_results_where_they_are(monkeypatch, tmp_path: 
 
 @pytest.mark.skipif("avx2" not in CPU_INFO, reason="a processor without AVX2")
 def test_processors_with_wider_registers_sum_in_the_same_order(tmp_path: Path) -> None:
-    """OpenBLAS took AVX-512 where there was one: the same seed gave another run there."""
+    """With other kernels of OpenBLAS the same seed gives another run."""
     program = tmp_path / "core_name.py"
     program.write_text(
         "import ctypes, os, pathlib, numpy\n"

@@ -86,12 +86,13 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
     assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
 
 
-# One robot in ten of those drawn falls, and which ones hangs on the processor's last bit.
-@pytest.mark.parametrize("heavier", [1.0, 1.001])
-def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(heavier):
+# One robot in ten of those drawn falls; which ones hangs on the last bit of an angle.
+@pytest.mark.parametrize(("seed", "heavier"), [(None, 1.0), (None, 1.001), (5, 1.0)])
+def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed, heavier):
     """She put her feet far out to catch herself, and they slid away."""
     file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
-    experiment = resolve(replace(load_experiment(file, [f"model.mass={heavier}"]), duration=20.0))
+    changes = () if heavier == 1.0 else (f"model.mass={heavier}",)
+    experiment = resolve(replace(load_experiment(file, changes, seed), duration=20.0))
     store = Store()
     recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
     track = make_track(recording)

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from closed_loop import PERIOD, Robot
+from closed_loop import Robot
+from faulty_samples import IN_TIME, LIMITS, monitored, reports, samples, spoil
 from supervised import STAND, WALK
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator.channels import CHANNELS, names
-from cassie_control.estimator.choice import make_monitored
-from cassie_control.estimator.config import EstimatorConfig
 from cassie_msgs.layout import Sensors
 from cassie_sim.scenario import Scenario
 
-LIMITS = {"position": 0.03, "velocity": 0.3, "acceleration": 3.0}
-SPIKES = {"position": 0.1, "velocity": 2.0, "acceleration": 10.0}
-IN_TIME = 50  # ticks of 2 ms
 STEP = 150
 TURN = (0, 1, 1, 0, -1, -1, 0)
 
@@ -25,47 +21,6 @@ FIELDS = [
     *("drive_velocity.3", "drive_velocity.7", "drive_velocity.9", "joint_position.1"),
     *("joint_position.5", "joint_velocity.3"),
 ]
-
-
-def monitored():
-    return make_monitored(EstimatorConfig(), PERIOD)
-
-
-def samples(robot, skip):
-    """Fields of the recorded samples from a tick on, a row each; they may be written."""
-    raw = bytearray(b"".join(moment.sample for moment in robot.moments[skip:]))
-    return np.frombuffer(raw, Sensors.DTYPE)
-
-
-def spoil(rows, channel, kind, start):
-    """Let a channel fail from a row on; where its error is out of bounds."""
-    field, _, index = channel.partition(".")
-    values = rows[field][:, int(index)]
-    true, what = values.copy(), field.rpartition("_")[2]
-    if kind == "off":
-        values[start:] = 0.0
-    elif kind == "stuck":
-        values[start:] = values[start]
-    elif kind == "nan":
-        values[start:] = np.nan
-    elif kind == "spike":
-        values[start::5] += SPIKES[what]
-    else:
-        values[start:] = true[start - 10 : -10]
-    error = np.abs(values - true)
-    return np.flatnonzero(~(error <= LIMITS[what]))
-
-
-def reports(rows, come=None):
-    """First row of each reported channel by its name, of the rows that come."""
-    core, sample, first = monitored(), Sensors(), {}
-    raw, size = rows.tobytes(), Sensors.SIZE
-    for k in range(len(rows)) if come is None else np.flatnonzero(come):
-        sample.load(raw[k * size : (k + 1) * size])
-        core.step(sample)
-        for name in core.faults:
-            first.setdefault(name.partition(" ")[0], k)
-    return first
 
 
 def test_healthy_sensors_raise_no_alarm(walked_faithful, walked):
@@ -98,70 +53,6 @@ def test_a_failing_channel_is_named_in_time(walked_faithful, channel, kind):
     assert len(bad)
     assert first.get(channel, 10**6) <= bad[0] + IN_TIME
     assert set(first) <= {channel}
-
-
-@pytest.mark.parametrize("channel", ["angular_velocity.2", "drive_velocity.1", "drive_velocity.6"])
-def test_spikes_of_a_velocity_do_not_make_its_position_look_late(walked_faithful, channel):
-    rows = samples(walked_faithful, 1250)
-    bad = spoil(rows, channel, "spike", 240)
-    first = reports(rows)
-    assert first.get(channel, 10**6) <= bad[0] + IN_TIME
-    assert set(first) <= {channel}
-
-
-@pytest.mark.parametrize("drive", [5, 6])
-@pytest.mark.parametrize("start", [300, 340, 380])
-def test_a_position_that_jumps_a_little_and_stays_is_not_taken_for_its_velocity(
-    walked_faithful, drive, start
-):
-    """At rest the velocity had said 0 for a while: it seemed to be stuck while the joint moved."""
-    rows = samples(walked_faithful, 0)[: start + 100]
-    position, velocity = (rows[field][:, drive] for field in ("drive_position", "drive_velocity"))
-    position[start - 10 : start], velocity[start - 10 : start + 1] = position[start], 0.0
-    position[start:] -= 0.017
-    position[start:] = position[start]
-    first = reports(rows)
-    assert first.get(f"drive_position.{drive}", 10**6) <= start + IN_TIME
-    assert set(first) <= {f"drive_position.{drive}"}
-
-
-@pytest.mark.parametrize("channel", ["joint_velocity.2", "joint_velocity.5"])
-def test_spikes_of_a_toe_that_stands_are_named_in_time(walked_faithful, channel):
-    """Those of 2 rad/s were just as large as what counted as one: the noise decided."""
-    rows = samples(walked_faithful, 0)[:400]
-    field, _, index = channel.partition(".")
-    rows[field][300::5, int(index)] += 1.8
-    first = reports(rows)
-    assert first.get(channel, 10**6) <= 308  # once the second one is over
-    assert set(first) <= {channel}
-
-
-@pytest.mark.parametrize(
-    "channel", ["angular_velocity.1", "drive_position.3", "drive_velocity.2", "joint_position.1"]
-)
-def test_a_channel_that_comes_late_is_named_in_time(walked_faithful, channel):
-    rows = samples(walked_faithful, 1250)
-    bad = spoil(rows, channel, "delay", 200)
-    first = reports(rows)
-    assert len(bad)
-    assert first.get(channel, 10**6) <= bad[0] + IN_TIME
-
-
-@pytest.mark.parametrize(
-    "channel", ["drive_position.3", "drive_position.8", "drive_velocity.8", "joint_position.4"]
-)
-@pytest.mark.parametrize("late", [10, 15, 20])
-def test_of_a_pair_the_late_one_is_named_whenever_it_begins(walked_faithful, channel, late):
-    for start in range(200, 500, 20):
-        rows = samples(walked_faithful, 1250)[: start + 250]
-        field, _, index = channel.partition(".")
-        values = rows[field][:, int(index)]
-        true = values.copy()
-        values[start:] = true[np.maximum(start, np.arange(start, len(true)) - late)]
-        bad = np.flatnonzero(np.abs(values - true) > LIMITS[field.rpartition("_")[2]])
-        first = reports(rows)
-        if len(bad) and bad[0] + IN_TIME < len(rows):
-            assert first.get(channel, 10**6) <= bad[0] + IN_TIME, f"late from row {start} on"
 
 
 # Between two steps she hardly accelerates; what falls into that is seen at the next touchdown.

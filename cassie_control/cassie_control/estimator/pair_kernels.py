@@ -19,6 +19,9 @@ P, V = 0, 1
 IMU = 16
 """First pair of the IMU."""
 
+DELAY_TICKS = 40
+"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 1 kHz."""
+
 APART_TIME = 0.3
 """Over which what position and velocity differ by fades. In s."""
 
@@ -27,10 +30,7 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
-DELAY_TICKS = 40
-"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 1 kHz."""
-
-_MATCH_TIME = 0.06  # s
+_MATCH_TIME = 0.06  # s, over which differences of motions fade
 _MATCHES = 0.2  # of how the motions differ now, how far they may differ where one of them is late
 _FITS = 5  # ticks on end for which they must
 _HARDLY_A_SPIKE = 0.3  # of late
