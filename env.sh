@@ -22,6 +22,12 @@ if [ -f "$_cassie_root/.venv/made_from" ] && [ -f "$_cassie_root/install/local_s
         [ -d "$_cassie_libs" ] && LD_LIBRARY_PATH=$LD_LIBRARY_PATH:$_cassie_libs
     done
     export LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+    # MuJoCo's import looks for GLFW with a process of its own, which Ctrl-C makes cry out: name it.
+    _cassie_glfw=${PYGLFW_LIBRARY_VARIANT:-${XDG_SESSION_TYPE:-x11}}
+    [ "$_cassie_glfw" = wayland ] || _cassie_glfw=x11
+    for _cassie_glfw in "$_cassie_venv"/lib/python3.*/site-packages/glfw/"$_cassie_glfw"/libglfw.so; do
+        [ -f "$_cassie_glfw" ] && export PYGLFW_LIBRARY="$_cassie_glfw"
+    done
     # Ahead of everything, and not once more in a shell that sources this again.
     case ":$PATH:" in
     *":$_cassie_root/.workspace/bin:$_cassie_venv/bin:"*) ;;
@@ -46,4 +52,4 @@ if grep -qs '^flags.* avx2 ' /proc/cpuinfo && grep -qs '^flags.* fma ' /proc/cpu
     export OPENBLAS_CORETYPE="${OPENBLAS_CORETYPE:-Haswell}"
     export NPY_DISABLE_CPU_FEATURES="${NPY_DISABLE_CPU_FEATURES:-X86_V4 AVX512_ICL AVX512_SPR}"
 fi
-unset _cassie_root _cassie_venv _cassie_libs
+unset _cassie_root _cassie_venv _cassie_libs _cassie_glfw

@@ -42,9 +42,27 @@ def test_processors_with_wider_registers_sum_in_the_same_order(tmp_path: Path) -
         "ask.restype = ctypes.c_char_p\n"
         "print(os.environ['OPENBLAS_CORETYPE'], ask().decode())\n"
     )
-    plain = {k: v for k, v in os.environ.items() if k not in ("OPENBLAS_CORETYPE", "ROS_DISTRO")}
+    assert in_the_environment(program, without="OPENBLAS_CORETYPE").split() == ["Haswell"] * 2
+
+
+def test_a_program_that_begins_starts_no_process_that_ctrl_c_could_hit(tmp_path: Path) -> None:
+    """GLFW's Python package looks for its library so, and writes a traceback when interrupted."""
+    program = tmp_path / "begin.py"
+    program.write_text(
+        "import sys\n"
+        "started = []\n"
+        "sys.addaudithook(lambda event, _: started.append(event) if 'Popen' in event else None)\n"
+        "import mujoco, mujoco.viewer\n"
+        "print(len(started))\n"
+    )
+    assert in_the_environment(program, without="PYGLFW_LIBRARY") == "0\n"
+
+
+def in_the_environment(program: Path, without: str) -> str:
+    """What a program prints in a new shell that has read env.sh, and did not have a variable."""
+    plain = {k: v for k, v in os.environ.items() if k not in (without, "ROS_DISTRO")}
     script = f'. ./env.sh && python3 "{program}"'
     done = subprocess.run(
         ["sh", "-c", script], cwd=ROOT, env=plain, capture_output=True, text=True, check=True
     )
-    assert done.stdout.split() == ["Haswell", "Haswell"]
+    return done.stdout

@@ -139,14 +139,16 @@ class LocalProcesses:
         return future
 
     def close(self) -> None:
-        """End the processes; what they are at is lost."""
-        if all(future.done() for future in self._given):
-            self._pool.shutdown()
-            return
+        """End the processes; what they are at is lost.
+
+        It waits for the pool's thread: one that still closes its pipes while Python ends, which
+        writes to them, makes for "Bad file descriptor" now and then.
+        """
         with self._starting:
-            for process in list((self._pool._processes or {}).values()):
-                process.kill()  # first, so that none is left that writes to a closed pipe
-            self._pool.shutdown(wait=False, cancel_futures=True)
+            if not all(future.done() for future in self._given):
+                for process in list((self._pool._processes or {}).values()):
+                    process.kill()  # first, so that none is left that writes to a closed pipe
+            self._pool.shutdown(cancel_futures=True)
 
 
 class DaskCluster:

@@ -76,6 +76,16 @@ def test_a_process_lost_when_no_more_is_wanted_says_nothing(monkeypatch: pytest.
     assert not said
 
 
+def test_closed_at_work_it_leaves_neither_process_nor_thread():
+    before = set(threading.enumerate())
+    crew = LocalProcesses(2)
+    results = crew.results(wait_a_second, [0] * 10)
+    next(results)
+    crew.close()
+    assert set(threading.enumerate()) == before
+    assert not multiprocessing.active_children()
+
+
 def die(_: int) -> int:
     os._exit(9)
 
