@@ -32,13 +32,25 @@ BEFORE = {"standing": 2.5, "walking": 8.0}
 AFTER = 9.0
 """Robot time that is watched from then on. In s."""
 
-BOUNDS = {"position": 0.03, "velocity": 0.3, "orientation": 0.03, "acceleration": 3.0}
-"""Error from which a fault counts. In rad, rad/s and m/s^2."""
+BOUNDS = {
+    "position": 0.03,
+    "velocity": 0.3,
+    "orientation": 0.03,
+    "acceleration": 3.0,
+    "torque": 1000.0,
+}
+"""Error from which a fault counts. In rad, rad/s, m/s^2 and Nm: of a torque, only what is none."""
 
 IN_TIME = 0.1
 """From the bound's being exceeded to the report. In s."""
 
-_SPIKES = {"position": 0.2, "velocity": 2.0, "orientation": 0.1, "acceleration": 10.0}
+_SPIKES = {
+    "position": 0.2,
+    "velocity": 2.0,
+    "orientation": 0.1,
+    "acceleration": 10.0,
+    "torque": 50.0,
+}
 _DELAY = 0.02
 _FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7
 
@@ -215,7 +227,7 @@ class Rehearsal:
 
 
 def error_of(channel: str, truth: Sensors, sample: Sensors) -> float:
-    """Error of a spoiled channel; NaN counts as infinite. In rad, rad/s or m/s^2."""
+    """Error of a spoiled channel; NaN counts as infinite. In rad, rad/s, m/s^2 or Nm."""
     field, _, index = channel.partition(".")
     true, given = getattr(truth, field), getattr(sample, field)
     if field == "orientation":

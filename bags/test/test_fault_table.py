@@ -39,6 +39,14 @@ def test_no_fault_makes_her_fall_and_each_is_reported(mode):
 
 
 @pytest.mark.timeout(200)
+@pytest.mark.parametrize("channel", ["drive_torque.3", "drive_torque.9"])
+def test_a_torque_that_is_no_number_stops_her_and_no_more(channel):
+    (cell,) = run_table([channel], ["nan"], ["walking"], seed=2)
+    assert (cell.outcome, cell.latency) == ("stands", 0.0)
+    assert cell.others == ()
+
+
+@pytest.mark.timeout(200)
 def test_a_late_knee_that_moves_from_rest_is_not_taken_for_its_velocity():
     (cell,) = run_table(["drive_position.8"], ["delay"], ["walking"], seed=1)
     assert cell.safe, describe(cell)

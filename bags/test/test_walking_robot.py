@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cassie_bags.cores import connect, make_cores, make_loop, tick_count
-from cassie_bags.experiment_file import load_experiment, parse_experiment
+from cassie_bags.experiment_file import load_experiment, parse_experiment, read_experiment
 from cassie_bags.in_process import Store, run
 from cassie_bags.recording import Recording, stamps
 from cassie_bags.resolve import resolve
@@ -105,11 +105,37 @@ def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
     """Feet that were held back from far out let her speed to the side grow from step to step."""
     (row,) = chosen_rows(["radio.jumps"])
     trial = next(one for one in row.trials(Budget(), 0.0) if one.seed == seed)
+    others = ("roll", "com_x", "com_y", "trims")  # with which she walks elsewhere
+    steps = [
+        {name: value for name, value in step.items() if name not in others}
+        for step in trial.content["operator"]
+    ]
+    trial = replace(trial, content={**trial.content, "operator": steps})
     cores = make_cores(experiment_of(trial))
     loop = connect(cores, lambda *_: None)
     for _ in range(int(83.0 / 0.002)):
         loop.tick()
     assert cores.plant.pelvis_pose[0][2] > 0.8
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        [{"t": 4.0, "roll": 0.3}],
+        [{"t": 4.0, "vx": 1.0}, {"t": 8.0, "roll": 0.3}],
+        [{"t": 4.0, "vx": 1.0}, {"t": 9.0, "trims": [-0.1, 0.0, 0.0, 0.0]}],
+    ],
+    ids=["roll in place", "roll at speed", "trim at speed"],
+)
+def test_tilt_and_trims_do_not_make_a_walking_robot_fall(wish):
+    operator = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.98}]
+    operator += [{"t": 2.0, "mode": "walk"}, *wish]
+    content = {"name": "tilt", "start": "standing", "duration": 14.0, "operator": operator}
+    cores = make_cores(resolve(read_experiment(content)))
+    loop = connect(cores, lambda *_: None)
+    for _ in range(7000):
+        loop.tick()
+    assert cores.plant.pelvis_pose[0][2] > 0.85
 
 
 @pytest.mark.parametrize(

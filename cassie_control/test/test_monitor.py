@@ -228,7 +228,7 @@ def test_the_supervisor_stops_and_stands(walking):
 
 def test_every_channel_has_a_bit_and_a_name():
     fields = ("orientation", "angular_velocity", "linear_acceleration", "drive_position")
-    fields += ("drive_velocity", "joint_position", "joint_velocity")
+    fields += ("drive_velocity", "joint_position", "joint_velocity", "drive_torque")
     sizes = {name: count for name, _, count in Sensors.LAYOUT}
     assert len(CHANNELS) == 1 + sum(sizes[field] for field in fields[1:])
     assert names(1 << 10 | 1) == ("orientation (IMU)", "drive_position.3 (left_knee)")

@@ -30,8 +30,10 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
     push = {"t": 6.0, "duration": 0.1, "force": force}
     scenario = {"start": "standing", "pushes": [push]}
     robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
-    robot.wish(height=0.65, mode=SEGWAY)
-    robot.run(5.0)
+    robot.wish(height=0.65)
+    robot.run(4.0)
+    robot.wish(mode=SEGWAY)
+    robot.run(1.0)
     assert robot.mode is RobotMode.SEGWAY
     robot.run(6.0)
     assert not robot.fallen

@@ -117,8 +117,8 @@ def test_walking_ends_after_stepping_in_place(walking):
 
 
 def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(walking):
-    walking.wish(pitch=0.2, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
-    assert float(walking.run(2.0).pitch) == pytest.approx(0.2)
+    walking.wish(pitch=0.15, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
+    assert float(walking.run(2.0).pitch) == pytest.approx(0.15)
     walking.wish(mode=int(STAND), height=0.6)
     for _ in range(1000):
         walking.run()
@@ -130,8 +130,30 @@ def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(wal
         assert max(abs(float(x)) for x in (mode.pitch, mode.roll, *mode.trims[2:])) < 1e-3
         assert float(mode.height) == pytest.approx(CONFIG.walk_height)
     mode = walking.run(3.0)
-    assert float(mode.pitch) == pytest.approx(0.2)
+    assert float(mode.pitch) == pytest.approx(0.15)
     assert float(mode.height) == pytest.approx(0.6)
+
+
+def test_walking_bears_less_tilt_than_standing_and_begins_with_no_more(standing):
+    standing.wish(roll=0.2, pitch=-0.25, trims=(0.1, -0.1, 0.0, 0.1))
+    mode = standing.run(2.0)
+    assert float(mode.roll + mode.trims[3]) == pytest.approx(CONFIG.tilt_limit)
+    assert float(mode.pitch) == pytest.approx(-CONFIG.tilt_limit)
+    standing.wish(mode=int(WALK))
+    standing.run()
+    assert (standing.mode, standing.readiness) == (STAND, "straightening up first")
+    mode = standing.run(3.0)
+    assert standing.mode is WALK
+    assert float(mode.roll + mode.trims[3]) == pytest.approx(CONFIG.walk_roll)
+    assert float(mode.pitch) == pytest.approx(-CONFIG.walk_pitch)
+    assert mode.trims[:2].tolist() == pytest.approx([CONFIG.walk_trim, -CONFIG.walk_trim])
+
+
+def test_who_steps_to_catch_herself_tilts_no_more_than_in_walking(standing):
+    standing.wish(roll=0.2)
+    standing.run(2.0)
+    standing.state.foot_force[:] = (300.0, 0.0)
+    assert float(standing.run(1.0).roll) == pytest.approx(CONFIG.walk_roll)
 
 
 def test_a_lost_operator_stops_and_stands(walking):

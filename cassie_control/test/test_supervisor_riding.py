@@ -20,12 +20,27 @@ def test_riding_begins_crouched_at_rest_and_ends_when_it_is_confirmed(standing):
     assert "standing still" in standing.readiness
     standing.state.com_velocity[0] = 0.0
     standing.run(CONFIG.stand_time + 0.1)
+    assert standing.mode is STAND
+    assert standing.readiness == "crouched: ask for stand and then for segway again to ride"
+    standing.wish(mode=int(STAND), height=0.6)
+    standing.run()
+    standing.wish(mode=int(SEGWAY))
+    standing.run()
     assert standing.mode is SEGWAY
     standing.wish(mode=int(WALK))
     standing.run(2.0)
     assert (standing.mode, standing.readiness) == (SEGWAY, "stand first")
     leave(standing)
     assert standing.mode is STAND
+
+
+def ride(standing):
+    """Crouch, and ask for it."""
+    standing.state.q[2] = CONFIG.ride_height
+    standing.wish(mode=int(STAND), height=0.6)
+    standing.run(2.0)
+    standing.wish(mode=int(SEGWAY))
+    standing.run()
 
 
 def leave(riding):
@@ -47,9 +62,40 @@ def test_riding_is_refused_with_a_foot_in_the_air(standing):
     assert "let her down" in standing.readiness
 
 
-def test_a_rider_without_operator_rides_on(standing):
+def test_a_link_that_comes_back_is_no_wish_to_ride(standing):
     standing.state.q[2] = CONFIG.ride_height
-    standing.wish(mode=int(SEGWAY), height=0.6, com_x=0.03)
+    standing.wish(mode=int(SEGWAY), height=0.6)
+    standing.run(2.0)
+    standing.wish(link=False)
+    standing.run(2.0)
+    standing.wish(link=True)
+    standing.run(2.0)
+    assert standing.mode is STAND
+    assert "ask for stand" in standing.readiness
+
+
+@pytest.mark.parametrize("lean", [{"roll": 0.2}, {"pitch": -0.2}, {"com_x": 0.05}])
+def test_riding_begins_upright_over_the_middle(standing, lean):
+    standing.wish(height=0.6, **lean)
+    standing.run(3.0)
+    standing.state.q[2] = CONFIG.ride_height
+    standing.wish(mode=int(SEGWAY), height=0.6)
+    standing.run()
+    assert standing.mode is STAND
+    assert standing.readiness == "straightening up first"
+
+
+def test_trims_count_as_tilt_on_a_segway(standing):
+    ride(standing)
+    standing.wish(roll=0.2, pitch=-0.2, trims=(0.1, 0.1, -0.1, 0.1))
+    mode = standing.run(3.0)
+    assert float(mode.roll + mode.trims[3]) == pytest.approx(CONFIG.ride_tilt)
+    assert float(mode.pitch + mode.trims[2]) == pytest.approx(-CONFIG.ride_tilt)
+
+
+def test_a_rider_without_operator_rides_on(standing):
+    ride(standing)
+    standing.wish(com_x=0.03)
     standing.run(2.0)
     standing.operator = None
     mode = standing.run(2.0)
@@ -59,8 +105,7 @@ def test_a_rider_without_operator_rides_on(standing):
 
 @pytest.fixture
 def riding(standing):
-    standing.state.q[2] = CONFIG.ride_height
-    standing.wish(mode=int(SEGWAY), height=0.6)
+    ride(standing)
     standing.run(2.0)
     assert standing.mode is SEGWAY
     return standing

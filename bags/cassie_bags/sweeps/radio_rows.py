@@ -21,7 +21,13 @@ _STICKS = {
     "pitch": (-0.2, 0.0, 0.2),
     "height": (0.6, 0.9, 1.0),
 }
-"""Lowest, middle and highest position: all that the radio or the supervisor lets through."""
+"""Lowest, middle and highest position of what the radio has sticks and a slider for."""
+
+_OTHERS = {"roll": 0.3, "com_x": 0.1, "com_y": 0.1}
+"""What else an operator may ask for, up to beyond what the supervisor lets through."""
+
+_TRIM = 0.1
+"""The same of the four trims. In rad."""
 
 _MODES, _SHARES = ("walk", "stand", "segway"), (0.8, 0.17, 0.03)
 _HOLDS, _FLICKS = (0.2, 4.0), (0.02, 0.2)  # s, between two jumps
@@ -54,7 +60,7 @@ def radio_rows() -> list[Row]:
 
 def jumps(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Operator steps of a radio that jumps from one moment to another, in s."""
-    rng = np.random.default_rng([seed, _SEED_STREAM])
+    rng, other = (np.random.default_rng([seed, _SEED_STREAM, *more]) for more in ((), (1,)))
     steps: list[dict[str, Any]] = []
     time = begin
     while time < end:
@@ -66,6 +72,10 @@ def jumps(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
                 step[name] = round(float(value), 3)
         if rng.random() < _MOVES:
             step["mode"] = str(rng.choice(_MODES, p=_SHARES))
+        if other.random() < _MOVES:
+            for name, most in _OTHERS.items():
+                step[name] = float(other.choice((-most, 0.0, most)))
+            step["trims"] = other.choice((-_TRIM, 0.0, _TRIM), 4).tolist()
         steps.append(step)
         time += rng.uniform(*(_FLICKS if rng.random() < _FLICK_SHARE else _HOLDS))
     return steps

@@ -25,8 +25,9 @@ class PaperPlacement:
     and trim by hand as well, on gaits of their own. With this project's gaits their Kd of
     0.25 lets the speed swing by 0.3 m/s with a period of seven steps, 0.4 leaves 0.03; and an
     offset of 0.04 rad runs away backward from the third step on: beyond the slowest gait, the law
-    removes too little of the speed, so that it falls at -0.25 m/s, too. In place and at 0.25 and
-    0.5 m/s it walks, 0.02 m/s ahead and 0.03 to 0.1 m/s behind.
+    removes too little of the speed, so that it falls at -0.25 m/s, too. With the drives' gains of
+    that time it walked in place and at 0.25 and 0.5 m/s, 0.02 m/s ahead and 0.03 to 0.1 m/s behind;
+    with those found since for the other law it falls in place within a minute.
 
     Source:
         Da et al. 2016, Eqs. (13) and (17), in the form that the authors run on Cassie; they

@@ -93,7 +93,8 @@ def look_at_acceleration(watch: Any, limit: Any, expected: FloatArray, force: fl
     watch.blow = max(0.0, watch.blow - dt)
     watch.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - watch.carried)
     # Neither what a gantry does is expected, nor anything true of sensors that fail.
-    known = watch.carried > _CARRIED_SHARE and watch.bad.max() <= 0.0
+    trusted = watch.bad.max() <= 0.0 and watch.bad_torque.max() <= 0.0
+    known = trusted and watch.carried > _CARRIED_SHARE
     for k in range(3):
         watch.bad_acceleration[k] = max(0.0, watch.bad_acceleration[k] - dt)
         watch.same_acceleration[k] = watch.same_acceleration[k] + 1 if a[0, k] == a[1, k] else 0

@@ -14,11 +14,12 @@ CHANNELS: tuple[tuple[str, str], ...] = (
     *((f"drive_velocity.{i}", name) for i, name in enumerate(DRIVES)),
     *((f"joint_position.{i}", name) for i, name in enumerate(SENSED_JOINTS)),
     *((f"joint_velocity.{i}", name) for i, name in enumerate(SENSED_JOINTS)),
+    *((f"drive_torque.{i}", name) for i, name in enumerate(DRIVES)),
 )
 """Field of Sensors with its index, and what it belongs to, in the order of the bits."""
 
 ORIENTATION, GYRO, ACCELEROMETER, DRIVE_POSITION, DRIVE_VELOCITY = 0, 1, 4, 7, 17
-JOINT_POSITION, JOINT_VELOCITY = 27, 33
+JOINT_POSITION, JOINT_VELOCITY, DRIVE_TORQUE = 27, 33, 39
 """Bit of the first channel of each field."""
 
 

@@ -63,7 +63,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
-    normal["weight"] = robot.total_mass() * 9.81
+    normal["weight"], normal["torque"] = robot.total_mass() * 9.81, 1000.0
     normal["late_acceleration"] = ((0.0175, 0.0165, 0.0145), (0.027, 0.017, 0.0175))
     return record
 
@@ -71,7 +71,8 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
 class SensorMonitor:
     """Finds channels that fail, and says what to go on with.
 
-    - A value that is no number or that the robot cannot have, a position that jumps: at once.
+    - A value that is no number or that the robot cannot have, a position that jumps: at once. Of a
+      torque this is all.
     - A channel whose bits stay the same while its partner moves: stuck, or off.
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
@@ -85,8 +86,8 @@ class SensorMonitor:
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer
-    with gravity alone. Where both of a pair fail there is nothing to go on with, except for the
-    toes, which have two encoders each.
+    with gravity alone, a torque that is no number as 0. Where both of a pair fail there is nothing
+    to go on with, except for the toes, which have two encoders each.
 
     Args:
         period: Between samples. In s.
@@ -99,6 +100,7 @@ class SensorMonitor:
         self._limits = limits(period, attitude_delay, hold)
         self._bad: FloatArray = self._watch[0]["bad"]
         self._bad_acceleration: FloatArray = self._watch[0]["bad_acceleration"]
+        self._bad_torque: FloatArray = self._watch[0]["bad_torque"]
         self._trusted: FloatArray = self._watch[0]["trusted"]
         self._repaired = Sensors()
         self._sensors: Sensors | None = None  # the last, which is usually the next as well
@@ -119,7 +121,7 @@ class SensorMonitor:
     def _start_over(self) -> None:
         """Samples are missing: compare from this one on; what is not believed stays so."""
         watch = self._watch[0]
-        kept = ("bad", "bad_acceleration", "trusted", "orientation")
+        kept = ("bad", "bad_acceleration", "bad_torque", "trusted", "orientation")
         values = [watch[name].copy() for name in kept]
         self._watch[:] = np.zeros(1, WATCH_TYPE)
         for name, value in zip(kept, values, strict=True):
@@ -154,8 +156,9 @@ class SensorMonitor:
     def _repair(self, sensors: Sensors, rotation: FloatArray) -> Sensors:
         result, (position, velocity) = self._repaired, self._trusted
         bad_position, bad_velocity = self._bad > 0.0
-        bad_acceleration = self._bad_acceleration > 0.0
+        bad_acceleration, bad_torque = self._bad_acceleration > 0.0, self._bad_torque > 0.0
         self.mask = _mask(bad_position, bad_velocity, bad_acceleration)
+        self.mask |= _bits(bad_torque) << channels.DRIVE_TORQUE
         both = bad_position & bad_velocity
         result.copy_from(sensors)
         for drive, joint in zip(_TOE_DRIVES, _TOE_JOINTS, strict=True):
@@ -170,6 +173,7 @@ class SensorMonitor:
         result.orientation[:] = self._watch[0]["orientation"]
         gravity = 9.81 * rotation[2]
         result.linear_acceleration[bad_acceleration] = gravity[bad_acceleration]
+        result.drive_torque[bad_torque] = 0.0
         return result
 
 
@@ -185,6 +189,10 @@ def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> 
             velocity[_JOINT],
         ]
     )
+    return _bits(flags)
+
+
+def _bits(flags: BoolArray) -> int:
     return sum(1 << k for k in np.flatnonzero(flags).tolist())
 
 

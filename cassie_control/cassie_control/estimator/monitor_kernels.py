@@ -91,9 +91,19 @@ def inspect(
         sample.joint_velocity,
         watches,
     )
+    _look_at_torques(sample.drive_torque, watch, limits[0])
     look(watches, limits, expected, force)
     good: bool = watch.bad.max() <= 0.0 and watch.bad_acceleration.max() <= 0.0
-    return good
+    return good and watch.bad_torque.max() <= 0.0
+
+
+@compiled
+def _look_at_torques(drive_torque: FloatArray, watch: Any, limit: Any) -> None:
+    """Nothing tells a wrong torque, except where it is none."""
+    for i in range(10):
+        watch.bad_torque[i] = max(0.0, watch.bad_torque[i] - limit.period)
+        if not abs(drive_torque[i]) <= limit.torque:  # NaN compares false
+            watch.bad_torque[i] = limit.hold
 
 
 @compiled

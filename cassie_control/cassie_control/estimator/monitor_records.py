@@ -49,6 +49,7 @@ WATCH_TYPE = np.dtype(
         ("blow", float),  # s, for which the echo of one may go on
         ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
+        ("bad_torque", float, 10),  # s
     ]
 )
 """What the monitor remembers."""
@@ -71,6 +72,7 @@ LIMITS_TYPE = np.dtype(
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
         ("weight", float),  # of the robot, N
+        ("torque", float),  # Nm
         ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it must fit a delay better
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]

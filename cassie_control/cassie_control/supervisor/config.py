@@ -19,7 +19,7 @@ class SupervisorConfig:
     height_high: float = tunable(1.01, "m", 0.8, 1.05, "Largest pelvis height")
     com_x_limit: float = tunable(0.05, "m", 0.0, 0.07, "Largest CoM shift fore and aft")
     com_y_limit: float = tunable(0.06, "m", 0.0, 0.12, "Largest CoM shift sideways")
-    tilt_limit: float = tunable(0.25, "rad", 0.0, 0.4, "Largest torso roll and pitch")
+    tilt_limit: float = tunable(0.25, "rad", 0.0, 0.4, "Largest torso roll and pitch, with trims")
     trim_limit: float = tunable(0.1, "rad", 0.0, 0.2, "Largest trim")
 
     acceleration: float = tunable(0.3, "m/s^2", 0.05, 2.0, "Change of commanded speed")
@@ -28,6 +28,9 @@ class SupervisorConfig:
     shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
     tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
 
+    walk_roll: float = tunable(0.03, "rad", 0.0, 0.4, "The same of the roll while walking")
+    walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "The same of the pitch")
+    walk_trim: float = tunable(0.03, "rad", 0.0, 0.2, "Largest trim while walking")
     walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Height from which walking begins")
     height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
@@ -44,7 +47,9 @@ class SupervisorConfig:
         0.6, "m", 0.4, 0.9, "Lowest one: the knees stay at the pads of the bar"
     )
     ride_height_rate: float = tunable(0.05, "m/s", 0.01, 1.0, "Change of the height on a Segway")
-    ride_tilt: float = tunable(0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway")
+    ride_tilt: float = tunable(
+        0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway, with trims"
+    )
     ride_stop_time: float = tunable(
         6.0, "s", 0.0, 60.0, "So long she brakes before riding may be left"
     )

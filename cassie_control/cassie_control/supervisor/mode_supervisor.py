@@ -12,12 +12,14 @@ from cassie_control.supervisor.leaving import Leaving
 from cassie_control.supervisor.posture import Posture
 from cassie_control.supervisor.set_points import (
     SetPoints,
+    agree,
     approach,
     crouched,
     is_upright,
     refusal,
     requested_mode,
     riding,
+    stepping,
     upright,
     wishes,
 )
@@ -44,7 +46,9 @@ class ModeSupervisor:
       touchdown.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - Segway: from standing, crouched, on both feet and at rest. `Leaving` says when it ends.
+    - Segway: from standing, crouched, on both feet, upright and at rest, when the operator asks
+      for it then; asked for earlier, she crouches and waits to be asked again. `Leaving` says when
+      it ends.
     - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
       brake and stay on it.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
@@ -72,6 +76,7 @@ class ModeSupervisor:
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._linked = False
+        self._sure = False  # that the operator wishes to ride: he asked when all else was ready
         self._since = 0.0
         self._slow = 0.0
         self._walked = False
@@ -104,8 +109,12 @@ class ModeSupervisor:
         failed = int(state.sensor_faults)
         if self._current is RobotMode.SEGWAY:
             failed &= ~_FELT_FROM_FEET
-        self._linked = linked and not failed
+        heard, asked_before, self._linked = self._linked, self._requested, linked and not failed
         refused = self._hear(operator if self._linked else None)
+        if self._requested is not RobotMode.SEGWAY:
+            self._sure = False
+        elif asked_before is not RobotMode.SEGWAY:
+            self._sure = heard and not self.status.segway
         powered = float(state.power) > 0.5
         asked = self._requested is RobotMode.STAND if self._linked else None
         if self._current is RobotMode.SEGWAY:
@@ -190,6 +199,8 @@ class ModeSupervisor:
             return unloaded
         if abs(self._posture.height - c.walk_height) > c.height_tolerance:
             return f"walking begins at {c.walk_height:g} m, pelvis at {self._posture.height:.2f} m"
+        if not agree(self._set_points, stepping(self._set_points, c)):
+            return "straightening up first"
         return self._restless()
 
     def _why_not_ride(self, state: RobotState) -> str:
@@ -204,7 +215,14 @@ class ModeSupervisor:
         height = self._posture.height
         if height > c.ride_height + c.height_tolerance:
             return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {height:.2f} m"
-        return self._restless()
+        middle = replace(crouched(self._set_points, c), com_x=0.0, com_y=0.0)
+        if not agree(self._set_points, middle):
+            return "straightening up first"
+        if restless := self._restless():
+            return restless
+        if self._requested is RobotMode.SEGWAY and not self._sure:
+            return "crouched: ask for stand and then for segway again to ride"
+        return ""
 
     def _waits(self, state: RobotState) -> str:
         if self._posture.stepping:
@@ -250,10 +268,12 @@ class ModeSupervisor:
         if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
             wish = upright(wish, c.walk_height)
         if self._current is RobotMode.SEGWAY:  # also while another mode is asked for
-            c = riding(c)
             wish = crouched(wish, c)
+            c = riding(c)
         elif RobotMode.WALK in (requested, self._current):
-            wish = replace(wish, height=c.walk_height, com_x=0.0, com_y=0.0)
+            wish = replace(stepping(wish, c), height=c.walk_height)
+        elif self._posture.stepping:
+            wish = replace(stepping(wish, c), com_x=wish.com_x, com_y=wish.com_y)
         approach(self._set_points, wish, c, self._period)
         if self._current is RobotMode.SEGWAY is not requested:
             self._set_points.vx = 0.0  # at once: she brakes as hard as she can

@@ -10,6 +10,8 @@ from cassie_control.finite import fault
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode
 
+_NEAR = 1e-3  # rad or m
+
 
 @dataclass
 class SetPoints:
@@ -60,24 +62,20 @@ def requested_mode(command: OperatorCommand) -> RobotMode:
 def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
     """An operator's command within the limits."""
     c = riding(config) if command.mode == RobotMode.SEGWAY else config
-    trims = command.trims.tolist()
     vx, vy, yaw_rate = _walkable(float(command.vx), float(command.vy), float(command.yaw_rate), c)
-    return SetPoints(
+    sagittal, lateral, pitch, roll = command.trims.tolist()
+    wish = SetPoints(
         vx=vx,
         vy=vy,
         yaw_rate=yaw_rate,
         height=_bounded(float(command.height), c.height_low, c.height_high),
         com_x=_bounded(float(command.com_x), -c.com_x_limit, c.com_x_limit),
         com_y=_bounded(float(command.com_y), -c.com_y_limit, c.com_y_limit),
-        roll=_bounded(float(command.roll), -c.tilt_limit, c.tilt_limit),
-        pitch=_bounded(float(command.pitch), -c.tilt_limit, c.tilt_limit),
-        trims=(
-            _bounded(trims[0], -c.trim_limit, c.trim_limit),
-            _bounded(trims[1], -c.trim_limit, c.trim_limit),
-            _bounded(trims[2], -c.trim_limit, c.trim_limit),
-            _bounded(trims[3], -c.trim_limit, c.trim_limit),
-        ),
+        roll=float(command.roll),
+        pitch=float(command.pitch),
+        trims=(sagittal, lateral, pitch, roll),
     )
+    return _tilted(wish, c.tilt_limit, c.tilt_limit, c.trim_limit)
 
 
 @functools.cache
@@ -101,14 +99,10 @@ def riding(config: SupervisorConfig) -> SupervisorConfig:
 
 
 def crouched(wish: SetPoints, config: SupervisorConfig) -> SetPoints:
-    """A wish made on foot, with the height and tilt that the limits of riding permit."""
-    c = config
-    return replace(
-        wish,
-        height=_bounded(wish.height, c.height_low, c.height_high),
-        roll=_bounded(wish.roll, -c.tilt_limit, c.tilt_limit),
-        pitch=_bounded(wish.pitch, -c.tilt_limit, c.tilt_limit),
-    )
+    """A wish made on foot, with the height and tilt that riding permits."""
+    c = riding(config)
+    wish = replace(wish, height=_bounded(wish.height, c.height_low, c.height_high))
+    return _tilted(wish, c.tilt_limit, c.tilt_limit, c.trim_limit)
 
 
 def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: float) -> None:
@@ -132,6 +126,25 @@ def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: 
     )
 
 
+def stepping(wish: SetPoints, config: SupervisorConfig) -> SetPoints:
+    """A wish with what a robot bears of it that steps."""
+    c = config
+    wish = replace(wish, com_x=0.0, com_y=0.0)
+    return _tilted(wish, c.walk_roll, c.walk_pitch, c.walk_trim)
+
+
+def agree(now: SetPoints, least: SetPoints) -> bool:
+    """Whether set-points have come to where a mode wants them, height and speeds aside."""
+    pairs = (
+        (now.roll, least.roll),
+        (now.pitch, least.pitch),
+        (now.com_x, least.com_x),
+        (now.com_y, least.com_y),
+        *zip(now.trims, least.trims, strict=True),
+    )
+    return all(abs(now_ - least_) < _NEAR for now_, least_ in pairs)
+
+
 def upright(wish: SetPoints, walk_height: float) -> SetPoints:
     """A wish without tilt, at the height of walking: with that, standing takes over from walking.
 
@@ -143,7 +156,25 @@ def upright(wish: SetPoints, walk_height: float) -> SetPoints:
 
 def is_upright(now: SetPoints) -> bool:
     """Whether set-points have come to `upright`, its height aside."""
-    return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < 1e-3
+    return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < _NEAR
+
+
+def _tilted(wish: SetPoints, roll: float, pitch: float, trim: float) -> SetPoints:
+    """A wish whose torso tilts no further than roll and pitch, trims included. All in rad."""
+    sagittal, lateral, pitch_trim, roll_trim = wish.trims
+    pitch_trim = _bounded(pitch_trim, -min(trim, pitch), min(trim, pitch))
+    roll_trim = _bounded(roll_trim, -min(trim, roll), min(trim, roll))
+    return replace(
+        wish,
+        roll=_bounded(wish.roll, -roll - roll_trim, roll - roll_trim),
+        pitch=_bounded(wish.pitch, -pitch - pitch_trim, pitch - pitch_trim),
+        trims=(
+            _bounded(sagittal, -trim, trim),
+            _bounded(lateral, -trim, trim),
+            pitch_trim,
+            roll_trim,
+        ),
+    )
 
 
 def _walkable(
