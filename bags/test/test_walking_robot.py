@@ -118,6 +118,13 @@ def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
     assert cores.plant.pelvis_pose[0][2] > 0.8
 
 
+def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_her():
+    """By 4 cm, for the sake of a waxed floor: robot 8 fell as she came onto it."""
+    (row,) = chosen_rows(["slope.side"])
+    trial = next(one for one in row.trials(Budget(), 8.0) if one.seed == 8)
+    assert not run_trial(trial)["fell"]
+
+
 @pytest.mark.parametrize(
     "wish",
     [

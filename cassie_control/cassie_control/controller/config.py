@@ -139,7 +139,7 @@ class WalkConfig:
         "Share of the way beyond that a foot goes; all in place or with late drives",
     )
     far_most: float = tunable(
-        0.04, "m", 0.0, 0.4, "By how much a foot is held back from far out at most"
+        0.02, "m", 0.0, 0.4, "By how much a foot is held back from far out at most"
     )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"

@@ -28,9 +28,9 @@ class SupervisorConfig:
     shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
     tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
 
-    walk_roll: float = tunable(0.03, "rad", 0.0, 0.4, "The same of the roll while walking")
+    walk_roll: float = tunable(0.0, "rad", 0.0, 0.4, "The same of the roll while walking")
     walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "The same of the pitch")
-    walk_trim: float = tunable(0.03, "rad", 0.0, 0.2, "Largest trim while walking")
+    walk_trim: float = tunable(0.02, "rad", 0.0, 0.2, "Largest trim while walking")
     walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Height from which walking begins")
     height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
