@@ -21,7 +21,7 @@ def test_riding_begins_crouched_at_rest_and_ends_when_it_is_confirmed(standing):
     standing.state.com_velocity[0] = 0.0
     standing.run(CONFIG.stand_time + 0.1)
     assert standing.mode is STAND
-    assert standing.readiness == "crouched: ask for stand and then for segway again to ride"
+    assert standing.readiness == "to ride ask for stand at 0.67 m or less and for segway again"
     standing.wish(mode=int(STAND), height=0.6)
     standing.run()
     standing.wish(mode=int(SEGWAY))
@@ -64,11 +64,13 @@ def test_riding_is_refused_with_a_foot_in_the_air(standing):
 
 def test_a_link_that_comes_back_is_no_wish_to_ride(standing):
     standing.state.q[2] = CONFIG.ride_height
+    standing.state.com_velocity[0] = 0.3
     standing.wish(mode=int(SEGWAY), height=0.6)
     standing.run(2.0)
     standing.wish(link=False)
     standing.run(2.0)
     standing.wish(link=True)
+    standing.state.com_velocity[0] = 0.0
     standing.run(2.0)
     assert standing.mode is STAND
     assert "ask for stand" in standing.readiness

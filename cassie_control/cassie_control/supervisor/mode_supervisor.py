@@ -47,8 +47,8 @@ class ModeSupervisor:
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
     - Segway: from standing, crouched, on both feet, upright and at rest, when the operator asks
-      for it then; asked for earlier, she crouches and waits to be asked again. `Leaving` says when
-      it ends.
+      for it and, which confirms it, for the crouch; else she crouches and waits to be asked again.
+      `Leaving` says when it ends.
     - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
       brake and stay on it.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
@@ -76,7 +76,7 @@ class ModeSupervisor:
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._linked = False
-        self._sure = False  # that the operator wishes to ride: he asked when all else was ready
+        self._sure = False  # that the operator wishes to ride: he asked for it and for a crouch
         self._since = 0.0
         self._slow = 0.0
         self._walked = False
@@ -113,8 +113,8 @@ class ModeSupervisor:
         refused = self._hear(operator if self._linked else None)
         if self._requested is not RobotMode.SEGWAY:
             self._sure = False
-        elif asked_before is not RobotMode.SEGWAY:
-            self._sure = heard and not self.status.segway
+        elif operator is not None and asked_before is not RobotMode.SEGWAY:
+            self._sure = heard and float(operator.height) <= self.config.ride_height
         powered = float(state.power) > 0.5
         asked = self._requested is RobotMode.STAND if self._linked else None
         if self._current is RobotMode.SEGWAY:
@@ -221,7 +221,7 @@ class ModeSupervisor:
         if restless := self._restless():
             return restless
         if self._requested is RobotMode.SEGWAY and not self._sure:
-            return "crouched: ask for stand and then for segway again to ride"
+            return f"to ride ask for stand at {c.ride_height:g} m or less and for segway again"
         return ""
 
     def _waits(self, state: RobotState) -> str:
