@@ -15,9 +15,8 @@ from supervised import CONFIG, PERIOD, STAND, WALK
         ("vx", -CONFIG.vx_backward, CONFIG.vx_forward),
         ("vy", -CONFIG.vy_limit, CONFIG.vy_limit),
         ("yaw_rate", -CONFIG.yaw_rate_limit, CONFIG.yaw_rate_limit),
-        ("roll", -CONFIG.tilt_limit, CONFIG.tilt_limit),
-        ("pitch", -CONFIG.tilt_limit, CONFIG.tilt_limit),
-        ("trims", -CONFIG.trim_limit, CONFIG.trim_limit),
+        ("roll", -CONFIG.walk_roll, CONFIG.walk_roll),
+        ("pitch", -CONFIG.walk_pitch, CONFIG.walk_pitch),
     ],
 )
 def test_set_points_stay_within_their_limits_walking(walking, name, low, high):
@@ -32,6 +31,9 @@ def test_set_points_stay_within_their_limits_walking(walking, name, low, high):
         ("height", CONFIG.height_low, CONFIG.height_high),
         ("com_x", -CONFIG.com_x_limit, CONFIG.com_x_limit),
         ("com_y", -CONFIG.com_y_limit, CONFIG.com_y_limit),
+        ("roll", -CONFIG.tilt_limit, CONFIG.tilt_limit),
+        ("pitch", -CONFIG.tilt_limit, CONFIG.tilt_limit),
+        ("trims", -CONFIG.trim_limit, CONFIG.trim_limit),
         ("vx", 0.0, 0.0),
         ("yaw_rate", 0.0, 0.0),
     ],
@@ -49,14 +51,22 @@ def test_set_points_stay_within_their_limits_standing(standing, name, low, high)
         ("vy", CONFIG.acceleration),
         ("yaw_rate", CONFIG.turn_acceleration),
         ("pitch", CONFIG.tilt_rate),
-        ("trims", CONFIG.tilt_rate),
     ],
 )
 def test_set_points_change_no_faster_than_permitted(walking, name, rate):
-    walking.wish(**{name: 0.09})
-    before = np.copy(getattr(walking.run(), name))
+    approaches(walking, name, rate)
+
+
+def test_trims_change_no_faster_than_permitted(standing):
+    approaches(standing, "trims", CONFIG.tilt_rate)
+
+
+def approaches(scene, name, rate):
+    """A set-point comes to its wish at a rate."""
+    scene.wish(**{name: 0.09})
+    before = np.copy(getattr(scene.run(), name))
     while np.max(before) < 0.09 - rate * PERIOD:
-        after = np.copy(getattr(walking.run(), name))
+        after = np.copy(getattr(scene.run(), name))
         assert after - before == pytest.approx(rate * PERIOD, abs=1e-9)
         before = after
 
