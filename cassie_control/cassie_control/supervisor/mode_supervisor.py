@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cassie_control.errors import ControlError
-from cassie_control.estimator.channels import ACCELEROMETER, names
+from cassie_control.estimator.channels import ACCELEROMETER
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.leaving import Leaving
@@ -23,7 +23,7 @@ from cassie_control.supervisor.set_points import (
     upright,
     wishes,
 )
-from cassie_control.supervisor.status import SupervisorStatus
+from cassie_control.supervisor.status import SupervisorStatus, faults
 from cassie_gaits import robot
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 
@@ -76,7 +76,7 @@ class ModeSupervisor:
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._linked = False
-        self._sure = False  # that the operator wishes to ride: he asked for it and for a crouch
+        self._ride_confirmed = False  # by the crouch that was asked for with it
         self._since = 0.0
         self._slow = 0.0
         self._walked = False
@@ -112,9 +112,9 @@ class ModeSupervisor:
         heard, asked_before, self._linked = self._linked, self._requested, linked and not failed
         refused = self._hear(operator if self._linked else None)
         if self._requested is not RobotMode.SEGWAY:
-            self._sure = False
+            self._ride_confirmed = False
         elif operator is not None and asked_before is not RobotMode.SEGWAY:
-            self._sure = heard and float(operator.height) <= self.config.ride_height
+            self._ride_confirmed = heard and float(operator.height) <= self.config.ride_height
         powered = float(state.power) > 0.5
         asked = self._requested is RobotMode.STAND if self._linked else None
         if self._current is RobotMode.SEGWAY:
@@ -134,7 +134,7 @@ class ModeSupervisor:
             stand=reasons[RobotMode.STAND],
             walk=reasons[RobotMode.WALK],
             segway=reasons[RobotMode.SEGWAY],
-            faults=self._faults(linked, refused, controller_lost, failed),
+            faults=faults(self._posture.fallen, linked, refused, controller_lost, failed),
             fallen=self._posture.fallen,
             waits=self._waits(state) if self._current is RobotMode.STAND else "",
             link=linked,
@@ -220,7 +220,7 @@ class ModeSupervisor:
             return "straightening up first"
         if restless := self._restless():
             return restless
-        if self._requested is RobotMode.SEGWAY and not self._sure:
+        if self._requested is RobotMode.SEGWAY and not self._ride_confirmed:
             return f"to ride ask for stand at {c.ride_height:g} m or less and for segway again"
         return ""
 
@@ -284,22 +284,6 @@ class ModeSupervisor:
             and is_upright(self._set_points)
         )
         self._slow = self._slow + self._period if slow else 0.0
-
-    def _faults(
-        self, linked: bool, refused: str, controller_lost: bool, failed: int
-    ) -> tuple[str, ...]:
-        faults = []
-        if self._posture.fallen:
-            faults.append("fallen: drives damp")
-        if not linked:
-            faults.append("operator lost: stopping and standing")
-        if refused:
-            faults.append(f"operator command refused: {refused}")
-        if failed:
-            faults.append(f"stopping and standing without {', '.join(names(failed))}")
-        if controller_lost:
-            faults.append("gait controller lost: drives damp")
-        return tuple(faults)
 
     def _answer(self, state: RobotState) -> Mode:
         mode = self._mode

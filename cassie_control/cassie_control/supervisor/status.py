@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cassie_control.estimator.channels import names
 from cassie_msgs.layout import RobotMode
 
 
@@ -42,3 +43,29 @@ class SupervisorStatus:
             RobotMode.SEGWAY: self.segway,
         }
         return reasons.get(self.requested, "")
+
+
+def faults(
+    fallen: bool, linked: bool, refused: str, controller_lost: bool, failed: int
+) -> tuple[str, ...]:
+    """What is wrong, in words.
+
+    Args:
+        fallen: Whether Cassie fell.
+        linked: Whether the operator's commands arrive over a good link.
+        refused: Why his command is refused, or empty.
+        controller_lost: Whether the controller is silent.
+        failed: Sensors' channels that fail, a bit each.
+    """
+    words = []
+    if fallen:
+        words.append("fallen: drives damp")
+    if not linked:
+        words.append("operator lost: stopping and standing")
+    if refused:
+        words.append(f"operator command refused: {refused}")
+    if failed:
+        words.append(f"stopping and standing without {', '.join(names(failed))}")
+    if controller_lost:
+        words.append("gait controller lost: drives damp")
+    return tuple(words)
