@@ -40,6 +40,25 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
     assert abs(robot.moments[-1].velocity).max() < 0.05
 
 
+def test_leant_to_a_side_after_a_walk_on_plain_ground_she_does_not_tip_over():
+    """She ends a walk with her feet nearer to each other than a Segway's platform has them."""
+    robot = Robot(Scenario(start="standing", draw=Draw.from_seed(3)), "faithful")
+    robot.run(2.0)
+    robot.wish(mode=int(RobotMode.WALK))
+    robot.run(4.0)
+    robot.wish(mode=STAND)
+    robot.run(4.0)
+    robot.wish(height=0.65)
+    robot.run(4.0)
+    robot.wish(mode=SEGWAY)
+    robot.run(1.0)
+    for com_x, com_y in ((0.0, 0.1), (0.0, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, -0.1)):
+        robot.wish(com_x=com_x, com_y=com_y)
+        robot.run(4.0)
+        assert robot.mode is RobotMode.SEGWAY
+        assert not robot.fallen
+
+
 def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
     """Let down onto it in 5 s and riding for so many seconds, held by its bar until 8 s."""
     parameters = {"let_go": 8.0, **scene_parameters}

@@ -220,7 +220,8 @@ class RidingController:
         soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
         backward = max(0.0, min(1.0, -soon / _SLOW))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
-        left, limit = balance.rest(readings)[1], c.press_limit_y
+        left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        limit = min(c.press_limit_y, max(_LEAST, 0.5 * apart - c.foot_margin))
         if backward > 0.0:
             com_y = max(-aside, min(aside, com_y))
         return max(left - limit, min(left + limit, com_y))
