@@ -39,10 +39,11 @@ PHASE_METRICS = (
     "speed_peak",
     "vx_min",
     "vx_max",
+    "sole_pitch_deg",
 )
 """Mean of each tracked quantity, RMS of its error, mean roll and pitch, greatest horizontal
 distance from the start of the phase, distance and turn from its start to its end, greatest
-mean speed over a second, least and greatest speed forward."""
+mean speed over a second, least and greatest speed forward, see `sole_pitch`."""
 
 RUN_METRICS = (
     *(f"{name}_mean" for name in TRACKED),
@@ -191,8 +192,19 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
         "speed_peak": _speed_peak(track.position[inside, :2], tick),
         "vx_min": float(track.achieved["vx"][inside].min()),
         "vx_max": float(track.achieved["vx"][inside].max()),
+        "sole_pitch_deg": sole_pitch(track, inside),
     }
     return PhaseMetrics(phase, reached, values, commanded)
+
+
+def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
+    """Pitch, toe up, that a foot which carries load exceeds for a twentieth of the time, in deg.
+
+    NaN while she hangs.
+    """
+    loaded = track.foot_load[inside] > 0.5
+    pitches = track.sole_pitch[inside][loaded]
+    return math.degrees(float(np.percentile(pitches, 95.0))) if len(pitches) else math.nan
 
 
 def _speed_peak(position: FloatArray, tick: float) -> float:

@@ -71,6 +71,14 @@ class Track:
         heights: FloatArray = self.legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
         return heights
 
+    @property
+    def sole_pitch(self) -> FloatArray:
+        """Pitch of each sole, toe up. Shape (n, 2), in rad."""
+        tip, heel = self.legs[:, :, -2], self.legs[:, :, -1]
+        ahead = np.linalg.norm((tip - heel)[:, :, :2], axis=2)
+        pitch: FloatArray = np.arctan2((tip - heel)[:, :, 2], ahead)
+        return pitch
+
 
 def make_track(recording: Recording) -> Track:
     """Signals of the last episode of a recording.

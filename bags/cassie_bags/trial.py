@@ -20,7 +20,7 @@ from cassie_bags.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.experiment_file import Experiment, read_experiment
 from cassie_bags.figures import AVERAGED_OVER
 from cassie_bags.in_process import Store
-from cassie_bags.metrics import FALLEN_HEIGHT, FALLEN_TILT
+from cassie_bags.metrics import FALLEN_HEIGHT, FALLEN_TILT, sole_pitch
 from cassie_bags.recording import Rows, stamps, stamps_ns
 from cassie_bags.resolve import resolve
 from cassie_bags.ride import measure_ride
@@ -48,6 +48,7 @@ WINDOW_FIGURES = (
     "drift",
     "drift_of_steps",
     "depth",
+    "sole_pitch",
     *_RMSE,
     "odometry",
     "tracking",
@@ -169,6 +170,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         two steps (m/s); drift: greatest distance from where the window
         began (m); drift_of_steps: the same of the mean place over two steps, which leaves out
         the sway (m); depth: of the lower sole below the height of the start, median (m);
+        sole_pitch: as `metrics.sole_pitch` (deg);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
         odometry: error of the estimated displacement by its length; tracking: RMS of the
         errors of the nine outputs (rad and m), and that of each as `TRACKING` names them; and
@@ -187,6 +189,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
     figures["drift_of_steps"] = _drift_of_steps(away, two_steps)
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
+    figures["sole_pitch"] = sole_pitch(track, inside)
     figures |= _estimate(track, state, inside)
     figures |= measure_standing(track, state, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -83,6 +84,22 @@ def apply_changes(content: dict[str, Any], changes: Iterable[str]) -> None:
         if not equals or not key:
             raise ExperimentError(f"--set {change}: expected key=value")
         _set(content, key.split("."), _load(value, f"--set {change}"), change)
+
+
+def spelled_out(changes: Iterable[str]) -> tuple[str, ...]:
+    """Changes without files: their values as `key=value`, for workers that have not those files.
+
+    Raises:
+        ExperimentError: if a file cannot be read.
+    """
+    words: list[str] = []
+    for change in changes:
+        if change.startswith("@"):
+            found = flatten(read_yaml(Path(change[1:])))
+            words += [f"{name}={json.dumps(entry)}" for name, entry in found.items()]
+        else:
+            words.append(change)
+    return tuple(words)
 
 
 def _load(text: str, name: str) -> Any:

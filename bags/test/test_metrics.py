@@ -35,6 +35,13 @@ def test_height_is_that_above_the_soles():
     assert phase.values["height"] == pytest.approx(standing_height(), abs=1e-9)
 
 
+def test_soles_that_lie_flat_pitch_down_with_a_robot_that_topples_forward():
+    phases = Phase("up", 0.0, 1.0), Phase("down", 1.0, 2.0)
+    up, down = measured(glide(2.0, tilt_from=1.0), *phases).phases
+    assert up.values["sole_pitch_deg"] == pytest.approx(0.0, abs=0.1)
+    assert down.values["sole_pitch_deg"] == pytest.approx(-90.0, abs=0.1)
+
+
 def test_distance_and_drift_of_a_straight_line():
     run = measured(glide(3.0, vx=-0.5)).run
     assert run["distance"] == pytest.approx(0.5 * 2.998, abs=1e-6)

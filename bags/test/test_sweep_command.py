@@ -37,7 +37,9 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
 def test_pieces_of_a_sweep_come_together(tmp_path: Path):
     words = ["--seeds", "1", "--seconds", "2", "--jobs", "1", "--out", str(tmp_path), "--resume"]
     few = [*words, "--compare-seeds", "1"]
-    assert "speed error at 0 m/s" in sweep("speed.+0", *few).stdout
+    first = sweep("speed.+0", *few).stdout
+    assert "speed error at 0 m/s" in first
+    assert first.splitlines()[0].endswith("paper's law")
     second = sweep("speed.+0.25", *few)
     assert "speed error at 0 m/s" not in second.stdout
     content = json.loads((tmp_path / "sweeps.json").read_text())

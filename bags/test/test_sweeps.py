@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.sweeps.course import Budget, push, step_time
+from cassie_bags.sweeps.course import PAPER_LAW, Budget, push, step_time, walk
 from cassie_bags.sweeps.picture import reached
 from cassie_bags.sweeps.radio_rows import jumps
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
 from cassie_bags.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
 from cassie_bags.workers import LocalProcesses, Remembering, ThisProcess
+from cassie_bags.yaml_file import spelled_out
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -265,3 +266,12 @@ def test_the_picture_shows_the_share_of_the_target(at_least, measured, share):
     assert reached(row(at_least=at_least), result) == pytest.approx(share)
     nothing = RowResult("group.word", math.nan, False)
     assert reached(row(at_least=at_least), nothing) == 0.0
+
+
+def test_the_paper_law_is_compared_with_gains_with_which_it_walks():
+    """With the drives' gains of the other law it ran away where 0.25 m/s was asked for."""
+    changes = spelled_out([PAPER_LAW])
+    assert 'controller.walk.law="paper"' in changes
+    figures = run_trial(walk(Budget(seconds=15.0, changes=changes), 1, (15.0, 30.0), vx=0.25))
+    assert figures["fell"] == 0.0
+    assert figures["vx"] == pytest.approx(0.25, abs=0.05)

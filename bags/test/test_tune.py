@@ -19,7 +19,7 @@ from cassie_bags.trial import experiment_of
 from cassie_bags.tuning.objective import DEFAULT, load_objective
 from cassie_bags.tuning.search import Search
 from cassie_bags.tuning.space import Parameter, parameters, values
-from cassie_bags.yaml_file import apply_changes
+from cassie_bags.yaml_file import apply_changes, spelled_out
 from cassie_control.controller.config import ControllerConfig
 from cassie_msgs.tunables import entries
 
@@ -192,6 +192,8 @@ def test_the_command_leaves_parameters_that_experiments_take(tmp_path: Path):
     assert content["controller"]["walk"] == {
         name.removeprefix("walk."): value for name, value in found.items()
     }
+    spelled = [f"controller.{name}={value!r}" for name, value in found.items()]
+    assert spelled_out(["a=1", f"@{out / 'tuned.yaml'}"]) == ("a=1", *spelled)
     node = yaml.safe_load((out / "tuned_node.yaml").read_text())
     assert node["gait_controller"]["ros__parameters"] == found
     kept = json.loads((out / "tuned.json").read_text())

@@ -11,6 +11,7 @@ import pytest
 from cassie_bags.cores import connect, make_cores, make_loop, tick_count
 from cassie_bags.experiment_file import load_experiment, parse_experiment, read_experiment
 from cassie_bags.in_process import Store, run
+from cassie_bags.metrics import sole_pitch
 from cassie_bags.recording import Recording, stamps
 from cassie_bags.resolve import resolve
 from cassie_bags.sweeps.course import Budget
@@ -98,6 +99,33 @@ def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed, heavier):
     track = make_track(recording)
     assert track.time[-1] == pytest.approx(20.0, abs=0.1)
     assert np.abs(track.angles[:, 1:]).max() < 0.5
+
+
+def test_the_pillar_of_the_waxed_floor_is_in_her_way():
+    file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
+    cores = make_cores(resolve(load_experiment(file)))
+    loop, plant = connect(cores, lambda *_: None), cores.plant
+    pillar = plant.model.geom("pillar_0").id
+    bumped = False
+    for _ in range(int(18.0 / 0.002)):
+        loop.tick()
+        bumped |= any(pillar in contact.geom for contact in plant.data.contact)
+    assert bumped
+
+
+@pytest.mark.parametrize("seed", [None, 4])
+def test_heels_that_dig_into_sand_pitch_her_feet_and_she_walks_on(seed):
+    """Feet pitched by 30 degrees looked like a slope, and the ground met them early: she fell."""
+    file = Path(__file__).parents[1] / "experiments" / "sand_court.yaml"
+    experiment = resolve(replace(load_experiment(file, (), seed), duration=24.0))
+    store = Store()
+    recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
+    track = make_track(recording)
+    on_sand = track.time > 14.0
+    assert track.time[-1] == pytest.approx(24.0, abs=0.1)
+    assert np.abs(track.angles[:, 1:]).max() < 0.3
+    assert sole_pitch(track, on_sand) > 28.0
+    assert track.achieved["vx"][on_sand].mean() == pytest.approx(0.3, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", [4, 8])

@@ -76,6 +76,27 @@ def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
     assert -0.15 < np.mean(seen) < 0.0
 
 
+def test_a_foot_that_the_ground_gives_way_under_shows_no_slope():
+    """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise she ran away."""
+    slope = GroundSlope(PERIOD)
+    for tick in range(10 * 150):
+        readings = standing_on(np.tan(1.2 * PERIOD * (tick % 150)))
+        slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
+    assert abs(slope.ahead) < 0.02
+
+
+@pytest.mark.parametrize(("higher", "sunk"), [(0.04, 0.03), (0.008, 0.0), (-0.04, 0.0)])
+def test_feet_that_always_land_higher_tell_how_far_the_other_one_sinks(higher, sunk):
+    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    for step in range(40):
+        new, old = readings.legs[step % 2], readings.legs[1 - step % 2]
+        new.ankle, old.ankle = (
+            (x, leg.ankle[1], z) for leg, x, z in ((new, 0.1, -0.8 + higher), (old, -0.1, -0.8))
+        )
+        slope.touchdown(CONFIG, new, old)
+    assert slope.sunk == pytest.approx(sunk, abs=5e-3)
+
+
 def test_it_can_be_switched_off():
     slope, readings = GroundSlope(PERIOD), standing_on(0.2)
     slope.stand(replace(CONFIG, slope_time=0.0), readings, readings.legs[LEFT], 0.5)

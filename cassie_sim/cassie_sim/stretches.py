@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,7 @@ _COVERED = 1.5  # bumps and branches lie this far to both sides, in m
 _BUMP_RADIUS = (0.15, 0.35)
 _BUMPS_PER_AREA = 6.0
 _BRANCH_LENGTH = (0.4, 1.4)
+_UNSEEN = (0.0, 0.0, 0.0, 0.0)
 _WOOD = (0.36, 0.25, 0.16, 1.0)
 
 
@@ -201,12 +203,25 @@ def _add_box(
     if stretch.sinking == 0.0:
         return
     # What lies under the surface, or once more in its place, is not drawn.
-    unseen = dataclasses.replace(surface, colour=(0.0, 0.0, 0.0, 0.0))
-    deeper = dataclasses.replace(unseen, sinking=stretch.sinking + stretch.heel_dig)
-    add(f"{name}_bottom", low - _BOTTOM * deeper.sinking, dataclasses.replace(unseen, sinking=0.0))
-    carry_only(box, ("toe",) if stretch.heel_dig else ("heel", "toe"))
-    if stretch.heel_dig:
-        carry_only(add(f"{name}_heel", low, deeper), ("heel",))
+    unseen = dataclasses.replace(surface, colour=_UNSEEN)
+    depth = stretch.sinking + stretch.heel_dig
+    add(f"{name}_bottom", low - _BOTTOM * depth, dataclasses.replace(unseen, sinking=0.0))
+    _carry_feet(box, stretch, lambda deeper: add(f"{name}_heel", low, deeper), surface)
+
+
+def _carry_feet(
+    geom: mujoco.MjsGeom,
+    stretch: Stretch,
+    add_again: Callable[[Surface], mujoco.MjsGeom],
+    surface: Surface,
+) -> None:
+    """Let soft ground carry feet alone; `add_again` adds it once more where heels sink deeper."""
+    if stretch.heel_dig == 0.0:
+        carry_only(geom)
+        return
+    carry_only(geom, ("toe",))
+    deeper = stretch.sinking + stretch.heel_dig
+    carry_only(add_again(dataclasses.replace(surface, sinking=deeper, colour=_UNSEEN)), ("heel",))
 
 
 def _add_bumps(
@@ -228,15 +243,20 @@ def _add_bumps(
         height = 2.0 * stretch.uneven * float(rng.uniform(0.2, 1.0))
         foot = float(rng.uniform(*_BUMP_RADIUS))
         radius = (foot**2 + height**2) / (2.0 * height)
-        geom = spec.worldbody.add_geom(
-            name=f"{name}_{index}",
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[radius, 0.0, 0.0],
-            pos=frame.at(along, y, height - stretch.uneven - radius),
-        )
-        make_ground(spec, geom, surface)
+        pos = frame.at(along, y, height - stretch.uneven - radius)
+        bump = _add_ball(spec, f"{name}_{index}", pos, radius, surface)
         if surface.sinking > 0.0:
-            carry_only(geom)
+            again = functools.partial(_add_ball, spec, f"{name}_{index}_heel", pos, radius)
+            _carry_feet(bump, stretch, again, surface)
+
+
+def _add_ball(
+    spec: mujoco.MjSpec, name: str, pos: list[float], radius: float, surface: Surface
+) -> mujoco.MjsGeom:
+    kind = mujoco.mjtGeom.mjGEOM_SPHERE
+    geom = spec.worldbody.add_geom(name=name, type=kind, size=[radius, 0.0, 0.0], pos=pos)
+    make_ground(spec, geom, surface)
+    return geom
 
 
 def _add_branches(

@@ -125,6 +125,18 @@ def test_the_heel_digs_in_where_the_sand_gives_way_under_it():
     assert legs == {f"{leg}_{end}" for leg in LEGS for end in ("heel", "toe")}
 
 
+def test_a_heel_digs_in_on_bumps_as_deep_as_between_them():
+    """Bumps carried both ends of a foot alike, and a walking foot pitched by 12 degrees, not 30."""
+    model = scene_spec("sand", {"sinking": 0.03, "heel_dig": 0.08, "uneven": 0.01}).compile()
+    soft = [index for index in range(model.ngeom) if model.geom_solref[index, 0] < 0.0]
+    for end, depth in (("toe", 0.03), ("heel", 0.11)):
+        foot = model.geom(f"left_{end}")
+        carry = [index for index in soft if model.geom_conaffinity[index] & foot.contype[0]]
+        assert len(carry) > 20
+        for index in carry:
+            assert model.geom_solref[index] == pytest.approx(soft_contact(depth)[0])
+
+
 @pytest.mark.parametrize(
     ("scene", "parameters"),
     [

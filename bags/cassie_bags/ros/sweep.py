@@ -15,12 +15,13 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.ros.argument_types import count, positive, seconds
-from cassie_bags.sweeps.course import Budget, walk
+from cassie_bags.sweeps.course import PAPER_LAW, Budget, walk
 from cassie_bags.sweeps.picture import draw
 from cassie_bags.sweeps.row import Row, RowResult, measure_row
 from cassie_bags.sweeps.table import all_rows, cell, chosen_rows, load, save, table
 from cassie_bags.trial import experiment_of
 from cassie_bags.workers import Remembering, Workers, completed, workers
+from cassie_bags.yaml_file import spelled_out
 
 MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -29,8 +30,8 @@ FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
 """How much is run, all of it and with --quick."""
 
-PAPER = "controller.walk.law=paper"
-MEASURED = "measured"
+MEASURED, PAPERS = "measured", "paper's law"
+"""Names of variants."""
 
 
 def main() -> int:
@@ -59,9 +60,11 @@ def main() -> int:
 
 def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
     """Measure rows, each with every variant; what there is is kept after each row."""
-    variants: dict[str, tuple[str, ...]] = {MEASURED: tuple(arguments.set)}
+    own = spelled_out(arguments.set)
+    variants: dict[str, tuple[str, ...]] = {MEASURED: own}
     if not arguments.no_compare:
-        variants[arguments.compare] = (*arguments.set, arguments.compare)
+        name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
+        variants[name] = (*own, *spelled_out([arguments.compare]))
     for changes in variants.values():
         experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
     budget = Budget(
@@ -69,7 +72,7 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
         arguments.phases,
         arguments.seconds,
         arguments.beyond,
-        tuple(arguments.set),
+        own,
     )
     kept, every = arguments.out / "sweeps.json", all_rows()
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
@@ -190,7 +193,11 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
         help="for every run: controller.walk.pendulum_gain_x=0.8",
     )
     parser.add_argument(
-        "--compare", default=PAPER, metavar="KEY=VALUE", help=f"measure also with this ({PAPER})"
+        "--compare",
+        default=PAPER_LAW,
+        metavar="KEY=VALUE",
+        help="measure also with this, or with what stands in @FILE (the paper's own law with "
+        "drive gains with which it walks)",
     )
     parser.add_argument(
         "--compare-seeds", type=positive, help="robots and moments for that, if fewer will do"

@@ -24,7 +24,7 @@ from cassie_bags.tuning.result import Score, table, write_result
 from cassie_bags.tuning.search import Search
 from cassie_bags.tuning.space import Parameter, parameters, values
 from cassie_bags.workers import Workers, workers
-from cassie_bags.yaml_file import apply_changes
+from cassie_bags.yaml_file import apply_changes, spelled_out
 from cassie_msgs.tunables import flatten
 
 FloatArray = npt.NDArray[np.float64]
@@ -77,7 +77,8 @@ def main() -> int:
 
 def _task(arguments: argparse.Namespace) -> Task:
     content: dict[str, Any] = {}
-    apply_changes(content, arguments.set)
+    changes = spelled_out(arguments.set)
+    apply_changes(content, changes)
     given = content.get("controller") or {}
     if not isinstance(given, Mapping):
         raise ExperimentError(f"controller = {given!r} is not a mapping")
@@ -85,7 +86,7 @@ def _task(arguments: argparse.Namespace) -> Task:
     if len(space) < 2:
         raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
     objective = load_objective(arguments.objective)
-    task = Task(space, objective, arguments.seeds, tuple(arguments.set))
+    task = Task(space, objective, arguments.seeds, changes)
     for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
         experiment_of(trial)
     return task

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from cassie_bags.trial import Trial
@@ -25,6 +26,9 @@ PUSH_TIME = 0.1
 
 AFTER_EVENT = 6.0
 """Time in which the robot must not fall after a push. In s."""
+
+PAPER_LAW = f"@{Path(__file__).with_name('paper_law.yaml')}"
+"""Change to the paper's own law, with gains of the drives with which it walks."""
 
 _LIMITS = SupervisorConfig()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -25,7 +26,7 @@ _PAST_STEP = 2.0
 
 def ground_rows() -> list[Row]:
     """All rows of this module."""
-    return [*_slopes(), *_frictions(), _sinking(), *_steps()]
+    return [*_slopes(), *_frictions(), *_sinking(), *_steps()]
 
 
 def across(
@@ -114,25 +115,54 @@ def _frictions() -> list[Row]:
     ]
 
 
-def _sinking() -> Row:
-    levels = [n / 100 for n in range(1, 15)]
-
-    def trials(budget: Budget, sinking: float) -> list[Trial]:
-        ground = {"surface": "sand", "sinking": sinking, "uneven": 0.0, "length": 60.0}
-        found = across(budget, "course", {"stretches": [ground]}, DISTANCE - _LEVEL_PART)
+def _sinking() -> list[Row]:
+    def over(budget: Budget, ground: dict[str, float]) -> list[Trial]:
+        sand = {"surface": "sand", "uneven": 0.0, "length": 60.0, **ground}
+        found = across(budget, "course", {"stretches": [sand]}, DISTANCE - _LEVEL_PART)
         return [dataclasses.replace(trial, window=(10.0, 20.0)) for trial in found]
 
-    return Row(
-        "sinking.sand",
-        f"depth of the feet at {SPEED:g} m/s over {DISTANCE:g} m",
-        "m",
-        0.06,
-        levels,
-        trials,
-        holds=lambda figures, _: got_across(figures, DISTANCE - _LEVEL_PART),
-        figure=lambda figures, _: figures["depth"],
-        start=6,
-    )
+    def row(
+        name: str,
+        title: str,
+        target: tuple[float, str],
+        levels: list[float],
+        start: float,
+        ground: Callable[[float], dict[str, float]],
+        figure: str,
+    ) -> Row:
+        return Row(
+            f"sinking.{name}",
+            f"{title} at {SPEED:g} m/s over {DISTANCE:g} m",
+            target[1],
+            target[0],
+            levels,
+            lambda budget, level: over(budget, ground(level)),
+            holds=lambda figures, _: got_across(figures, DISTANCE - _LEVEL_PART),
+            figure=lambda figures, _: figures[figure],
+            start=levels.index(start),
+        )
+
+    depths = [n / 100 for n in range(1, 15)]
+    return [
+        row("sand", "depth of the feet", (0.06, "m"), depths, 0.07, _deep, "depth"),
+        row(
+            "heel",
+            "pitch of feet whose heels dig in",
+            (30.0, "deg"),
+            depths,
+            0.08,
+            _dug,
+            "sole_pitch",
+        ),
+    ]
+
+
+def _deep(sinking: float) -> dict[str, float]:
+    return {"sinking": sinking}
+
+
+def _dug(heel_dig: float) -> dict[str, float]:
+    return {"sinking": 0.03, "heel_dig": heel_dig}
 
 
 def _steps() -> list[Row]:

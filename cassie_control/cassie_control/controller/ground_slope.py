@@ -10,6 +10,10 @@ from cassie_gaits import virtual_leg
 
 _SETTLED = 0.25  # phase from which the stance foot lies flat
 _STEEPEST = 0.6  # of a slope that is believed
+_RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
+_GIVES = 0.4  # rad/s of it from which the ground gives way under the foot
+_STEP_UP_SHARE = 0.3  # of one touchdown's step up that is learnt
+_EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
 
 class GroundSlope:
@@ -29,8 +33,14 @@ class GroundSlope:
     falls ahead meanwhile: two such steps took it from 0.4 to 1.2 m/s. So the estimate leans to the
     low side where footholds differ, and is exact where they agree.
 
+    A foot whose heel sinks into sand turns for as long as it is loaded, at 1 to 2 rad/s: its pitch
+    is no slope. Each new foot then lands higher than the one that has sunk meanwhile, by what the
+    mean of the numerator above says, `sunk`. Taken for level, that ground met the swing foot early
+    and short of where it had to be, and she ran away forward.
+
     Attributes:
         ahead, left: Rise over distance, heading frame.
+        sunk: By how much the stance foot sinks until the next one lands. In m.
 
     Args:
         period: Of control. In s.
@@ -41,21 +51,26 @@ class GroundSlope:
         self.reset()
 
     def reset(self) -> None:
-        """Level ground."""
-        self.ahead = 0.0
-        self.left = 0.0
+        """Level ground that holds."""
+        self.ahead = self.left = self.sunk = 0.0
+        self._pitch = self._rate = self._step_up = 0.0
 
     def stand(
         self, config: WalkConfig, readings: Readings, stance: LegReadings, phase: float
     ) -> None:
         """Take in one tick on a stance leg."""
-        if stance.load < 1.0 or phase < _SETTLED or config.slope_time <= 0.0:
+        if config.slope_time <= 0.0:
             return
         q = stance.joints
         pitch = virtual_leg.foot_pitch(readings.pitch, q[2], q[6], q[3] + q[4] + q[5])
+        rate, self._pitch = (pitch - self._pitch) / self._period, pitch
+        self._rate += self._period / _RATE_TIME * (rate - self._rate)
+        if stance.load < 1.0 or phase < _SETTLED:
+            return
         seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
         time = config.slope_rise_time if seen > self.ahead else config.slope_time
-        self.ahead += self._period / time * (seen - self.ahead)
+        firm = max(0.0, 1.0 - abs(self._rate) / _GIVES)
+        self.ahead += firm * self._period / time * (seen - self.ahead)
 
     def touchdown(self, config: WalkConfig, new: LegReadings, old: LegReadings) -> None:
         """Take in a touchdown, with both feet on the ground."""
@@ -65,3 +80,5 @@ class GroundSlope:
         error = z - self.ahead * x - self.left * y
         self.left += config.slope_share * error * y / (y * y + 0.01)
         self.left = max(-_STEEPEST, min(_STEEPEST, self.left))
+        self._step_up += _STEP_UP_SHARE * (error - self._step_up)
+        self.sunk = max(0.0, min(_DEEPEST, self._step_up - _EVEN))

@@ -235,6 +235,7 @@ class WalkingController:
         ahead.velocity = timing.velocity
         ahead.yaw, _, ahead.rise, ahead.pitch, ahead.roll, ahead.length = self._asked.tolist()
         ahead.slope = self._slope.ahead, self._slope.left
+        ahead.rise -= self._slope.sunk
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
         end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
         timing.plan(end.remaining)
