@@ -97,6 +97,17 @@ def test_feet_that_always_land_higher_tell_how_far_the_other_one_sinks(higher, s
     assert slope.sunk == pytest.approx(sunk, abs=5e-3)
 
 
+def test_steps_up_and_down_on_uneven_ground_are_no_sinking():
+    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    for step in range(40):
+        new, old = readings.legs[step % 2], readings.legs[1 - step % 2]
+        higher = (0.06, 0.05, -0.03)[step % 3]
+        new.ankle = (0.1, new.ankle[1], -0.8 + higher)
+        old.ankle = (-0.1, old.ankle[1], -0.8)
+        slope.touchdown(CONFIG, new, old)
+        assert slope.sunk == 0.0
+
+
 def test_it_can_be_switched_off():
     slope, readings = GroundSlope(PERIOD), standing_on(0.2)
     slope.stand(replace(CONFIG, slope_time=0.0), readings, readings.legs[LEFT], 0.5)

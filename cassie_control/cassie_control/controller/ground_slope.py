@@ -12,7 +12,7 @@ _SETTLED = 0.25  # phase from which the stance foot lies flat
 _STEEPEST = 0.6  # of a slope that is believed
 _RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
 _GIVES = 0.4  # rad/s of it from which the ground gives way under the foot
-_STEP_UP_SHARE = 0.3  # of one touchdown's step up that is learnt
+_STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not among as many
 _EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
 
@@ -34,9 +34,10 @@ class GroundSlope:
     low side where footholds differ, and is exact where they agree.
 
     A foot whose heel sinks into sand turns for as long as it is loaded, at 1 to 2 rad/s: its pitch
-    is no slope. Each new foot then lands higher than the one that has sunk meanwhile, by what the
-    mean of the numerator above says, `sunk`. Taken for level, that ground met the swing foot early
-    and short of where it had to be, and she ran away forward.
+    is no slope. Each new foot then lands higher than the one that has sunk meanwhile, by `sunk`:
+    the least of the last three numerators above. Taken for level, that ground met the swing foot
+    early and short of where it had to be, and she ran away forward. Their mean would be a rise on
+    uneven ground, too, where it threw two robots of four.
 
     Attributes:
         ahead, left: Rise over distance, heading frame.
@@ -53,7 +54,8 @@ class GroundSlope:
     def reset(self) -> None:
         """Level ground that holds."""
         self.ahead = self.left = self.sunk = 0.0
-        self._pitch = self._rate = self._step_up = 0.0
+        self._pitch = self._rate = 0.0
+        self._steps_up = (0.0,) * _STEPS_UP
 
     def stand(
         self, config: WalkConfig, readings: Readings, stance: LegReadings, phase: float
@@ -80,5 +82,5 @@ class GroundSlope:
         error = z - self.ahead * x - self.left * y
         self.left += config.slope_share * error * y / (y * y + 0.01)
         self.left = max(-_STEEPEST, min(_STEEPEST, self.left))
-        self._step_up += _STEP_UP_SHARE * (error - self._step_up)
-        self.sunk = max(0.0, min(_DEEPEST, self._step_up - _EVEN))
+        self._steps_up = (*self._steps_up[1:], error)
+        self.sunk = max(0.0, min(_DEEPEST, min(self._steps_up) - _EVEN))
