@@ -234,8 +234,8 @@ class WalkingController:
         ahead.earliest = left * self.config.quickest_step
         ahead.velocity = timing.velocity
         ahead.yaw, _, ahead.rise, ahead.pitch, ahead.roll, ahead.length = self._asked.tolist()
-        ahead.slope = self._slope.ahead, self._slope.left
         ahead.rise -= self._slope.sunk
+        ahead.slope = self._slope.ahead, self._slope.left
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
         end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
         timing.plan(end.remaining)
