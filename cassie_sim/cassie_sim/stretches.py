@@ -30,6 +30,7 @@ BEHIND = 30.0
 _HALF_WIDTH = 20.0
 _THICKNESS = 1.0
 _OVERLAP = 0.3  # a foot deep in soft ground must not find the side of its box
+_BELOW = 0.001  # by how much level soft ground lies lower than hard ground
 _BOTTOM = 2.5  # depth of hard ground below soft ground, by its sinking
 _COVERED = 1.5  # bumps and branches lie this far to both sides, in m
 _BUMP_RADIUS = (0.15, 0.35)
@@ -186,7 +187,8 @@ def _add_box(
 ) -> None:
     half = 0.5 * (before + stretch.length + after)
 
-    low = -_THICKNESS - stretch.uneven
+    # Soft ground reaches below its neighbours: at their height the two would be drawn as one.
+    low = -_THICKNESS - max(stretch.uneven, _BELOW if stretch.sinking > 0.0 else 0.0)
 
     def add(name: str, up: float, surface: Surface) -> mujoco.MjsGeom:
         geom = spec.worldbody.add_geom(
