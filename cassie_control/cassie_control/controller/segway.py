@@ -20,6 +20,7 @@ _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which she leans to a side by that share only
 _LIFT_TIME = 0.3  # s, low-pass of the share of her weight that the feet do not carry
 _LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
+_NARROW = 0.8  # by which that lean is less where the feet are nearer to each other
 _LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
 _STEADY = 5.0  # s of the same commanded speed, after which she goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
@@ -221,7 +222,8 @@ class RidingController:
         backward = max(0.0, min(1.0, -soon / _SLOW))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
         left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
-        limit = min(c.press_limit_y, max(_LEAST, 0.5 * apart - c.foot_margin))
+        narrow = max(0.0, c.press_distance - apart)
+        limit = max(_LEAST, c.press_limit_y - _NARROW * narrow)
         if backward > 0.0:
             com_y = max(-aside, min(aside, com_y))
         return max(left - limit, min(left + limit, com_y))

@@ -161,8 +161,8 @@ class SegwayConfig(StandConfig):
         0.02, "m", 0.0, 0.05, "So much farther once the ground goes along with the lean"
     )
     press_limit_y: float = tunable(0.08, "m", 0.01, 0.12, "The same sideways")
-    foot_margin: float = tunable(
-        0.064, "m", 0.0, 0.15, "How far inside of either foot that is at least"
+    press_distance: float = tunable(
+        0.29, "m", 0.1, 0.4, "Distance of the feet from which on that holds; nearer, it is less"
     )
     kp_speed: float = tunable(
         0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie herself estimates"
