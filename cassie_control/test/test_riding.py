@@ -198,9 +198,13 @@ def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
     assert told.speed == pytest.approx(silent.speed, abs=1e-9)
 
 
-def leant(ahead=0.0, turn=0.0, **wish):
-    """Where she leans a second after a wish, as she turns with her CoM so far ahead (m, rad/s)."""
-    state = crouched()
+def leant(ahead=0.0, turn=0.0, outward=0.03, **wish):
+    """Where she leans a second after a wish, as she turns with her CoM so far ahead (m, rad/s).
+
+    Hips rolled `outward` (rad): by 0.03 the feet are 0.32 m from each other, as on a platform.
+    """
+    left, right = leg_joints(hip_roll=outward), leg_joints(hip_roll=-outward)
+    state = state_of(left, right, height=0.65)
     state.com_position[0] += ahead
     state.v[3] = state.angular_velocity[2] = turn
     return ridden(state, mode_of(height=0.65, **wish), 500)[0].lean
@@ -211,6 +215,16 @@ def test_too_fast_a_turn_is_not_leant_into(side):
     """At the same lean it turns faster as it slows down, and throws her out."""
     assert side * leant(turn=0.5 * side, com_y=0.095 * side)[1] > 0.06
     assert side * leant(turn=2.0 * side, com_y=0.095 * side)[1] < 0.03
+
+
+def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
+    """She ends a walk with feet 0.22 to 0.27 m from each other, and tipped over them."""
+    platform, narrow, narrower = (
+        leant(ahead=0.05, outward=o, com_y=0.1)[1] for o in (0.03, 0.0, -0.02)
+    )
+    assert platform == pytest.approx(0.08, abs=0.005)
+    assert platform > narrow + 0.01 > narrower + 0.02
+    assert narrower > 0.025
 
 
 def test_far_back_she_does_not_lean_to_a_side():

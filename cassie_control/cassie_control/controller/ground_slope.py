@@ -11,7 +11,7 @@ from cassie_gaits import virtual_leg
 _SETTLED = 0.25  # phase from which the stance foot lies flat
 _STEEPEST = 0.6  # of a slope that is believed
 _RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
-_GIVES = 0.4  # rad/s of it from which the ground gives way under the foot
+_HOLDS, _GIVES = 0.4, 0.8  # rad/s of it up to which the ground holds, and gives way for certain
 _STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not among as many
 _EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
@@ -71,7 +71,7 @@ class GroundSlope:
             return
         seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
         time = config.slope_rise_time if seen > self.ahead else config.slope_time
-        firm = max(0.0, 1.0 - abs(self._rate) / _GIVES)
+        firm = max(0.0, min(1.0, (_GIVES - abs(self._rate)) / (_GIVES - _HOLDS)))
         self.ahead += firm * self._period / time * (seen - self.ahead)
 
     def touchdown(self, config: WalkConfig, new: LegReadings, old: LegReadings) -> None:
