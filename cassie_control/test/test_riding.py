@@ -220,7 +220,7 @@ def test_too_fast_a_turn_is_not_leant_into(side):
 def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
     """She ends a walk with feet 0.22 to 0.27 m from each other, and tipped over them."""
     platform, narrow, narrower = (
-        leant(ahead=0.05, outward=o, com_y=0.1)[1] for o in (0.03, 0.0, -0.02)
+        leant(ahead=0.03, outward=o, com_y=0.1)[1] for o in (0.03, 0.0, -0.02)
     )
     assert platform == pytest.approx(0.08, abs=0.005)
     assert platform > narrow + 0.01 > narrower + 0.02
