@@ -25,6 +25,8 @@ __all__ = [
     "FOOT_CONTACTS",
     "IMU_POSITION",
     "JOINT_ENCODER_BITS",
+    "JOINT_FILTER_RATE",
+    "JOINT_VELOCITY_FILTER",
     "LEFT_LEG",
     "NEUTRAL_TARSUS",
     "PELVIS",
@@ -177,6 +179,12 @@ DRIVES: dict[str, Drive] = {
 
 JOINT_ENCODER_BITS = {"shin": 18, "tarsus": 18, "toe": 13}
 """Joint-side encoders of each leg."""
+
+JOINT_FILTER_RATE = 2000.0
+"""Of the filter that makes velocities of these encoders' angles. In Hz."""
+
+JOINT_VELOCITY_FILTER = ((12.348, 12.348, -12.348, -12.348), (-1.7658, 0.79045))
+"""That filter, newest first: by angles (1/s), and, to be taken off, by velocities."""
 
 DRIVE_DELAY = 0.003
 """Time from a torque set-point to the torque. In s."""

@@ -25,8 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 # Velocity filter of the drives: taps on encoder counts, newest first, at 2 kHz.
 _FIR = np.array([2727.0, 534.0, -2658.0, -795.0, 72.0, 110.0, 19.0, -6.0, -3.0]) / math.pi
 # Velocity filter of the joints at 2 kHz: y = b x - a y.
-_IIR_B = 12.348 * np.array([1.0, 1.0, -1.0, -1.0])
-_IIR_A = np.array([-1.7658, 0.79045])
+_IIR_B, _IIR_A = (np.array(taps) for taps in robot.JOINT_VELOCITY_FILTER)
 # Noise is drawn for so many physics steps at a time.
 _NOISE_BLOCK = 64
 

@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
-from cassie_control.estimator.acceleration_kernels import DELAYS, expect_acceleration
+from cassie_control.estimator.acceleration_kernels import expect_acceleration
 from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.delay_kernels import DELAY_TICKS, DELAYS, RESPONSE_TICKS
 from cassie_control.estimator.monitor_kernels import inspect
 from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
-from cassie_control.estimator.pair_kernels import DELAY_TICKS
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
 from cassie_msgs.layout import RobotState, Sensors
@@ -59,13 +59,37 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
     normal["delay_ticks"] = [max(1, min(DELAY_TICKS, round(delay / period))) for delay in DELAYS]
-    normal["differ"][_DRIVE], normal["differ"][_JOINT], normal["differ"][_IMU] = 5e-7, 1e-5, 1e-6
+    normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 9e-7], 2)
+    normal["evidence"][_JOINT], normal["evidence"][_IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
+    answer = joint_response(period)
+    normal["response"][0], normal["response"][: len(answer), _JOINT] = 1.0, answer[:, None]
+    normal["response_ticks"], normal["response_ticks"][_JOINT] = 1, len(answer)
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
     normal["weight"], normal["torque"] = robot.total_mass() * 9.81, 1000.0
     normal["late_acceleration"] = ((0.0175, 0.0165, 0.0145), (0.027, 0.017, 0.0175))
     return record
+
+
+def joint_response(period: float) -> FloatArray:
+    """How the velocity filter of the joints answers a step of the position.
+
+    Returns:
+        Shares of the step that the velocities of the samples from then on say, each with the one
+        before it (trapezoidal rule), the step being even over its period. Shape (n,).
+    """
+    ticks = max(1, round(period * robot.JOINT_FILTER_RATE))
+    samples = max(1, RESPONSE_TICKS // ticks)
+    forward, back = robot.JOINT_VELOCITY_FILTER
+    position = np.minimum(1.0, np.arange(1, samples * ticks + 1) / ticks)
+    velocity = np.zeros(len(position))
+    for n in range(len(position)):
+        velocity[n] = sum(b * position[n - k] for k, b in enumerate(forward) if n >= k)
+        velocity[n] -= sum(a * velocity[n - k] for k, a in enumerate(back, 1) if n >= k)
+    sampled = np.concatenate([[0.0], velocity[ticks - 1 :: ticks]])
+    answer: FloatArray = 0.5 * period * (sampled[1:] + sampled[:-1])
+    return answer
 
 
 class SensorMonitor:
@@ -76,8 +100,9 @@ class SensorMonitor:
     - A channel whose bits stay the same while its partner moves: stuck, or off.
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
-      20 or 40 ms ago is late. With other delays they grow apart, and the sign of their difference
-      by the velocity tells which of them it is. The IMU's orientation and gyro are such a pair.
+      20, 30 or 40 ms ago is late. With other delays they grow apart, and the sign of their
+      difference by the velocity tells which of them it is. What the velocity filter of shin, tarsus
+      and toe adds is expected. The IMU's orientation and gyro are such a pair.
     - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20 or
       40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
       not among these forces; it fits neither. After a blow, which fits no delay at all, the legs

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.estimator.acceleration_kernels import look_at_acceleration
-from cassie_control.estimator.pair_kernels import APART_TIME, IMU, PAIRS, P, V, go_on, look_at_pair
+from cassie_control.estimator.delay_kernels import P, V
+from cassie_control.estimator.pair_kernels import APART_TIME, IMU, PAIRS, go_on, look_at_pair
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]

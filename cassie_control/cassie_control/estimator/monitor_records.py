@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.estimator.acceleration_kernels import DELAYS, KEPT
-from cassie_control.estimator.pair_kernels import DELAY_TICKS, PAIRS
+from cassie_control.estimator import acceleration_kernels, delay_kernels
+from cassie_control.estimator.acceleration_kernels import KEPT
+from cassie_control.estimator.delay_kernels import DELAY_TICKS, RESPONSE_TICKS
+from cassie_control.estimator.pair_kernels import PAIRS
+
+_DELAYS, _PAIR_DELAYS = len(acceleration_kernels.DELAYS), len(delay_kernels.DELAYS)
 
 WATCH_TYPE = np.dtype(
     [
@@ -19,7 +23,7 @@ WATCH_TYPE = np.dtype(
         ("last_position", float, PAIRS),
         ("last_velocity", float, (2, PAIRS)),  # newest first
         ("last_orientation", float, 4),
-        ("steps", float, (3, PAIRS)),  # changes of position, newest first, rad
+        ("steps", float, (RESPONSE_TICKS, PAIRS)),  # changes of position, newest first, rad
         ("turns", float, (3, PAIRS)),  # what the velocities say, newest first, rad
         ("same", int, (2, PAIRS)),  # ticks for which position and velocity had the same bits
         ("unseen", float, (2, PAIRS)),  # rad, by which the other one says that it moved meanwhile
@@ -27,9 +31,7 @@ WATCH_TYPE = np.dtype(
         ("turned", float, 3),  # rad, of the IMU, fading as fast
         ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
         ("past", float, (2, DELAY_TICKS, PAIRS)),  # ring: steps and turns compared, rad
-        ("as_is", float, PAIRS),  # rad^2, fading: by which these differ
-        ("differ", float, (len(DELAYS), 2, PAIRS)),  # were position late, were velocity
-        ("fits", int, (len(DELAYS), 2, PAIRS)),  # ticks on end for which that explains it
+        ("evidence", float, (_PAIR_DELAYS, 2, PAIRS)),  # rad^2: position is late, velocity is
         ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
         ("guessed", int, PAIRS),  # 1 where that was all there was to blame one of them by
         ("last_step", float, PAIRS),  # rad, compared last
@@ -47,7 +49,7 @@ WATCH_TYPE = np.dtype(
         ("expected", float, (KEPT, 3)),  # ring: m/s^2, what changes within a step
         ("power", float, 3),  # (m/s^2)^2, of that
         ("blow", float),  # s, for which the echo of one may go on
-        ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it fitted a delay better
+        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
         ("bad_torque", float, 10),  # s
     ]
@@ -65,15 +67,17 @@ LIMITS_TYPE = np.dtype(
         ("apart_at_speed", float, PAIRS),  # s
         ("spike", float, PAIRS),  # rad/s
         ("excited", float, PAIRS),  # (rad/s)^2, from which a delay shows
-        ("delay_ticks", int, len(DELAYS)),  # at which motions are compared
-        ("differ", float, PAIRS),  # rad^2, from which on they do not go together
+        ("delay_ticks", int, _PAIR_DELAYS),  # at which motions are compared
+        ("evidence", float, PAIRS),  # rad^2, enough for one of a pair to be late
+        ("response_ticks", int, PAIRS),  # for which a velocity answers a step of the position
+        ("response", float, (RESPONSE_TICKS, PAIRS)),  # of the velocity, by steps, newest first
         ("position_lag", int, PAIRS),  # ticks by which the position is later than the velocity
         ("velocity_lag", int, PAIRS),  # and the other way round
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
         ("weight", float),  # of the robot, N
         ("torque", float),  # Nm
-        ("late_acceleration", float, (len(DELAYS), 3)),  # s, for which it must fit a delay better
+        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it must fit a delay better
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]
 )

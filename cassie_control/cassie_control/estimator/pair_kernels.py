@@ -11,16 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from cassie_control.estimator.acceleration_kernels import DELAYS
+from cassie_control.estimator.delay_kernels import HARDLY_A_SPIKE, LEAPT, P, V, weigh
 from cassie_gaits.compiled import compiled
 
 PAIRS = 19
-P, V = 0, 1
 IMU = 16
 """First pair of the IMU."""
-
-DELAY_TICKS = 40
-"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 1 kHz."""
 
 APART_TIME = 0.3
 """Over which what position and velocity differ by fades. In s."""
@@ -30,11 +26,6 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
 _PATIENCE = 0.03  # s, to see which of a pair is late
-_MATCH_TIME = 0.06  # s, over which differences of motions fade
-_MATCHES = 0.2  # of how the motions differ now, how far they may differ where one of them is late
-_FITS = 5  # ticks on end for which they must
-_HARDLY_A_SPIKE = 0.3  # of late
-_FITS_BETTER = 0.7  # of how it differs if the other one is late, where nothing else tells
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
 _SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
@@ -64,14 +55,17 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
     if abs(step - turn) > limit.jump[i]:
         # At a hard landing a position runs ahead of its filtered velocity: neither jumps.
         last = watch.last_velocity[:, i]
-        if abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump[i]:
+        sudden = abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump[i]
+        if sudden and watch.bad[P, i] <= 0.0:
             watch.bad[V, i] = hold
             turn = step
         elif abs(step - watch.steps[0, i]) > limit.jump[i]:
             watch.bad[P, i] = hold
             step = turn
+    for k in range(limit.response_ticks[i] - 1, 0, -1):
+        watch.steps[k, i] = watch.steps[k - 1, i]
     for k in (2, 1):
-        watch.steps[k, i], watch.turns[k, i] = watch.steps[k - 1, i], watch.turns[k - 1, i]
+        watch.turns[k, i] = watch.turns[k - 1, i]
     watch.steps[0, i], watch.turns[0, i] = step, turn
     watch.peak[i] = max(abs(v), watch.peak[i] * math.exp(-dt / _LATE_TIME))
     _count_same(watch, limit, i, p, v)
@@ -144,14 +138,14 @@ def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
         tilted = _TILTED * (np.abs(watch.turned).sum() - abs(watch.turned[i - IMU]))
         bound, small = bound + tilted, small + tilted
     near = abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small)
-    matched = _match(watch, limit, i, step, turn)
+    matched = weigh(watch, limit, i, turn)
     if matched >= 0 or not near:
         _judge(watch, limit, i, matched)
 
 
 @compiled
 def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
-    """Believe one of a pair no longer: the late one if `_match` knows it, else after `_blame`."""
+    """Believe one of a pair no longer: the late one if `weigh` knows it, else after `_blame`."""
     if max(watch.bad[P, i], watch.bad[V, i]) <= 0.0:
         watch.guessed[i] = 0
     if matched >= 0 and watch.guessed[i]:
@@ -168,8 +162,8 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
         watch.unclear[i] += limit.period
         return
     if kind < 0:
-        late = watch.differ[0, P, i] < _FITS_BETTER * watch.differ[0, V, i]
-        kind = P if late and watch.spikes[1, i] < _HARDLY_A_SPIKE else V
+        late = watch.evidence[:, P, i].max() > watch.evidence[:, V, i].max()
+        kind = P if late and watch.spikes[1, i] < HARDLY_A_SPIKE else V
     watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
     watch.bad[kind, i] = limit.hold
     if kind == P:
@@ -177,42 +171,17 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
 
 
 @compiled
-def _match(watch: Any, limit: Any, i: int, step: float, turn: float) -> int:
-    """Which of a pair moves now as the other one did one of `DELAYS` ago; -1 if none.
-
-    Tells a late one from the first movement on, when there is little to correlate yet.
-    """
-    fade, differ = math.exp(-limit.period / _MATCH_TIME), watch.differ[:, :, i]
-    watch.as_is[i] = fade * watch.as_is[i] + (step - turn) ** 2
-    moves = watch.as_is[i] > limit.differ[i]
-    late = -1
-    for m in range(len(DELAYS)):
-        then = (watch.ticks - limit.delay_ticks[m]) % DELAY_TICKS
-        differ[m, P] = fade * differ[m, P] + (step - watch.past[V, then, i]) ** 2
-        differ[m, V] = fade * differ[m, V] + (turn - watch.past[P, then, i]) ** 2
-        for kind in range(2):
-            fits = moves and differ[m, kind] < _MATCHES * watch.as_is[i]
-            # At an even speed one that stands still, or has spikes, makes the other look late.
-            fits = fits and watch.same[1 - kind, i] == 0
-            fits = fits and (kind == V or watch.spikes[1, i] < _HARDLY_A_SPIKE)
-            watch.fits[m, kind, i] = watch.fits[m, kind, i] + 1 if fits else 0
-            if watch.fits[m, kind, i] >= _FITS:
-                late = kind
-    now = watch.ticks % DELAY_TICKS
-    watch.past[P, now, i], watch.past[V, now, i] = step, turn
-    return late
-
-
-@compiled
 def _blame(watch: Any, i: int) -> int:
     """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
-    if watch.leap[i] > 0.6 * abs(watch.apart[i]):
+    if watch.leap[i] > LEAPT * abs(watch.apart[i]):
         return P  # also where she stands, and the velocity is 0 for good reason
     still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)
     if still[0] != still[1]:
         return P if still[0] else V
     if watch.spikes[1, i] > 2.0:
         return V
+    if watch.spikes[1, i] > HARDLY_A_SPIKE:
+        return -1  # the next one tells
     late = watch.late[2, i]
     if abs(late) < 0.4 * _LATE * watch.late[3, i]:
         return -1
