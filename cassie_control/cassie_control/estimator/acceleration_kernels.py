@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 KEPT = 192
 """Ticks of expected acceleration that are kept: longer than the longest of `_DELAYS` at 2 kHz."""
 
-DELAYS = (0.02, 0.04)
+DELAYS = (0.02, 0.03, 0.04)
 """Delays that are looked for; those beside them fit one of these better than none. In s."""
 
 _SPIKE_TIME, _SPIKES = 0.04, 3.0  # s; count, fading over it, that soles which bounce do not reach
@@ -133,7 +133,7 @@ def _late(watch: Any, limit: Any, k: int, measured: float, expected: float) -> b
     misfit, late = min(1.0, (band[0] - now) ** 2 / scale), False
     if _unexplained(watch, dt, k, band[0]) > _BLOW * scale:
         watch.blow = _BLOW_TIME
-    for j in range(2):
+    for j in range(len(DELAYS)):
         count = int(DELAYS[j] / dt + 0.5)
         before = watch.expected[(watch.ticks - count) % KEPT, k] if watch.ticks >= count else now
         gain = misfit - min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
@@ -149,7 +149,7 @@ def _late(watch: Any, limit: Any, k: int, measured: float, expected: float) -> b
 def _unexplained(watch: Any, dt: float, k: int, measured: float) -> float:
     """Least square (m^2/s^4) by which an axis is off what was expected now or up to 40 ms ago."""
     least, late = math.inf, 0.0
-    while late < DELAYS[1] + 0.5 * dt:
+    while late < DELAYS[-1] + 0.5 * dt:
         count = int(late / dt + 0.5)
         if count > watch.ticks:
             break
