@@ -69,9 +69,9 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
     normal["weight"], normal["torque"] = robot.total_mass() * 9.81, 1000.0
     normal["late_acceleration"] = (
-        (0.0175, 0.0165, 0.0145),
+        (0.0205, 0.0205, 0.0165),
         (0.0275, 0.0225, 0.0175),
-        (0.027, 0.017, 0.0175),
+        (0.030, 0.0205, 0.0195),
     )
     return record
 
