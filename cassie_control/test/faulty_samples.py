@@ -25,7 +25,7 @@ def samples(robot, skip):
 
 
 def spoil(rows, channel, kind, start):
-    """Let a channel fail from a row on; where its error is out of bounds."""
+    """Let a channel fail from a row on, or come so many ticks late; where it is out of bounds."""
     field, _, index = channel.partition(".")
     values = rows[field][:, int(index)]
     true, what = values.copy(), field.rpartition("_")[2]
@@ -38,7 +38,8 @@ def spoil(rows, channel, kind, start):
     elif kind == "spike":
         values[start::5] += SPIKES[what]
     else:
-        values[start:] = true[start - 10 : -10]
+        late = 10 if kind == "delay" else kind
+        values[start:] = true[start - late : -late]
     error = np.abs(values - true)
     return np.flatnonzero(~(error <= LIMITS[what]))
 

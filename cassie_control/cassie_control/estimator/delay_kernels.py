@@ -12,11 +12,11 @@ from cassie_gaits.compiled import compiled
 
 P, V = 0, 1
 
-DELAYS = (0.02, 0.03, 0.04)
+DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
 """Delays that are looked for; those between them fit one of these well enough. In s."""
 
-DELAY_TICKS = 40
-"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 1 kHz."""
+DELAY_TICKS = 200
+"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 2 kHz."""
 
 RESPONSE_TICKS = 36
 """Ticks for which steps are kept: the joints' velocity filter answers one for 18 ms, at 2 kHz."""
@@ -54,20 +54,24 @@ def weigh(watch: Any, limit: Any, i: int, turn: float) -> int:
     spikes = watch.spikes[1, i] >= HARDLY_A_SPIKE
     leapt = watch.leap[i] > max(_LEAP * limit.jump[i], LEAPT * abs(watch.apart[i]))
     enough = limit.evidence[i]
-    for m in range(len(DELAYS)):
-        then = (watch.ticks - limit.delay_ticks[m]) % DELAY_TICKS
-        for kind in range(2):
-            left = step - watch.past[V, then, i] if kind == P else turn - watch.past[P, then, i]
-            gain = apart - _WORSE * left**2 - _FADE * enough
-            # At an even speed one that stands still, leaps or has spikes makes the other look late.
-            if watch.same[1 - kind, i] or (spikes if kind == P else leapt):
-                gain = min(gain, 0.0)
-            sum_ = watch.evidence[m, kind, i] + min(gain, _AT_ONCE * enough)
-            watch.evidence[m, kind, i] = max(0.0, min(sum_, _LARGEST * enough))
+    fade = _FADE * enough
     now = watch.ticks % DELAY_TICKS
-    watch.past[P, now, i], watch.past[V, now, i] = step, turn
+    watch.past[P, i, now], watch.past[V, i, now] = step, turn
+    if apart <= fade and watch.doubt[P, i] + watch.doubt[V, i] <= 0.0:
+        return -1
     for kind in range(2):
-        other = watch.evidence[:, 1 - kind, i].max()
-        if watch.evidence[:, kind, i].max() > enough and other < _UNDECIDED * enough:
+        moved, past = (step, turn)[kind], watch.past[1 - kind, i]
+        # At an even speed one that stands still, leaps or has spikes makes the other look late.
+        silent = watch.same[1 - kind, i] > 0 or (spikes if kind == P else leapt)
+        most, sums = 0.0, watch.evidence[kind, i]
+        for m in range(len(DELAYS)):
+            then = now - limit.delay_ticks[m]
+            left = moved - past[then if then >= 0 else then + DELAY_TICKS]
+            gain = min(apart - _WORSE * left * left - fade, 0.0 if silent else _AT_ONCE * enough)
+            sums[m] = max(0.0, min(sums[m] + gain, _LARGEST * enough))
+            most = max(most, sums[m])
+        watch.doubt[kind, i] = most
+    for kind in range(2):
+        if watch.doubt[kind, i] > enough and watch.doubt[1 - kind, i] < _UNDECIDED * enough:
             return kind
     return -1

@@ -59,7 +59,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
     normal["delay_ticks"] = [max(1, min(DELAY_TICKS, round(delay / period))) for delay in DELAYS]
-    normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 9e-7], 2)
+    normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
     normal["evidence"][_JOINT], normal["evidence"][_IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
     answer = joint_response(period)
     normal["response"][0], normal["response"][: len(answer), _JOINT] = 1.0, answer[:, None]
@@ -104,10 +104,10 @@ class SensorMonitor:
     - A channel whose bits stay the same while its partner moves: stuck, or off.
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
-      20, 30 or 40 ms ago is late. With other delays they grow apart, and the sign of their
-      difference by the velocity tells which of them it is. What the velocity filter of shin, tarsus
-      and toe adds is expected. The IMU's orientation and gyro are such a pair.
-    - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20 or
+      20 to 100 ms ago is late. With other delays they grow apart, and the sign of their difference
+      by the velocity tells which of them it is. What the velocity filter of shin, tarsus and toe
+      adds is expected. The IMU's orientation and gyro are such a pair.
+    - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20, 30 or
       40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
       not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
       give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is

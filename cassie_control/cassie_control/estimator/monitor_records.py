@@ -30,8 +30,9 @@ WATCH_TYPE = np.dtype(
         ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
         ("turned", float, 3),  # rad, of the IMU, fading as fast
         ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
-        ("past", float, (2, DELAY_TICKS, PAIRS)),  # ring: steps and turns compared, rad
-        ("evidence", float, (_PAIR_DELAYS, 2, PAIRS)),  # rad^2: position is late, velocity is
+        ("past", float, (2, PAIRS, DELAY_TICKS)),  # ring: steps and turns compared, rad
+        ("evidence", float, (2, PAIRS, _PAIR_DELAYS)),  # rad^2: position is late, velocity is
+        ("doubt", float, (2, PAIRS)),  # rad^2, the most of it
         ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
         ("guessed", int, PAIRS),  # 1 where that was all there was to blame one of them by
         ("last_step", float, PAIRS),  # rad, compared last

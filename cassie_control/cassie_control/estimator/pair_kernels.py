@@ -150,6 +150,8 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
         watch.guessed[i] = 0
     if matched >= 0 and watch.guessed[i]:
         watch.bad[1 - matched, i] = 0.0
+        if i >= IMU and matched == V:  # the axes have one orientation
+            watch.bad[P, IMU:] = 0.0
     known = False
     for kind in range(2):
         if watch.bad[kind, i] > 0.0:
@@ -162,7 +164,7 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
         watch.unclear[i] += limit.period
         return
     if kind < 0:
-        late = watch.evidence[:, P, i].max() > watch.evidence[:, V, i].max()
+        late = watch.doubt[P, i] > watch.doubt[V, i]
         kind = P if late and watch.spikes[1, i] < HARDLY_A_SPIKE else V
     watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
     watch.bad[kind, i] = limit.hold
