@@ -25,6 +25,7 @@ _TILTED = 0.02  # rad, of the IMU's orientation against its gyro: turning then s
 _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
+_DELAYED = 0.4  # of it, from which on its sign counts
 _PATIENCE = 0.03  # s, to see which of a pair is late
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
@@ -164,8 +165,7 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
         watch.unclear[i] += limit.period
         return
     if kind < 0:
-        late = watch.doubt[P, i] > watch.doubt[V, i]
-        kind = P if late and watch.spikes[1, i] < HARDLY_A_SPIKE else V
+        kind = _guess(watch, i)
     watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
     watch.bad[kind, i] = limit.hold
     if kind == P:
@@ -177,17 +177,22 @@ def _blame(watch: Any, i: int) -> int:
     """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
     if watch.leap[i] > LEAPT * abs(watch.apart[i]):
         return P  # also where she stands, and the velocity is 0 for good reason
+    if watch.spikes[1, i] >= HARDLY_A_SPIKE:
+        return V if watch.spikes[1, i] > 2.0 else -1  # the next one tells
     still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)
     if still[0] != still[1]:
         return P if still[0] else V
-    if watch.spikes[1, i] > 2.0:
+    return -1
+
+
+@compiled
+def _guess(watch: Any, i: int) -> int:
+    """Which of them rather, where nothing is sure: by what speaks for delays, or by one's sign."""
+    if watch.spikes[1, i] >= HARDLY_A_SPIKE:
         return V
-    if watch.spikes[1, i] > HARDLY_A_SPIKE:
-        return -1  # the next one tells
-    late = watch.late[2, i]
-    if abs(late) < 0.4 * _LATE * watch.late[3, i]:
-        return -1
-    return V if late > 0.0 else P
+    if watch.doubt[P, i] != watch.doubt[V, i]:
+        return P if watch.doubt[P, i] > watch.doubt[V, i] else V
+    return P if watch.late[2, i] < -_DELAYED * _LATE * watch.late[3, i] else V
 
 
 @compiled
