@@ -208,15 +208,26 @@ def _arguments() -> argparse.Namespace:
         "leg-angle gains if left out",
     )
     parser.add_argument(
-        "--objective", type=Path, default=DEFAULT, help="file of courses, model errors and costs"
+        "--objective",
+        type=Path,
+        default=DEFAULT,
+        help="file of courses, model errors and costs (the package's)",
     )
-    parser.add_argument("--seeds", type=positive, default=2, help="new robots in each generation")
-    parser.add_argument("--held-out", type=count, default=10, help="other robots to report on")
-    parser.add_argument("--generations", type=count, default=30, help="in all")
-    parser.add_argument("--population", type=_crowd, default=0, help="of a generation; 0: auto")
-    parser.add_argument("--factor", type=_factor, default=2.0, help="a value goes up and down by")
-    parser.add_argument("--step", type=_share, default=0.3, help="first step, by the whole reach")
-    parser.add_argument("--seed", type=positive, default=1, help="of the search")
+    parser.add_argument(
+        "--seeds", type=positive, default=2, help="new robots in each generation (%(default)s)"
+    )
+    parser.add_argument(
+        "--held-out", type=count, default=10, help="other robots to report on (%(default)s)"
+    )
+    parser.add_argument("--generations", type=count, default=30, help="in all (%(default)s)")
+    parser.add_argument("--population", type=_crowd, default=0, help="of a generation; 0: auto (0)")
+    parser.add_argument(
+        "--factor", type=_factor, default=2.0, help="a value goes up and down by (%(default)s)"
+    )
+    parser.add_argument(
+        "--step", type=_share, default=0.3, help="first step, by the whole reach (%(default)s)"
+    )
+    parser.add_argument("--seed", type=positive, default=1, help="of the search (%(default)s)")
     parser.add_argument(
         "--set",
         action="append",
@@ -229,7 +240,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
-    parser.add_argument("--out", type=Path, default=Path("build/tune"), help="folder to write to")
+    parser.add_argument(
+        "--out", type=Path, default=Path("build/tune"), help="folder to write to (%(default)s)"
+    )
     return parser.parse_args()
 
 

@@ -1,0 +1,51 @@
+"""Both estimators on one walk, against the truth: what the command prints, and its errors."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import pytest
+
+from cassie_bags.estimator_table import compare
+from cassie_bags.ros import estimators
+
+
+@pytest.fixture(scope="module")
+def flat():
+    """Errors of each estimator by its name, on flat ground."""
+    return {errors.estimator: errors for errors in compare("flat", 2, lambda ticks: ticks)}
+
+
+def test_the_filter_knows_velocity_tilt_and_place_while_walking(flat):
+    errors = flat["invariant"]
+    assert errors.velocity.max() < 0.01
+    assert errors.tilt.max() < math.radians(0.3)
+    assert errors.drift < 0.01
+
+
+def test_it_is_better_than_the_velocity_of_the_loaded_leg(flat):
+    assert flat["invariant"].velocity[0] < 0.2 * flat["kinematic"].velocity[0]
+    assert flat["invariant"].tilt.max() < 0.5 * flat["kinematic"].tilt.max()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["mud"], "unknown ground mud: choose from flat"), (["--seed", "-1"], "--seed = -1")],
+)
+def test_wrong_arguments_are_named(monkeypatch, capsys, arguments, said):
+    monkeypatch.setattr(sys, "argv", ["estimators", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        estimators.main()
+    assert stop.value.code == estimators.WRONG_INPUT
+    assert said in capsys.readouterr().err
+
+
+def test_the_table_has_a_row_for_each_estimator(monkeypatch, capsys, flat):
+    monkeypatch.setattr(sys, "argv", ["estimators", "flat", "--seed", "2"])
+    monkeypatch.setattr(estimators, "compare", lambda *_: list(flat.values()))
+    assert estimators.main() == estimators.DONE
+    out = capsys.readouterr().out
+    for name, errors in flat.items():
+        (row,) = (line for line in out.splitlines() if name in line)
+        assert f"{errors.velocity[0]:.4f}" in row
