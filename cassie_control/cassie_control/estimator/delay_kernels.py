@@ -15,8 +15,8 @@ P, V = 0, 1
 DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
 """Delays that are looked for; those between them fit one of these well enough. In s."""
 
-DELAY_TICKS = 200
-"""Ticks for which the motions of a pair are kept: the longest of `DELAYS` at 2 kHz."""
+KEPT_TICKS = 201
+"""Ticks for which the motions of a pair are kept: this one and the longest of `DELAYS` at 2 kHz."""
 
 RESPONSE_TICKS = 36
 """Ticks for which steps are kept: the joints' velocity filter answers one for 18 ms, at 2 kHz."""
@@ -55,7 +55,7 @@ def weigh(watch: Any, limit: Any, i: int, turn: float) -> int:
     leapt = watch.leap[i] > max(_LEAP * limit.jump[i], LEAPT * abs(watch.apart[i]))
     enough = limit.evidence[i]
     fade = _FADE * enough
-    now = watch.ticks % DELAY_TICKS
+    now = watch.ticks % KEPT_TICKS
     watch.past[P, i, now], watch.past[V, i, now] = step, turn
     if apart <= fade and watch.doubt[P, i] + watch.doubt[V, i] <= 0.0:
         return -1
@@ -66,7 +66,7 @@ def weigh(watch: Any, limit: Any, i: int, turn: float) -> int:
         most, sums = 0.0, watch.evidence[kind, i]
         for m in range(len(DELAYS)):
             then = now - limit.delay_ticks[m]
-            left = moved - past[then if then >= 0 else then + DELAY_TICKS]
+            left = moved - past[then if then >= 0 else then + KEPT_TICKS]
             gain = min(apart - _WORSE * left * left - fade, 0.0 if silent else _AT_ONCE * enough)
             sums[m] = max(0.0, min(sums[m] + gain, _LARGEST * enough))
             most = max(most, sums[m])

@@ -12,7 +12,7 @@ from cassie_control.estimator import channels
 from cassie_control.estimator.acceleration_kernels import expect_acceleration
 from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.delay_kernels import DELAY_TICKS, DELAYS, RESPONSE_TICKS
+from cassie_control.estimator.delay_kernels import DELAYS, KEPT_TICKS, RESPONSE_TICKS
 from cassie_control.estimator.monitor_kernels import inspect
 from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
 from cassie_gaits import robot
@@ -58,7 +58,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["spike"][_DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
     normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
     normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
-    normal["delay_ticks"] = [max(1, min(DELAY_TICKS, round(delay / period))) for delay in DELAYS]
+    normal["delay_ticks"] = [max(1, min(KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
     normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
     normal["evidence"][_JOINT], normal["evidence"][_IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
     answer = joint_response(period)

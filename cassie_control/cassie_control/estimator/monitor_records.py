@@ -10,7 +10,7 @@ import numpy as np
 
 from cassie_control.estimator import acceleration_kernels, delay_kernels
 from cassie_control.estimator.acceleration_kernels import KEPT
-from cassie_control.estimator.delay_kernels import DELAY_TICKS, RESPONSE_TICKS
+from cassie_control.estimator.delay_kernels import KEPT_TICKS, RESPONSE_TICKS
 from cassie_control.estimator.pair_kernels import PAIRS
 
 _DELAYS, _PAIR_DELAYS = len(acceleration_kernels.DELAYS), len(delay_kernels.DELAYS)
@@ -30,7 +30,7 @@ WATCH_TYPE = np.dtype(
         ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
         ("turned", float, 3),  # rad, of the IMU, fading as fast
         ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
-        ("past", float, (2, PAIRS, DELAY_TICKS)),  # ring: steps and turns compared, rad
+        ("past", float, (2, PAIRS, KEPT_TICKS)),  # ring: steps and turns compared, rad
         ("evidence", float, (2, PAIRS, _PAIR_DELAYS)),  # rad^2: position is late, velocity is
         ("doubt", float, (2, PAIRS)),  # rad^2, the most of it
         ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
