@@ -149,8 +149,8 @@ def footsteps(track: Track, title: str) -> Figure:
     axes.plot(*track.position[0, :2], "o", color=DARK, markersize=4, label="start")
     axes.set_aspect("equal", adjustable="box")
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_title(f"Footsteps from above: {title}")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.0)
+    figure.legend(*axes.get_legend_handles_labels(), loc="upper right", ncols=4)
+    figure.suptitle(f"Footsteps from above: {title}", x=0.01, ha="left", fontsize=10)
     return figure
 
 

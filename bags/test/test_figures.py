@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 from synthetic import glide
 
 from cassie_bags import pictures
-from cassie_bags.figures import draw_all, moving_mean
+from cassie_bags.figures import draw_all, footsteps, moving_mean
 from cassie_bags.metrics import Phase
 from cassie_bags.track import Track, make_track
 from cassie_sim.errors import SimulationError
@@ -92,3 +93,16 @@ def test_a_moving_mean_is_unknown_where_a_value_is():
     mean = moving_mean(np.arange(200) * 0.01, values, 0.2)
     assert np.isnan(mean[91:110]).all()
     np.testing.assert_allclose(mean[20:80], 1.0)
+
+
+def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
+    """As tall as wide the plot is narrow: its legend lay on the title."""
+    figure = footsteps(make_track(glide(2.0, vx=0.0)), "standing_recovery, seed 0")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    written = [*figure.legends, *figure.texts, *(axes.title for axes in figure.axes)]
+    written += [axes.get_legend() for axes in figure.axes if axes.get_legend()]
+    boxes = [one.get_window_extent(canvas.get_renderer()) for one in written]
+    boxes = [box for box in boxes if box.width > 1.0]
+    assert len(boxes) == 2
+    assert not boxes[0].overlaps(boxes[1])
