@@ -31,8 +31,8 @@ _LEAP = 0.25  # of the least jump, from which on it is one
 _WORSE = 3.0  # times what a delay leaves unexplained speaks against it
 _FADE = 0.01  # of what is enough, per tick
 _AT_ONCE = 0.25  # of what is enough, that one tick can add: a landing lasts for fewer than five
-_UNDECIDED = 0.5  # of what is enough, that the other one must be below
-_LARGEST = 1.5  # of what is enough
+_UNDECIDED = 0.5  # of what speaks for one, that what speaks for the other must be below
+_LARGEST = 4.0  # of what is enough
 
 
 @compiled
@@ -72,6 +72,7 @@ def weigh(watch: Any, limit: Any, i: int, turn: float) -> int:
             most = max(most, sums[m])
         watch.doubt[kind, i] = most
     for kind in range(2):
-        if watch.doubt[kind, i] > enough and watch.doubt[1 - kind, i] < _UNDECIDED * enough:
+        most = watch.doubt[kind, i]
+        if most > enough and watch.doubt[1 - kind, i] < _UNDECIDED * most:
             return kind
     return -1
