@@ -1,4 +1,4 @@
-"""Where the swing foot goes: a pendulum keeps its speed, the paper's law gives its figures."""
+"""Where the swing foot goes: a pendulum keeps its speed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 from cassie_control.controller.config import LateGains, WalkConfig
 from cassie_control.controller.foot_placement import PendulumPlacement, placement
 from cassie_control.controller.leg_aim import HIP_Y
-from cassie_control.controller.paper_placement import PaperPlacement
 from cassie_control.controller.pendulum import GRAVITY
 from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X
 from cassie_control.controller.step_ahead import StepAhead, Wish
@@ -286,28 +285,3 @@ def test_a_robot_that_keeps_up_with_a_changing_wish_adds_nothing_to_the_sums():
         before = 0.1 * max(0.0, k - 1.0) if k != 1 else 0.025
         law.touchdown((before, 0.5 * before), (0.0, 0.0), Wish(vx=0.1 * k, vy=0.05 * k))
     assert foot() == pytest.approx(start, abs=1e-9)
-
-
-@pytest.mark.parametrize("stance", [LEFT, RIGHT])
-def test_the_papers_law_gives_its_known_answer(stance):
-    config = WalkConfig(law="paper", paper_kd_x=0.25, paper_offset=0.04)
-    law, readings = PaperPlacement(config), pose()
-    law.touchdown((9.0, 9.0), (0.2, -0.1), Wish())
-    ahead = StepAhead(
-        0.1, 0.3, step_time=STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
-    )
-    wish = Wish(vx=0.4, vy=0.1, pitch_trim=0.01, roll_trim=-0.02)
-    end = law.swing_end(readings, readings.legs[stance], readings.legs[1 - stance], wish, ahead)
-    d = 1.0 if stance == LEFT else -1.0
-    pitch = 0.11 + 0.1 * (0.5 - 0.4) + 0.25 * (0.5 - 0.2) + 0.04 + 0.01
-    roll = 0.02 + 0.4 * (0.04 - 0.1) + 0.35 * (0.04 + 0.1) + d * 0.1 * 0.5 - 0.02
-    assert end.pitch == pytest.approx(pitch)
-    assert end.roll == pytest.approx(roll)
-
-
-@pytest.mark.parametrize(("speed", "narrowing"), [(-1.0, 0.0), (0.5, 0.05), (3.0, 0.1)])
-def test_the_papers_narrowing_saturates(speed, narrowing):
-    law, readings = PaperPlacement(WalkConfig(law="paper")), pose()
-    ahead = StepAhead(0.1, 0.3, step_time=STEP_TIME, velocity=(speed, 0.0), length=LENGTH)
-    end = law.swing_end(readings, *readings.legs, Wish(), ahead)
-    assert end.roll == pytest.approx(narrowing)
