@@ -109,6 +109,16 @@ def test_a_radio_that_jumps_does_not_make_her_fall():
     assert figures["end"] == pytest.approx(20.0, abs=0.01)
 
 
+def test_robot_1_walks_where_her_heels_dig_in():
+    """The nominal robot did, and this one ran away after 8 m."""
+    (row,) = (row for row in chosen_rows(["sinking"]) if row.name == "sinking.heel")
+    (trial,) = row.trials(Budget(seeds=1), 0.08)
+    figures = run_trial(trial)
+    assert figures["fell"] == 0.0
+    assert row.holds(figures, 0.08)
+    assert figures["sole_pitch"] > 30.0
+
+
 def test_what_holds_nowhere_is_no_figure():
     result = measure(row(), strong(0.0))
     assert math.isnan(result.measured)

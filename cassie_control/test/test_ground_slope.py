@@ -76,13 +76,33 @@ def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
     assert -0.15 < np.mean(seen) < 0.0
 
 
-def test_a_foot_that_the_ground_gives_way_under_shows_no_slope():
+def walk_with(slope, pitches, steps):
+    """Steps of 0.3 s in which the stance foot's pitch over the phase is as told (rad)."""
+    phases = np.arange(150) / 150
+    step = [(phase, standing_on(np.tan(pitches(phase)))) for phase in phases]
+    for phase, readings in steps * step:
+        slope.stand(CONFIG, readings, readings.legs[LEFT], phase)
+        yield slope.ahead
+
+
+@pytest.mark.parametrize(
+    "pitches",
+    [lambda phase: 0.36 * phase, lambda phase: 0.55 - 0.4 * np.exp(-4.0 * phase)],
+    ids=["evenly", "ever slower"],
+)
+def test_a_foot_that_the_ground_gives_way_under_shows_no_slope(pitches):
     """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise she ran away."""
+    assert max(map(abs, walk_with(GroundSlope(PERIOD), pitches, 10))) < 0.02
+
+
+@pytest.mark.parametrize(("rise", "least", "most"), [(0.2, 0.0, 0.01), (-0.2, -0.201, -0.19)])
+def test_a_rise_is_believed_no_longer_where_the_ground_gives_way(rise, least, most):
+    """A fall is: a foot that lands early costs a little speed, one that lands late throws her."""
     slope = GroundSlope(PERIOD)
-    for tick in range(10 * 150):
-        readings = standing_on(np.tan(1.2 * PERIOD * (tick % 150)))
-        slope.stand(CONFIG, readings, readings.legs[LEFT], tick % 150 / 150)
-        assert abs(slope.ahead) < 0.02  # of 0.18, the mean of what it shows
+    *_, before = walk_with(slope, lambda phase: np.arctan(rise), 25)
+    *_, after = walk_with(slope, lambda phase: 0.55 - 0.4 * np.exp(-4.0 * phase), 10)
+    assert before == pytest.approx(rise, abs=0.01)
+    assert least <= after <= most
 
 
 @pytest.mark.parametrize(("higher", "sunk"), [(0.04, 0.03), (0.008, 0.0), (-0.04, 0.0)])
