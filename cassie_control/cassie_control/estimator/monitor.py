@@ -24,6 +24,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 _MARGIN = 0.2  # rad beyond the stops
 _JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
+_RESPONDED = 8  # times what is kept of its answer to a step: all of it
 _DRIVE, _JOINT, _IMU = slice(0, 10), slice(10, 16), slice(16, 19)
 _TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
 
@@ -81,19 +82,22 @@ def joint_response(period: float) -> FloatArray:
 
     Returns:
         Shares of the step that the velocities of the samples from then on say, each with the one
-        before it (trapezoidal rule), the step being even over its period. Shape (n,).
+        before it (trapezoidal rule), the step being even over its period. What later ones say
+        counts with the last, so that an even motion is expected as it is. Shape (n,).
     """
     ticks = max(1, round(period * robot.JOINT_FILTER_RATE))
     samples = max(1, RESPONSE_TICKS // ticks)
     forward, back = robot.JOINT_VELOCITY_FILTER
-    position = np.minimum(1.0, np.arange(1, samples * ticks + 1) / ticks)
+    position = np.minimum(1.0, np.arange(1, _RESPONDED * RESPONSE_TICKS + 1) / ticks)
     velocity = np.zeros(len(position))
     for n in range(len(position)):
         velocity[n] = sum(b * position[n - k] for k, b in enumerate(forward) if n >= k)
         velocity[n] -= sum(a * velocity[n - k] for k, a in enumerate(back, 1) if n >= k)
     sampled = np.concatenate([[0.0], velocity[ticks - 1 :: ticks]])
-    answer: FloatArray = 0.5 * period * (sampled[1:] + sampled[:-1])
-    return answer
+    answer = 0.5 * period * (sampled[1:] + sampled[:-1])
+    answer[samples - 1] = answer[samples - 1 :].sum()
+    shares: FloatArray = answer[:samples]
+    return shares
 
 
 class SensorMonitor:
