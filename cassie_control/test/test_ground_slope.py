@@ -27,12 +27,20 @@ def standing_on(rise):
     return readings_of(state)
 
 
+def walk_with(slope, *rises):
+    """Steps of 0.3 s; what the stance foot shows in each, by phase. Yields `ahead`."""
+    phases = np.arange(150) / 150
+    known = {rise: [(p, standing_on(rise(p))) for p in phases] for rise in set(rises)}
+    for rise in rises:
+        for phase, readings in known[rise]:
+            slope.stand(CONFIG, readings, readings.legs[LEFT], phase)
+            yield slope.ahead
+
+
 @pytest.mark.parametrize("rise", [-0.3, 0.0, 0.2])
 def test_the_sole_of_the_stance_foot_gives_the_slope_ahead(rise):
-    slope, readings = GroundSlope(PERIOD), standing_on(rise)
-    for _ in range(4000):
-        slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
-    assert slope.ahead == pytest.approx(rise, abs=1e-3)
+    *_, ahead = walk_with(GroundSlope(PERIOD), *36 * [lambda phase: rise])
+    assert ahead == pytest.approx(rise, abs=1e-3)
 
 
 def test_a_foot_that_has_just_landed_or_carries_little_tells_nothing():
@@ -43,10 +51,8 @@ def test_a_foot_that_has_just_landed_or_carries_little_tells_nothing():
 
 
 def test_no_slope_is_believed_beyond_its_bound():
-    slope, readings = GroundSlope(PERIOD), standing_on(3.0)
-    for _ in range(5000):
-        slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
-    assert slope.ahead == pytest.approx(0.6, abs=1e-3)
+    *_, ahead = walk_with(GroundSlope(PERIOD), *45 * [lambda phase: 3.0])
+    assert ahead == pytest.approx(0.6, abs=1e-3)
 
 
 @pytest.mark.parametrize("side", [-0.15, 0.1])
@@ -64,43 +70,29 @@ def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
 
 def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
     """A foot that expects the ground too high lands late, and the robot speeds up meanwhile."""
-    slope = GroundSlope(PERIOD)
-    footholds = standing_on(0.15), standing_on(-0.15)
-    seen = []
-    for step in range(20):
-        readings = footholds[step % 2]
-        for _ in range(150):
-            slope.stand(CONFIG, readings, readings.legs[LEFT], 0.5)
-            seen.append(slope.ahead)
+    footholds = [lambda phase: 0.15, lambda phase: -0.15]
+    seen = list(walk_with(GroundSlope(PERIOD), *10 * footholds))
     assert max(seen) < 0.05
     assert -0.15 < np.mean(seen) < 0.0
 
 
-def walk_with(slope, pitches, steps):
-    """Steps of 0.3 s in which the stance foot's pitch over the phase is as told (rad)."""
-    phases = np.arange(150) / 150
-    step = [(phase, standing_on(np.tan(pitches(phase)))) for phase in phases]
-    for phase, readings in steps * step:
-        slope.stand(CONFIG, readings, readings.legs[LEFT], phase)
-        yield slope.ahead
+def ever_slower(phase):
+    """What a foot shows whose heel sinks into sand, as measured: 0.15 to 0.5 rad."""
+    return np.tan(0.55 - 0.4 * np.exp(-4.0 * phase))
 
 
-@pytest.mark.parametrize(
-    "pitches",
-    [lambda phase: 0.36 * phase, lambda phase: 0.55 - 0.4 * np.exp(-4.0 * phase)],
-    ids=["evenly", "ever slower"],
-)
-def test_a_foot_that_the_ground_gives_way_under_shows_no_slope(pitches):
+@pytest.mark.parametrize("rise", [lambda phase: np.tan(0.36 * phase), ever_slower])
+def test_a_foot_that_the_ground_gives_way_under_shows_no_slope(rise):
     """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise she ran away."""
-    assert max(map(abs, walk_with(GroundSlope(PERIOD), pitches, 10))) < 0.02
+    assert max(map(abs, walk_with(GroundSlope(PERIOD), *10 * [rise]))) < 0.02
 
 
 @pytest.mark.parametrize(("rise", "least", "most"), [(0.2, 0.0, 0.01), (-0.2, -0.201, -0.19)])
 def test_a_rise_is_believed_no_longer_where_the_ground_gives_way(rise, least, most):
     """A fall is: a foot that lands early costs a little speed, one that lands late throws her."""
     slope = GroundSlope(PERIOD)
-    *_, before = walk_with(slope, lambda phase: np.arctan(rise), 25)
-    *_, after = walk_with(slope, lambda phase: 0.55 - 0.4 * np.exp(-4.0 * phase), 10)
+    *_, before = walk_with(slope, *25 * [lambda phase: rise])
+    *_, after = walk_with(slope, *20 * [ever_slower])
     assert before == pytest.approx(rise, abs=0.01)
     assert least <= after <= most
 

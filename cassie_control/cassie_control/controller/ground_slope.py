@@ -11,7 +11,8 @@ from cassie_gaits import virtual_leg
 _SETTLED = 0.25  # phase from which the stance foot lies flat
 _STEEPEST = 0.6  # of a slope that is believed
 _RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
-_HOLDS, _GIVES = 0.4, 0.8  # rad/s of it up to which ground holds, and gives way for certain
+_TURNS = (0.4, 0.8)  # rad/s of it up to which the foot rests, and turns for certain
+_TURNED_UP = (0.02, 0.04)  # rad since it settled, up to which the ground holds, or gives way
 _STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not among as many
 _EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
@@ -33,11 +34,11 @@ class GroundSlope:
     falls ahead meanwhile: two such steps took it from 0.4 to 1.2 m/s. So the estimate leans to the
     low side where footholds differ, and is exact where they agree.
 
-    A foot whose heel sinks into sand turns up for as long as it is loaded, at 1 to 2 rad/s first
-    and then ever slower, down to 0.5 rad/s; on ground that holds feet stay below 0.4 rad/s. While a
-    foot turns fast its pitch is no slope, and once it has turned up fast it is none for the rest of
-    the step: what it shows as it slows down, 0.5, was taken for a rise of 0.2, and she ran away.
-    Instead a rise that was believed fades then, which errs to the low side, too.
+    A foot whose heel sinks into sand turns up for as long as it is loaded, by 0.05 to 0.3 rad (on
+    hard ground by 0.003, on grass by 0.015), fast at first and then ever slower. While a foot turns
+    fast its pitch is no slope, nor once it has turned up: what it shows as it slows down, 0.5, was
+    taken for a rise of 0.2, and she ran away. Instead a rise that was believed fades then, which
+    errs to the low side, too.
 
     Each new foot then lands higher than the one that has sunk meanwhile, by `sunk`: the least of
     the last three numerators above. Taken for level, that ground met the swing foot early and short
@@ -59,7 +60,7 @@ class GroundSlope:
     def reset(self) -> None:
         """Level ground that holds."""
         self.ahead = self.left = self.sunk = 0.0
-        self._pitch = self._rate = self._turned_up = 0.0
+        self._pitch = self._rate = self._settled = 0.0
         self._steps_up = (0.0,) * _STEPS_UP
 
     def stand(
@@ -73,15 +74,14 @@ class GroundSlope:
         rate, self._pitch = (pitch - self._pitch) / self._period, pitch
         self._rate += self._period / _RATE_TIME * (rate - self._rate)
         if phase < _SETTLED:
-            self._turned_up = 0.0
+            self._settled = pitch
         if stance.load < 1.0 or phase < _SETTLED:
             return
-        self._turned_up = max(self._turned_up, self._rate)
         seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
-        seen += _gives_way(self._turned_up) * (min(0.0, self.ahead) - seen)
+        seen += _share(pitch - self._settled, _TURNED_UP) * (min(0.0, self.ahead) - seen)
         time = config.slope_rise_time if seen > self.ahead else config.slope_time
-        firm = 1.0 - _gives_way(abs(self._rate))
-        self.ahead += firm * self._period / time * (seen - self.ahead)
+        rests = 1.0 - _share(abs(self._rate), _TURNS)
+        self.ahead += rests * self._period / time * (seen - self.ahead)
 
     def touchdown(self, config: WalkConfig, new: LegReadings, old: LegReadings) -> None:
         """Take in a touchdown, with both feet on the ground."""
@@ -95,6 +95,7 @@ class GroundSlope:
         self.sunk = max(0.0, min(_DEEPEST, min(self._steps_up) - _EVEN))
 
 
-def _gives_way(rate: float) -> float:
-    """How surely the ground does, 0 to 1, under a foot that turns as fast. In rad/s."""
-    return max(0.0, min(1.0, (rate - _HOLDS) / (_GIVES - _HOLDS)))
+def _share(value: float, between: tuple[float, float]) -> float:
+    """Of the way between two bounds: 0 below, 1 above."""
+    low, high = between
+    return max(0.0, min(1.0, (value - low) / (high - low)))
