@@ -90,6 +90,7 @@ def knee_phase_portrait(track: Track, title: str) -> Figure:
         lines.set(color=BLUE)
     axes.add_collection(lines)
     axes.autoscale_view()
+    axes.locator_params(axis="x", nbins=5)
     axes.set(xlabel="left knee angle (rad)", ylabel="left knee rate (rad/s)")
     axes.set_title(f"Left knee, {'walking' if walking.any() else 'standing'}: {title}")
     return figure

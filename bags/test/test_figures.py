@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from PIL import Image
 from synthetic import glide
 
 from cassie_bags import pictures
-from cassie_bags.figures import draw_all, footsteps, moving_mean
+from cassie_bags.figures import draw_all, footsteps, knee_phase_portrait, moving_mean
 from cassie_bags.metrics import Phase
 from cassie_bags.track import Track, make_track
+from cassie_gaits.names import DRIVES
 from cassie_sim.errors import SimulationError
 from cassie_sim.scenario import Scenario
 
@@ -106,3 +108,20 @@ def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
     boxes = [box for box in boxes if box.width > 1.0]
     assert len(boxes) == 2
     assert not boxes[0].overlaps(boxes[1])
+
+
+def test_the_angles_of_a_knee_that_hardly_moves_can_be_read():
+    """On a Segway they wrote over each other."""
+    track = make_track(glide(2.0, vx=4.0))
+    track.sensors["drive_position"][:, DRIVES.index("left_knee")] = np.linspace(
+        -2.19, -1.99, len(track.time)
+    )
+    figure = knee_phase_portrait(track, "segway_ride, seed 0")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    axes = figure.axes[0]
+    low, high = axes.get_xlim()
+    ticks = zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+    boxes = [label.get_window_extent() for tick, label in ticks if low <= tick <= high]
+    assert len(boxes) >= 3
+    assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
