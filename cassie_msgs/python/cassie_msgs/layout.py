@@ -61,6 +61,9 @@ class Sensors(Sample):
         ("battery", F8, 2),
         ("power", F8, 1),
         ("damping", F8, 1),
+        ("longest_delay", F8, 1),
+        ("missed_ticks", U8, 1),
+        ("late_ticks", U8, 1),
     )
     orientation: FloatArray
     angular_velocity: FloatArray
@@ -73,6 +76,9 @@ class Sensors(Sample):
     battery: FloatArray
     power: FloatArray
     damping: FloatArray
+    longest_delay: FloatArray
+    missed_ticks: UInt64Array
+    late_ticks: UInt64Array
 
 
 class RobotState(Sample):
@@ -91,7 +97,11 @@ class RobotState(Sample):
         ("covariance", F8, 12),
         ("power", F8, 1),
         ("drive_torque", F8, 10),
+        ("battery_charge", F8, 1),
+        ("longest_delay", F8, 1),
         ("sensor_faults", U8, 1),
+        ("missed_ticks", U8, 1),
+        ("late_ticks", U8, 1),
     )
     q: FloatArray
     v: FloatArray
@@ -104,7 +114,11 @@ class RobotState(Sample):
     covariance: FloatArray
     power: FloatArray
     drive_torque: FloatArray
+    battery_charge: FloatArray
+    longest_delay: FloatArray
     sensor_faults: UInt64Array
+    missed_ticks: UInt64Array
+    late_ticks: UInt64Array
 
 
 class Mode(Sample):
@@ -210,6 +224,9 @@ class OperatorCommand(Sample):
         ("power", B1, 1),
         ("link", B1, 1),
         ("scripted", B1, 1),
+        ("emergency_stop", B1, 1),
+        ("take_over", B1, 1),
+        ("sender", U1, 32),
     )
     effective_seq: UInt64Array
     vx: FloatArray
@@ -225,6 +242,9 @@ class OperatorCommand(Sample):
     power: BoolArray
     link: BoolArray
     scripted: BoolArray
+    emergency_stop: BoolArray
+    take_over: BoolArray
+    sender: UInt8Array
 
 
 SAMPLE_TYPES: tuple[type[Sample], ...] = (
