@@ -226,7 +226,7 @@ class OperatorCommand(Sample):
         ("scripted", B1, 1),
         ("emergency_stop", B1, 1),
         ("take_over", B1, 1),
-        ("sender", U1, 32),
+        ("sender", U1, 30),
     )
     effective_seq: UInt64Array
     vx: FloatArray
