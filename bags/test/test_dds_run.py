@@ -51,7 +51,7 @@ def test_a_process_keeps_to_the_processors_it_is_given(tmp_path: Path):
 def test_a_domain_whose_lock_another_user_keeps_is_left_out(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
     with own_domain() as first:
-        lock = tmp_path / f"cassie_domain_{first}.lock"
+        lock = tmp_path / f"cassie_domain_{first}.run.lock"
         with own_domain() as second:
             assert second != first
     opened = os.open

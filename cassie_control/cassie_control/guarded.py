@@ -13,6 +13,7 @@ import numpy as np
 
 from cassie_control.errors import ControlError
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_control.supervisor.status import SupervisorStatus, damped
 from cassie_gaits.errors import CassieError
 from cassie_msgs.layout import (
     ControllerStatus,
@@ -49,6 +50,9 @@ class Controller(Protocol):
 
 class Supervisor(Protocol):
     """What a supervisor can do."""
+
+    @property
+    def status(self) -> SupervisorStatus: ...
 
     def reset(self) -> None: ...
 
@@ -134,6 +138,7 @@ class GuardedSupervisor:
 
     Attributes:
         problem: Why the last state could not be answered; empty when it could.
+        status: What the last answer means, for people.
     """
 
     def __init__(self, core: Supervisor) -> None:
@@ -141,11 +146,13 @@ class GuardedSupervisor:
         self.problem = ""
         self._damping = Mode()
         self._damping.mode[...] = int(RobotMode.DAMP)
+        self.status = core.status
 
     def reset(self) -> None:
         """Start afresh."""
         self.problem = ""
         self.core.reset()
+        self.status = self.core.status
 
     def step(
         self, state: RobotState, operator: OperatorCommand | None, controller_lost: bool = False
@@ -158,9 +165,11 @@ class GuardedSupervisor:
             mode = self.core.step(state, operator, controller_lost)
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)
+            self.status = damped(self.core.status, self.problem)
             self._damping.effective_seq[...] = int(state.seq) + PERIOD_TICKS
             return _answering(self._damping, state)
         self.problem = ""
+        self.status = self.core.status
         return mode
 
 

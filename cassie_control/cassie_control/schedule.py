@@ -11,12 +11,28 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_msgs.bounds import outside
 from cassie_msgs.layout import Mode, RobotMode
 
 STATUS_TICKS = 5
 """The controller publishes its status on every so many ticks."""
 
+LEAD = 1000
+"""Control ticks by which a mode may be ahead of the state that the controller answers."""
+
 _KEPT = 4
+
+
+def refusal(mode: Mode, tick: int) -> str:
+    """Why a mode is not believed at a control tick; empty if it is.
+
+    It answers a state at most `PERIOD_TICKS` beyond those that the controller has seen, or
+    `LEAD` where the controller was held up, and holds from `PERIOD_TICKS` after that state on.
+    """
+    seq = int(mode.seq)
+    return outside("mode seq", seq, 0, tick + LEAD) or outside(
+        "effective_seq", int(mode.effective_seq), seq, seq + PERIOD_TICKS
+    )
 
 
 class ModeTable:

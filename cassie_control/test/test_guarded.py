@@ -8,6 +8,7 @@ import numpy as np
 
 from cassie_control.errors import SensorError
 from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
+from cassie_control.supervisor.status import SupervisorStatus
 from cassie_msgs.layout import (
     ControllerStatus,
     Mode,
@@ -53,6 +54,8 @@ class Controller:
 
 class Supervisor:
     """Notes the states it gets."""
+
+    status = SupervisorStatus(mode=RobotMode.STAND)
 
     def __init__(self) -> None:
         self.seen: list[int] = []
@@ -127,5 +130,8 @@ def test_a_state_of_nan_damps_and_does_not_reach_the_supervisors_filters() -> No
     assert (int(mode.seq), int(mode.effective_seq)) == (10, 20)
     assert core.seen == []
     assert "not finite" in supervisor.problem
+    assert supervisor.status.mode is RobotMode.DAMP  # in words, too
+    assert "not finite" in supervisor.status.faults[0]
     assert supervisor.step(_state(20), None).mode == RobotMode.STAND
     assert supervisor.problem == ""
+    assert supervisor.status.mode is RobotMode.STAND

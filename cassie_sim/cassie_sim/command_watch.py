@@ -53,10 +53,14 @@ class CommandWatch:
         self._report("command", f"no motor command for tick {tick} since {silence:.2g} s{reason}")
 
     def fresh(self, episode: int, tick: int) -> MotorCommand | None:
-        """The newest command, if it is new and not older than the watchdog of the drives allows."""
+        """The newest command, if it is new and not older than the watchdog of the drives allows.
+
+        One for a tick to come is none: its sender does not count as the robot does.
+        """
         of, answered = self._lane.command_key
         watchdog = COMMAND_WATCHDOG / self._tick
-        if of == episode and self._applied < answered and tick - answered <= watchdog:
+        new = of == episode and self._applied < answered <= tick
+        if new and tick - answered <= watchdog:
             self._applied = answered
             quiet_for = (tick - self._last_silence) * self._tick
             if not (self._ever and self._silent) or quiet_for > _NEWS_PERIOD:

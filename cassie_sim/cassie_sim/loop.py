@@ -10,10 +10,10 @@ import threading
 import time
 from collections.abc import Callable
 
-from cassie_msgs.layout import MotorCommand
+from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
 from cassie_sim.command_watch import CommandWatch
 from cassie_sim.lane import Lane, Report
-from cassie_sim.pacing import Pace, RealTimeFactor
+from cassie_sim.pacing import Pace, RealTimeFactor, TickTiming
 from cassie_sim.plant import Plant
 from cassie_sim.power_switch import PowerSwitch
 from cassie_sim.requests import Requests
@@ -40,6 +40,7 @@ class Loop:
         credit_spent: Set when they have run.
         broken: Whether lock-step is given up for want of commands.
         times_broken: How often that happened.
+        timing: Missed and late ticks, while robot time is paced by the wall clock.
     """
 
     MAX_CREDIT = 10_000
@@ -73,11 +74,13 @@ class Loop:
         self._restart = False
         self._watch = CommandWatch(lane, report, config.start_timeout, self._tick_s)
         self._refused = False
+        self._operator_refused = ""
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
         self._lagging: MotorCommand | None = None
-        lane.on_operator = lambda command: self.switch.take(command, self.plant.episode)
+        self.timing = TickTiming(self._tick_s)
+        lane.on_operator = self._on_operator
 
     def run(self) -> None:
         """Run until the duration is over or `stop`."""
@@ -109,6 +112,7 @@ class Loop:
             self._report("lockstep", None)
         self._lagging = None
         self._watch.restart()
+        self.timing.restart()
         self._restart = True
         self._pace.start(now)
         self.factor.start(0.0, now)
@@ -145,14 +149,31 @@ class Loop:
         while not self._interrupted and self._wait_until(due):
             pass
         if not self._interrupted:
-            self._advance(self._watch.fresh(self.plant.episode, seq))
+            command = self._watch.fresh(self.plant.episode, seq)
+            self.timing.tick(self._clock() - due, answered=command is not None)
+            self._advance(command)
+
+    def _on_operator(self, command: OperatorCommand, writer: bytes) -> None:
+        plant, switch = self.plant, self.switch
+        switch.take(command, writer, plant.episode, plant.seq, self._clock())
+        if switch.refused != self._operator_refused:
+            self._operator_refused = switch.refused
+            self._report("operator_command", switch.refused or None)
+
+    def _complete(self, sample: Sensors) -> None:
+        """What a sample tells beside the robot's sensors."""
+        sample.operator_lease[...] = self.switch.operators.lease
+        if self.config.pacing == "realtime":
+            self.timing.write(sample)
 
     def _announce(self) -> int:
         self._serve()
         self._restart = False  # what a request restarted is announced now
         plant = self.plant
         seq = plant.seq
-        self._lane.announce(plant.sense(), plant)
+        sample = plant.sense()
+        self._complete(sample)
+        self._lane.announce(sample, plant)
         self._announced = self._clock()
         self.factor.update(seq * self._tick_s, self._announced)
         return seq

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from cassie_msgs.layout import Sensors
+
 SLACK = 0.1
 """Delay behind the pace that is caught up; more is forgiven. In s."""
 
@@ -59,3 +61,42 @@ class RealTimeFactor:
         elif elapsed >= self.WINDOW:
             self.value = (robot - self._robot) / elapsed
             self.start(robot, now)
+
+
+class TickTiming:
+    """Counts control ticks that went wrong while robot time is paced by the wall clock.
+
+    Args:
+        tick: Length of a control tick. In s.
+
+    Attributes:
+        missed: Ticks without a new command, counted from the first one that had one.
+        late: Ticks that began more than half a tick late.
+        longest_delay: Of a tick. In s.
+    """
+
+    def __init__(self, tick: float) -> None:
+        self._tick = tick
+        self.restart()
+
+    def restart(self) -> None:
+        """A new episode."""
+        self.missed = self.late = 0
+        self.longest_delay = 0.0
+        self._begun = False
+
+    def tick(self, delay: float, *, answered: bool) -> None:
+        """Take in a tick: how late it ends, in s, and whether a new command had come."""
+        self._begun = self._begun or answered
+        if not self._begun:
+            return
+        self.missed += not answered
+        self.late += delay > 0.5 * self._tick
+        self.longest_delay = max(self.longest_delay, delay)
+
+    def write(self, sample: Sensors) -> None:
+        """Fill in what a sample tells of them."""
+        sample.wall_paced[...] = 1
+        sample.missed_ticks[...] = self.missed
+        sample.late_ticks[...] = self.late
+        sample.longest_delay[...] = self.longest_delay

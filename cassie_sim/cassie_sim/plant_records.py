@@ -66,6 +66,10 @@ SENSORS_TYPE = np.dtype(
 """Encoders, their filters and the IMU, see `sensors`."""
 
 SAMPLE_TYPE = np.dtype(
-    [(name, kind, (count,) if count > 1 else ()) for name, kind, count in Sensors.LAYOUT]
+    [
+        (name, kind, (count,) if count > 1 else ())
+        for name, kind, count in Sensors.LAYOUT
+        if kind is np.float64
+    ]
 )
 """The figures of a `Sensors` sample by their names; `sample.floats` seen as such is a record."""

@@ -1,8 +1,10 @@
-"""Which way the drives' power switch stands, by the operator's commands."""
+"""Which way the drives' power switch stands, by the operators' commands."""
 
 from __future__ import annotations
 
+from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand
+from cassie_msgs.operators import Operators
 
 PERIOD = 10
 """Ticks between the commands of a scripted operator, and their lead."""
@@ -17,35 +19,69 @@ class PowerSwitch:
     A script answers state k with what holds from tick k + `PERIOD` on. The simulator waits for
     that answer where it needs it, so that the tick at which the switch moves does not depend
     on the machine. A script that stays silent for its patience counts as lost: nothing waits
-    for it until it is heard again.
+    for it until it is heard again. The first writer of scripted commands is the script, until it
+    is lost.
 
     Args:
-        scripted: Whether a script is expected.
+        scripted: Whether a script is expected; then persons can only stop the robot.
         start_patience: Wall time that the script has for its first answer. In s.
+
+    Attributes:
+        operators: Who speaks and who holds the lease.
+        lost: Whether the script does not answer.
+        refused: Why the newest command does not count; empty if it does.
     """
 
     def __init__(self, *, scripted: bool, start_patience: float) -> None:
         self._scripted = scripted
         self._start_patience = start_patience
         self._planned: dict[int, bool] = {}
-        self._heard = False
+        self._wanted = False
+        self._script = b""
+        self.operators = Operators(scripted=scripted)
         self.lost = False
-        self.on = False
+        self.refused = ""
+
+    @property
+    def on(self) -> bool:
+        """Whether the drives shall have power."""
+        return self.operators.power
 
     def reset(self) -> None:
         """A new episode: power off, nothing planned."""
         self._planned.clear()
-        self.on = False
+        self._wanted = False
+        self.operators.reset()
 
-    def take(self, command: OperatorCommand, episode: int) -> None:
-        """Take in a command of the operator."""
+    def take(
+        self, command: OperatorCommand, writer: bytes, episode: int, tick: int, now: float
+    ) -> None:
+        """Take in a command of an operator.
+
+        Args:
+            command: What came.
+            writer: Identity of who wrote it.
+            episode: Present episode.
+            tick: Present control tick.
+            now: Wall time. In s.
+        """
+        self.refused = ""
         if not command.scripted:
-            self.on = bool(command.power)
-            return
-        if int(command.episode) == episode:
-            self._planned[int(command.effective_seq)] = bool(command.power)
-            self._heard = True
-            self.lost = False
+            self.operators.take(command, writer, now)
+            self.refused = self.operators.refused
+        elif not self._scripted:
+            self.refused = "it is scripted, and no script is expected (scripted_operator)"
+        elif self._script and writer != self._script and not self.lost:
+            self.refused = "another script plays already"
+        elif int(command.episode) == episode:
+            effective = int(command.effective_seq)
+            # An answer that comes late still holds, from then on; the latest is one to the state
+            # just sent.
+            self.refused = outside("effective_seq", effective, 0, tick + PERIOD)
+            if not self.refused:
+                self._planned[effective] = bool(command.power)
+                self._script = writer
+                self.lost = False
 
     def awaits(self, tick: int) -> bool:
         """Whether this tick may not run before the script has answered."""
@@ -57,7 +93,7 @@ class PowerSwitch:
     @property
     def patience(self) -> float:
         """How long to wait for the script. In s."""
-        return PATIENCE if self._heard else self._start_patience
+        return PATIENCE if self._script else self._start_patience
 
     def give_up(self) -> None:
         """Wait no longer: the script did not answer within its patience."""
@@ -66,7 +102,9 @@ class PowerSwitch:
     def apply(self, tick: int) -> bool:
         """Position of the switch in this tick."""
         if self._planned:
-            self.on = self._planned.pop(tick, self.on)
+            self._wanted = self._planned.pop(tick, self._wanted)
             if self._planned and min(self._planned) < tick:  # came too late: holds from now on
-                self.on = self._planned.pop(min(self._planned))
-        return self.on
+                self._wanted = self._planned.pop(min(self._planned))
+        if self._scripted:
+            return self.operators.script(self._wanted)
+        return self.operators.power

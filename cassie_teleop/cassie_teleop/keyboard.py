@@ -14,7 +14,8 @@ HELP = """\
   1 stand          2 walk          3 segway
   w/s forward      a/d turn        q/e sideways     space: stop moving
   r/f height       t/g pitch       y/h roll         i/k, j/l lean (CoM)
-  0 all set-points back            ? this help      x or Ctrl-C: stop and leave"""
+  0 all set-points back            c take over from another operator, at rest
+  ? this help                      x or Ctrl-C: stop and leave"""
 
 STEPS: dict[str, tuple[str, float]] = {
     **{"w": ("vx", 0.1), "s": ("vx", -0.1), "q": ("vy", 0.05), "e": ("vy", -0.05)},
@@ -32,12 +33,19 @@ class Keyboard:
     Attributes:
         wish: None until a power key was pressed, so that nobody cuts the power by
             starting a program.
+        asks: Whether the lease of another operator was just asked for.
+        left: Whether the user leaves.
     """
 
     def __init__(self) -> None:
         """Start without a wish."""
         self.wish: Wish | None = None
-        self.left = False
+        self.asks = self.left = False
+
+    def disarm(self) -> None:
+        """A new episode: nothing moves until a key says so."""
+        if self.wish is not None:
+            self.wish = replace_checked(stopped(self.wish), mode="stand")
 
     def press(self, key: str) -> bool:
         """Take one key, also with Caps Lock on; says whether it means something now."""
@@ -45,9 +53,13 @@ class Keyboard:
         if key == "x":
             self.left = True
         elif key == "p":
-            self.wish = replace_checked(self.wish or Wish(), power=True)
-        elif key == "o":  # nor does she walk off when power is back
-            self.wish = replace_checked(stopped(self.wish or Wish()), mode="stand", power=False)
+            wish = self.wish or Wish()
+            # The robot does not walk off when the power comes back.
+            wish = wish if wish.power else replace_checked(stopped(wish), mode="stand")
+            self.wish = replace_checked(wish, power=True, emergency_stop=False)
+        elif key == "o":
+            wish = replace_checked(stopped(self.wish or Wish()), mode="stand")
+            self.wish = replace_checked(wish, power=False, emergency_stop=True)
         elif self.wish is None:
             return False
         elif key in STEPS:
@@ -58,6 +70,9 @@ class Keyboard:
             self.wish = replace_checked(self.wish, mode=MODE_KEYS[key])
         elif key == " ":
             self.wish = stopped(self.wish)
+        elif key == "c":
+            self.wish = replace_checked(stopped(self.wish), mode="stand")
+            self.asks = True
         elif key == "0":
             self.wish = Wish(mode=self.wish.mode, power=self.wish.power)
         else:

@@ -24,6 +24,7 @@ from typing import Any
 import yaml
 
 from cassie_msgs.layout import OperatorCommand, RobotState
+from cassie_msgs.operators import write_sender
 from cassie_msgs.tunables import names, replace_checked, unknown_name
 from cassie_teleop.rider import Rider
 from cassie_teleop.rider_config import read_rider
@@ -82,6 +83,7 @@ class ScriptedOperator:
             except ValueError as error:
                 raise ScriptError(f"operator step {number}: {error}") from None
         self._command = OperatorCommand()
+        write_sender(self._command, "scripted_operator")
         try:
             self.rider = Rider(read_rider(rider)) if rider is not None else None
         except ValueError as error:

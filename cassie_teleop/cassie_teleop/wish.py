@@ -34,6 +34,12 @@ class Wish:
     )
     power: bool = tunable(False, description="Drives powered; false is the emergency stop")
     link: bool = tunable(True, description="The operator's link is good")
+    emergency_stop: bool = tunable(
+        False, description="No power while this is set, whoever holds the lease"
+    )
+    take_over: bool = tunable(
+        False, description="Asks for the lease of the operator who drives; granted at rest"
+    )
 
 
 def write(wish: Wish, command: OperatorCommand) -> None:
@@ -43,3 +49,5 @@ def write(wish: Wish, command: OperatorCommand) -> None:
     command.mode[...] = _MODE_NUMBERS[wish.mode]
     command.power[...] = wish.power
     command.link[...] = wish.link
+    command.emergency_stop[...] = wish.emergency_stop
+    command.take_over[...] = wish.take_over

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,11 +16,10 @@ import yaml
 
 from cassie_bags.errors import RunError
 from cassie_gaits.processes import end_with_parent
+from cassie_msgs.ros.claim import SecondNodeError, run_domain
 
 GRACE = 5.0
 """Wall time that a process has to end after Ctrl-C before it is killed. In s."""
-
-_DOMAINS = range(40, 100)  # DDS domains whose ports are free of the system's own on every OS
 
 
 def executable(package: str, name: str) -> Path:
@@ -46,27 +43,12 @@ def own_domain() -> Iterator[int]:
     Raises:
         RunError: if all are taken.
     """
-    folder = Path(tempfile.gettempdir())
-    for offset in range(len(_DOMAINS)):
-        domain = _DOMAINS[(os.getpid() + offset) % len(_DOMAINS)]
-        with contextlib.ExitStack() as stack:
-            try:
-                lock = _opened(folder / f"cassie_domain_{domain}.lock")
-                stack.callback(os.close, lock)
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                continue
-            yield domain
-            return
-    raise RunError(f"ROS domains {_DOMAINS[0]} .. {_DOMAINS[-1]} are all in use")
-
-
-def _opened(path: Path) -> int:
-    """A lock file that may be another user's, which one may read but not write."""
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except PermissionError:
-        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    with contextlib.ExitStack() as stack:
+        try:
+            domain = stack.enter_context(run_domain())
+        except SecondNodeError as error:
+            raise RunError(str(error)) from None
+        yield domain
 
 
 def environment(domain: int) -> dict[str, str]:

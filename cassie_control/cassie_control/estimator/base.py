@@ -153,6 +153,13 @@ def _pass_on(sensors: Sensors, state: RobotState) -> None:
     state.stamp_ns = sensors.stamp_ns
     state.power[...] = sensors.power
     state.drive_torque[:] = sensors.drive_torque
+    charge = sensors.battery[1]
+    state.battery_charge[...] = charge if 0.0 <= charge <= 1.0 else -1.0
+    state.longest_delay[...] = sensors.longest_delay
+    state.missed_ticks[...] = sensors.missed_ticks
+    state.late_ticks[...] = sensors.late_ticks
+    state.wall_paced[...] = sensors.wall_paced
+    state.operator_lease[...] = sensors.operator_lease
 
 
 def _check(sensors: Sensors) -> None:

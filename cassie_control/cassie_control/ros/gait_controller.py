@@ -26,7 +26,9 @@ from cassie_control.silence import Silence
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
-from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.tunables import tunable
@@ -59,6 +61,7 @@ class GaitControllerNode(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("gait_controller")
+        claim(self, "gait_controller")
         self._lane = declare(self, GaitControllerConfig())
         self._config = declare(self, ControllerConfig())
         library = self._load(self._lane.gait_library)
@@ -72,10 +75,17 @@ class GaitControllerNode(Node):
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
-        self._states = LaneSubscription(self, RobotState)
+        estimator = OneWriter(RobotState)
+        self._states = LaneSubscription(self, RobotState, qos=NEWEST_OF_ONE, guard=estimator)
         self._commands = LanePublisher(self, MotorCommand)
         self._status = LanePublisher(self, ControllerStatus)
         self._modes = ModeSource(self, stop, self._states, self._conditions, self._lane.period)
+        WriterWatch(
+            self,
+            [estimator, self._modes.supervisor],
+            [self._commands.publisher, self._status.publisher],
+            self._conditions.set,
+        )
         self._waiter = LaneWaiter(self, [self._states])
         stop.on_request(self._waiter.wake)
         self._state = RobotState()

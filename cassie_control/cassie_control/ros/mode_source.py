@@ -7,10 +7,11 @@ import time
 from rclpy.node import Node
 
 from cassie_control.ros.common import START_PATIENCE, Conditions
-from cassie_control.schedule import ModeTable, StopAndStand
+from cassie_control.schedule import ModeTable, StopAndStand, refusal
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
 
 PATIENCE = 0.4
@@ -25,6 +26,7 @@ class ModeSource:
     the wall clock. From then on, until the next episode, nothing waits here either.
 
     Attributes:
+        supervisor: Whose modes count.
         lost: Whether the supervisor counts as lost; Cassie then stops and stands.
         overtaking: The newer state that came while waiting, serialized; for the loop to take.
     """
@@ -38,7 +40,8 @@ class ModeSource:
         period: float,
     ) -> None:
         self._stop = stop
-        self._modes = LaneSubscription(node, Mode, qos=EVERY)
+        self.supervisor = OneWriter(Mode, in_order=False)
+        self._modes = LaneSubscription(node, Mode, qos=EVERY, guard=self.supervisor)
         self._states = states
         self._waiter = LaneWaiter(node, [self._modes, states])
         stop.on_request(self._waiter.wake)
@@ -53,6 +56,7 @@ class ModeSource:
         self._waited_for = True
         self._heard = False
         self._episode = -1
+        self._tick = 0
         self._current = self._table.newest
         self._span = range(0)  # ticks for which the current mode is known to hold
 
@@ -68,6 +72,7 @@ class ModeSource:
         """Whether `at` answers without waiting."""
         if tick in self._span:
             return True
+        self._tick = tick
         self._take()
         return self.lost or not self._waited_for or self._table.may_begin(tick)
 
@@ -75,6 +80,7 @@ class ModeSource:
         """The mode for a tick; may wait for it."""
         if tick in self._span:
             return self._current
+        self._tick = tick
         self._take()
         if not self.lost and self._waited_for and not self._table.may_begin(tick):
             self._wait(tick)
@@ -120,8 +126,11 @@ class ModeSource:
             except ValueError as error:
                 self._conditions.set("mode", str(error))
                 continue
-            self._conditions.set("mode", "")
-            if int(self._mode.episode) == self._episode:
+            if int(self._mode.episode) != self._episode:
+                continue
+            refused = refusal(self._mode, self._tick)
+            self._conditions.set("mode", refused)
+            if not refused:
                 self._table.add(self._mode)
                 self._heard = True
 

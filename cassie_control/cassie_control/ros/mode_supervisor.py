@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass
 
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_control.guarded import GuardedSupervisor
 from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, RateCheck
@@ -16,15 +15,12 @@ from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
-from cassie_msgs.ros.fast_lane import Doze, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.fast_lane import EVERY, Doze, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import BESIDE_THE_LOOP, Stop, run
 from cassie_msgs.tunables import tunable
-
-# Every 10th state counts, and none of these may be lost while the operator is waited for.
-_STATES = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=5 * PERIOD_TICKS
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +37,7 @@ class ModeSupervisorNode(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("mode_supervisor")
+        claim(self, "mode_supervisor")
         self._lane = declare(self, ModeSupervisorConfig())
         self._config = declare(self, SupervisorConfig())
         self._core = ModeSupervisor(self._config, self._lane.period)
@@ -49,12 +46,19 @@ class ModeSupervisorNode(Node):
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
-        self._states = LaneSubscription(self, RobotState, qos=_STATES)
+        estimator = OneWriter(RobotState)
+        self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
         self._watch = Watch(self, self._conditions)
         self._operator = OperatorSource(
             self, stop, self._states, self._conditions, scripted=self._lane.scripted_operator
+        )
+        WriterWatch(
+            self,
+            [estimator, self._watch.controller],
+            [self._modes.publisher, self._status.publisher],
+            self._conditions.set,
         )
         self._waiter = LaneWaiter(self, [self._states])
         stop.on_request(self._waiter.wake)
@@ -73,7 +77,11 @@ class ModeSupervisorNode(Node):
             if now >= next_look:
                 next_look = now + LOOK_PERIOD
                 if self._watch.look(now) or self._status.is_due(now):
-                    self._status.publish(self._core.status, self._state, self._watch.faults)
+                    self._publish_status()
+
+    def _publish_status(self) -> None:
+        faults = (*self._watch.faults, *self._operator.faults)
+        self._status.publish(self._supervisor.status, self._state, self._operator, faults)
 
     def _take_states(self) -> None:
         while not self._stop.requested:
@@ -105,17 +113,15 @@ class ModeSupervisorNode(Node):
         if new_episode:
             self._begin(episode)
         self._rate.check(episode, seq, self._state)
-        operator = self._operator.at(seq)
+        operator = self._operator.at(self._state)
         lost = self._watch.controller_lost(time.monotonic())
         mode = self._supervisor.step(self._state, operator, lost)
         reply = mode.to_bytes()
         self._modes.publish_raw(reply)
         self._replies = [*self._replies[-1:], reply]  # the one in force and the one to come
         self._conditions.set("state", self._supervisor.problem)
-        faults = self._watch.faults
-        if self._supervisor.problem:
-            faults = (*faults, f"drives damp: {self._supervisor.problem}")
-        self._status.follow(seq, self._core.status, self._state, faults)
+        faults = (*self._watch.faults, *self._operator.faults)
+        self._status.follow(seq, self._supervisor.status, self._state, self._operator, faults)
 
     def _begin(self, episode: int) -> None:
         self._supervisor.reset()

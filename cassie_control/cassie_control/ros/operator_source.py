@@ -9,26 +9,31 @@ from rclpy.node import Node
 
 from cassie_control.ros.common import Conditions
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
+from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand, RobotState, header
-from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
+from cassie_msgs.operators import Operators, sender_of
+from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, take_from_each
 from cassie_msgs.ros.process import Stop
-
-COMMAND_AGE = 0.5
-"""Wall time for which a command holds when nothing waits for the next. In s."""
 
 SCRIPT_PATIENCE = 0.3
 """Wall time that a script has to answer a state. In s."""
 
 START_PATIENCE = 8.0
-"""The same for its first answer. In s."""
+"""Wall time that a script has for its first answer. In s."""
+
+SCRIPT_AGE = 0.5
+"""Wall time for which a script's command holds when nothing waits for the next. In s."""
 
 
 class OperatorSource:
-    """A person's newest command, or a script's answer to the same state.
+    """The command of the person who holds the lease, or a script's answer to the same state.
 
     Also hands out the states, because some arrive while a script is waited for. If one of the
     next period does, the plant runs on the wall clock: from then on, until the next episode,
     nothing is waited for and the newest command holds.
+
+    Attributes:
+        operators: The persons who speak. Where a script is expected, they can only stop.
     """
 
     def __init__(
@@ -47,21 +52,24 @@ class OperatorSource:
         stop.on_request(self._waiter.wake)
         self._conditions = conditions
         self._scripted = scripted
+        self.operators = Operators(scripted=scripted)
+        self._script = b""
         self._early: deque[bytes] = deque()
         self._answered: dict[int, OperatorCommand] = {}
+        self._received = OperatorCommand()
         self._command = OperatorCommand()
         self._arrived = -1.0
         self._episode = -1
-        self._heard = False
+        self._seq = 0
         self._lost = False
         self._waited_for = True
 
     def reset(self, episode: int) -> None:
-        """A new episode: earlier answers of a script do not count."""
+        """A new episode: earlier answers of a script do not count, and persons have to arm anew."""
         self._episode = episode
         self._answered.clear()
-        if self._scripted:
-            self._arrived = -1.0
+        self.operators.reset()
+        self._arrived = -1.0
         self._lost = False
         self._waited_for = True
 
@@ -69,19 +77,52 @@ class OperatorSource:
         """The oldest state not yet taken, serialized."""
         return self._early.popleft() if self._early else self._states.take_raw()
 
-    def at(self, seq: int) -> OperatorCommand | None:
+    def at(self, state: RobotState) -> OperatorCommand | None:
         """The command in force at a state; None when the operator is lost. May wait for it."""
+        self._seq = int(state.seq)
         self._take()
-        if self._scripted and self._waited_for:
+        if self._scripted:
+            command = self._of_script(self._seq)
+        else:
+            self.operators.follow(int(state.operator_lease))
+            command = self.operators.command(time.monotonic())
+        # Before the first command nobody is lost: the robot has no power yet.
+        ever = bool(self._script) if self._scripted else self.operators.ever
+        lost = command is None and ever
+        self._conditions.set("operator", "no operator commands any more" if lost else "")
+        return command
+
+    @property
+    def holder(self) -> str:
+        """Name of the operator who drives; empty if nobody does."""
+        if self._scripted:
+            return "" if self._lost or self._arrived < 0.0 else sender_of(self._command)
+        return self.operators.holder(time.monotonic())
+
+    @property
+    def others(self) -> list[str]:
+        """Names of the other operators that speak."""
+        return self.operators.others(time.monotonic())
+
+    @property
+    def armed(self) -> bool:
+        """Whether the speeds of the operator who drives count."""
+        return self._scripted or self.operators.armed
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Why the robot has no power although the operator asks for it, in words."""
+        refused = "" if self._scripted else self.operators.power_refused
+        return (f"no power: {refused}",) if refused else ()
+
+    def _of_script(self, seq: int) -> OperatorCommand | None:
+        if self._waited_for:
             if self._answers(seq):
                 self._lost = False
             elif not self._lost:
                 self._wait(seq)
-        if not self._scripted or not self._waited_for:
-            self._lost = self._arrived < 0.0 or time.monotonic() - self._arrived > COMMAND_AGE
-        # Before the first command nobody is lost: the robot has no power yet.
-        problem = "no operator commands any more" if self._lost and self._heard else ""
-        self._conditions.set("operator", problem)
+        if not self._waited_for:
+            self._lost = self._arrived < 0.0 or time.monotonic() - self._arrived > SCRIPT_AGE
         return None if self._lost else self._command
 
     def _answers(self, seq: int) -> bool:
@@ -96,7 +137,7 @@ class OperatorSource:
         return self._arrived >= 0.0 and int(self._command.seq) == seq
 
     def _wait(self, seq: int) -> None:
-        deadline = time.monotonic() + (SCRIPT_PATIENCE if self._heard else START_PATIENCE)
+        deadline = time.monotonic() + (SCRIPT_PATIENCE if self._script else START_PATIENCE)
         while (left := deadline - time.monotonic()) > 0.0 and not self._stop.requested:
             self._waiter.wait(left)
             self._take()
@@ -117,21 +158,30 @@ class OperatorSource:
         return overtaken
 
     def _take(self) -> None:
-        while (raw := self._commands.take_raw()) is not None:
+        for writer, raw in take_from_each(self._commands):
             try:
-                command = OperatorCommand()
-                command.load(raw)
+                self._received.load(raw)
             except ValueError as error:
                 self._conditions.set("operator_command", str(error))
                 continue
-            self._conditions.set("operator_command", "")
-            if self._scripted and not self._is_ours(command):
-                continue
-            self._command = command
-            if self._scripted:
-                self._answered[int(command.seq)] = command
-            self._arrived = time.monotonic()
-            self._heard = True
+            self._conditions.set("operator_command", self._hear(writer))
 
-    def _is_ours(self, command: OperatorCommand) -> bool:
-        return bool(command.scripted) and int(command.episode) == self._episode
+    def _hear(self, writer: bytes) -> str:
+        """Take in the command received; says why it does not count, if it does not."""
+        command, now = self._received, time.monotonic()
+        if not command.scripted:
+            self.operators.take(command, writer, now)
+            return ""
+        if not self._scripted:
+            return "it is scripted, and no script is expected (scripted_operator)"
+        if self._script not in (b"", writer) and not self._lost:
+            return "another script plays already"
+        if int(command.episode) != self._episode:
+            return ""
+        seq = int(command.seq)
+        refused = outside("seq", seq, 0, self._seq + 2 * PERIOD_TICKS)
+        if not refused:
+            self._command = self._answered[seq] = OperatorCommand()
+            self._command.copy_from(command)
+            self._script, self._arrived = writer, now
+        return refused

@@ -21,7 +21,9 @@ from cassie_control.ros.common import (
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
 from cassie_msgs.layout import RobotState, Sensors
-from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 
@@ -31,6 +33,7 @@ class StateEstimator(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("state_estimator")
+        claim(self, "state_estimator")
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
         self._core = make_monitored(self._config, self._lane.period)
@@ -39,8 +42,10 @@ class StateEstimator(Node):
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
-        self._samples = LaneSubscription(self, Sensors)
+        simulator = OneWriter(Sensors)
+        self._samples = LaneSubscription(self, Sensors, qos=NEWEST_OF_ONE, guard=simulator)
         self._states = LanePublisher(self, RobotState)
+        WriterWatch(self, [simulator], [self._states.publisher], self._conditions.set)
         self._standard = StandardTopics(self, self._lane.control_rate)
         self._waiter = LaneWaiter(self, [self._samples])
         stop.on_request(self._waiter.wake)

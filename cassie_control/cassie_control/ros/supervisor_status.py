@@ -7,6 +7,7 @@ import time
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from cassie_control.ros.operator_source import OperatorSource
 from cassie_control.supervisor.status import SupervisorStatus
 from cassie_msgs.layout import RobotState
 from cassie_msgs.msg import SupervisorStatus as SupervisorStatusMessage
@@ -21,7 +22,7 @@ class StatusTopic:
     """Publishes the status `RATE` times a second and at each change."""
 
     def __init__(self, node: Node, control_rate: int) -> None:
-        self._publisher = node.create_publisher(
+        self.publisher = node.create_publisher(
             SupervisorStatusMessage, "/cassie/supervisor_status", QoSProfile(depth=10)
         )
         self._logger = node.get_logger()
@@ -32,21 +33,35 @@ class StatusTopic:
         self._published = 0.0
 
     def follow(
-        self, seq: int, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]
+        self,
+        seq: int,
+        status: SupervisorStatus,
+        state: RobotState,
+        operator: OperatorSource,
+        faults: tuple[str, ...],
     ) -> None:
         """Publish if it is time, or if something changed other than a figure in a reason."""
-        now = (status.mode, status.requested, status.faults, status.fallen, status.link, faults)
+        now = (
+            *(status.mode, status.requested, status.faults, status.fallen, status.link, faults),
+            *(operator.holder, operator.armed),
+        )
         if now == self._told and 0 <= seq - (self._due - self._period) < self._period:
             return
         self._due = seq + self._period
         self._told = now
-        self.publish(status, state, faults)
+        self.publish(status, state, operator, faults)
 
     def is_due(self, now: float) -> bool:
         """Whether nothing was published for a while, whatever robot time does."""
         return now - self._published >= _HEARTBEAT
 
-    def publish(self, status: SupervisorStatus, state: RobotState, faults: tuple[str, ...]) -> None:
+    def publish(
+        self,
+        status: SupervisorStatus,
+        state: RobotState,
+        operator: OperatorSource,
+        faults: tuple[str, ...],
+    ) -> None:
         """Publish now."""
         message = SupervisorStatusMessage(
             mode=status.mode.name.lower(),
@@ -58,12 +73,19 @@ class StatusTopic:
             faults=[*status.faults, *(fault for fault in faults if fault not in status.faults)],
             fallen=status.fallen,
             link=status.link,
+            armed=operator.armed,
+            holder=operator.holder,
+            operators=operator.others,
+            missed_ticks=int(state.missed_ticks),
+            late_ticks=int(state.late_ticks),
+            longest_delay=float(state.longest_delay),
+            missed_share=status.missed_share,
             episode=int(state.episode),
             seq=int(state.seq),
         )
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(state.stamp_ns, 10**9)
         message.header.frame_id = "base_link"
-        self._publisher.publish(message)
+        self.publisher.publish(message)
         self._published = time.monotonic()
         if message.mode != self._mode:
             self._mode = message.mode

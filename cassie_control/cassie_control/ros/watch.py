@@ -11,7 +11,8 @@ from rosgraph_msgs.msg import Clock
 from cassie_control.ros.common import SILENT_AFTER, START_PATIENCE, Conditions
 from cassie_control.silence import Silence
 from cassie_msgs.layout import ControllerStatus
-from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
+from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LaneSubscription, RawSubscription
+from cassie_msgs.ros.one_writer import OneWriter
 
 ANSWER_AFTER = 0.7
 """Wall time without states or status after which their sender counts as lost, while what they
@@ -26,18 +27,24 @@ class Watch:
     """Simulator by /clock, state_estimator by /cassie/state, gait_controller by its status.
 
     Attributes:
+        controller: Whose status counts.
         faults: Who is lost, in words.
     """
 
     def __init__(self, node: Node, conditions: Conditions) -> None:
         self._conditions = conditions
         self._clock = RawSubscription(node, Clock, "/clock", _CLOCK)
-        self._status = LaneSubscription(node, ControllerStatus, qos=NEWEST)
+        self.controller = OneWriter(ControllerStatus)
+        self._status = LaneSubscription(
+            node, ControllerStatus, qos=NEWEST_OF_ONE, guard=self.controller
+        )
         now = time.monotonic()
         self._simulator = Silence(SILENT_AFTER, START_PATIENCE, now)
         self._estimator = Silence(ANSWER_AFTER, START_PATIENCE, now)
         self._controller = Silence(ANSWER_AFTER, START_PATIENCE, now)
         self.faults: tuple[str, ...] = ()
+        self._looked = self._moved = now
+        self._robot_time = b""
 
     def heard_state(self, now: float) -> None:
         """A state has arrived."""
@@ -45,14 +52,29 @@ class Watch:
 
     def controller_lost(self, now: float) -> bool:
         """Whether the controller has fallen silent although it gets states."""
-        if self._status.take_raw() is not None:
+        while self._status.take_raw() is not None:
             self._controller.heard(now)
         return self._controller.lost(now)
 
     def look(self, now: float) -> bool:
         """See who is silent; says whether that has changed."""
-        if self._clock.take_raw() is not None:
+        if now - self._looked > SILENT_AFTER / 2:  # it was we who did not listen
+            for silence in (self._simulator, self._estimator, self._controller):
+                silence.excuse(now)
+        self._looked = now
+        if (raw := self._clock.take_raw()) is not None:
             self._simulator.heard(now)
+            if raw != self._robot_time:
+                self._robot_time, self._moved = raw, now
+        faults = self._lost(now)
+        changed = faults != self.faults
+        self.faults = faults
+        return changed
+
+    def _lost(self, now: float) -> tuple[str, ...]:
+        """Who is silent, in words."""
+        waits = now - self._moved > SILENT_AFTER / 2
+        follows = "robot time waits for it" if waits else "drives damp"
         faults = []
         simulator_lost = self._simulator.lost(now)
         if simulator_lost:
@@ -63,13 +85,11 @@ class Watch:
         estimator_lost = self._estimator.lost(now)
         if estimator_lost:
             self._controller.excuse(now)
-            faults.append("state_estimator lost: drives damp")
+            faults.append(f"state_estimator lost: {follows}")
         controller_lost = self.controller_lost(now)
+        if controller_lost:
+            faults.append(f"gait_controller lost: {follows}")
         self._conditions.set("simulator", "lost: no /clock" if simulator_lost else "")
         self._conditions.set("state_estimator", "lost: no states" if estimator_lost else "")
         self._conditions.set("gait_controller", "lost: no status" if controller_lost else "")
-        if controller_lost:
-            faults.append("gait_controller lost: drives damp")
-        changed = tuple(faults) != self.faults
-        self.faults = tuple(faults)
-        return changed
+        return tuple(faults)

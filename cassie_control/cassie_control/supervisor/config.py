@@ -65,3 +65,13 @@ class SupervisorConfig:
         0.3, "rad", 0.1, 0.8, "Tilt below which drives may do more than damp"
     )
     upright_time: float = tunable(1.0, "s", 0.1, 10.0, "Time upright after a fall")
+    battery_low: float = tunable(0.2, "", 0.0, 1.0, "Battery charge below which a fault is told")
+    battery_empty: float = tunable(
+        0.1, "", 0.0, 1.0, "Battery charge below which the robot stops and sits down"
+    )
+    battery_margin: float = tunable(
+        0.05, "", 0.0, 0.5, "Charge beyond these bounds from which the battery counts as charged"
+    )
+    missed_share: float = tunable(
+        0.2, "", 0.0, 1.0, "Share of missed control ticks in a second from which the robot stops"
+    )

@@ -8,6 +8,7 @@ from cassie_control.errors import ControlError
 from cassie_control.estimator.channels import ACCELEROMETER
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.health import Battery, TickLoss
 from cassie_control.supervisor.leaving import Leaving
 from cassie_control.supervisor.posture import Posture
 from cassie_control.supervisor.set_points import (
@@ -49,8 +50,9 @@ class ModeSupervisor:
     - Segway: from standing, crouched, on both feet, upright and at rest, when the operator asks
       for it and, which confirms it, for the crouch; else she crouches and waits to be asked again.
       `Leaving` says when it ends.
-    - No command from the operator, a bad link, or a sensor that fails: stop and stand; on a Segway,
-      brake and stay on it.
+    - No command from the operator, a bad link, a sensor that fails, an empty battery, or too many
+      missed control ticks: stop and stand; on a Segway, brake and stay on it. With an empty battery
+      it then sits down.
     - A command that means nothing (not a number, an unknown mode) is refused: the last good one
       holds, without its speeds.
     - After damping with feet on the ground, standing begins from the height the pelvis has.
@@ -82,6 +84,9 @@ class ModeSupervisor:
         self._walked = False
         self._posture = Posture()
         self._leaving = Leaving()
+        self._loss = TickLoss(self._period)
+        self._battery = Battery()
+        self._late = False  # too many control ticks are missed; until the robot stands
 
     def step(
         self,
@@ -105,11 +110,17 @@ class ModeSupervisor:
         check(state, "state", ControlError)
         moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
         self._posture.step(state, moving, self.config, self._period)
+        self._loss.step(state)
+        self._battery.step(state, self.config)
+        self._late = self._loss.recent > self.config.missed_share or (
+            self._late and self._current in (RobotMode.WALK, RobotMode.SEGWAY)
+        )
         linked = operator is not None and bool(operator.link)
         failed = int(state.sensor_faults)
         if self._current is RobotMode.SEGWAY:
             failed &= ~_FELT_FROM_FEET
-        heard, asked_before, self._linked = self._linked, self._requested, linked and not failed
+        able = not (failed or self._late or self._battery.empty)
+        heard, asked_before, self._linked = self._linked, self._requested, linked and able
         refused = self._hear(operator if self._linked else None)
         if self._requested is not RobotMode.SEGWAY:
             self._ride_confirmed = False
@@ -134,17 +145,27 @@ class ModeSupervisor:
             stand=reasons[RobotMode.STAND],
             walk=reasons[RobotMode.WALK],
             segway=reasons[RobotMode.SEGWAY],
-            faults=faults(self._posture.fallen, linked, refused, controller_lost, failed),
+            faults=faults(
+                self._posture.fallen,
+                linked,
+                refused,
+                failed,
+                self._loss.recent if self._late else 0.0,
+                self._battery.fault(state),
+            ),
             fallen=self._posture.fallen,
             waits=self._waits(state) if self._current is RobotMode.STAND else "",
             link=linked,
+            missed_share=self._loss.share,
         )
         return self._answer(state)
 
     def _hear(self, operator: OperatorCommand | None) -> str:
         """Take in the operator's wish; says why it is refused, if it is."""
         if operator is None:
-            self._wish = SetPoints(height=self._set_points.height)
+            low = self._battery.empty and self._current is RobotMode.STAND
+            height = self.config.height_low if low else self._set_points.height
+            self._wish = SetPoints(height=height)
             self._requested = RobotMode.STAND
             return ""
         refused = refusal(operator)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cassie_control.estimator.channels import names
 from cassie_msgs.layout import RobotMode
@@ -20,6 +20,7 @@ class SupervisorStatus:
         fallen: Whether Cassie fell and has not been set upright since.
         waits: What she waits for while she stands as asked for: to be let down, or for rest.
         link: Whether the operator's commands arrive over a good link.
+        missed_share: Of the control ticks of the last minute, those without a new command. 0..1.
     """
 
     mode: RobotMode = RobotMode.OFF
@@ -31,6 +32,7 @@ class SupervisorStatus:
     fallen: bool = False
     waits: str = ""
     link: bool = False
+    missed_share: float = 0.0
 
     @property
     def readiness(self) -> str:
@@ -45,8 +47,25 @@ class SupervisorStatus:
         return reasons.get(self.requested, "")
 
 
+def damped(status: SupervisorStatus, problem: str) -> SupervisorStatus:
+    """The status where the supervisor cannot decide, and the drives damp."""
+    return replace(
+        status,
+        mode=RobotMode.DAMP,
+        stand=problem,
+        walk=problem,
+        segway=problem,
+        faults=(f"drives damp: {problem}",),
+    )
+
+
 def faults(
-    fallen: bool, linked: bool, refused: str, controller_lost: bool, failed: int
+    fallen: bool,
+    linked: bool,
+    refused: str,
+    failed: int,
+    missed: float,
+    battery: str,
 ) -> tuple[str, ...]:
     """What is wrong, in words.
 
@@ -54,8 +73,9 @@ def faults(
         fallen: Whether Cassie fell.
         linked: Whether the operator's commands arrive over a good link.
         refused: Why his command is refused, or empty.
-        controller_lost: Whether the controller is silent.
         failed: Sensors' channels that fail, a bit each.
+        missed: Share of missed control ticks, where it is too large, else 0.
+        battery: What is wrong with the battery, or empty.
     """
     words = []
     if fallen:
@@ -66,6 +86,8 @@ def faults(
         words.append(f"operator command refused: {refused}")
     if failed:
         words.append(f"stopping and standing without {', '.join(names(failed))}")
-    if controller_lost:
-        words.append("gait controller lost: drives damp")
+    if missed:
+        words.append(f"stopping and standing: {100.0 * missed:.0f} % of control ticks missed")
+    if battery:
+        words.append(battery)
     return tuple(words)

@@ -64,6 +64,8 @@ class Sensors(Sample):
         ("longest_delay", F8, 1),
         ("missed_ticks", U8, 1),
         ("late_ticks", U8, 1),
+        ("wall_paced", U8, 1),
+        ("operator_lease", U8, 1),
     )
     orientation: FloatArray
     angular_velocity: FloatArray
@@ -79,6 +81,8 @@ class Sensors(Sample):
     longest_delay: FloatArray
     missed_ticks: UInt64Array
     late_ticks: UInt64Array
+    wall_paced: UInt64Array
+    operator_lease: UInt64Array
 
 
 class RobotState(Sample):
@@ -102,6 +106,8 @@ class RobotState(Sample):
         ("sensor_faults", U8, 1),
         ("missed_ticks", U8, 1),
         ("late_ticks", U8, 1),
+        ("wall_paced", U8, 1),
+        ("operator_lease", U8, 1),
     )
     q: FloatArray
     v: FloatArray
@@ -119,6 +125,8 @@ class RobotState(Sample):
     sensor_faults: UInt64Array
     missed_ticks: UInt64Array
     late_ticks: UInt64Array
+    wall_paced: UInt64Array
+    operator_lease: UInt64Array
 
 
 class Mode(Sample):

@@ -40,7 +40,7 @@ class LayoutError(ValueError):
     """Received bytes do not fit the message they are said to be."""
 
 
-def header(raw: bytes) -> tuple[int, int, int, int]:
+def header(raw: bytes | memoryview) -> tuple[int, int, int, int]:
     """Stamp, episode and seq of any control-lane message, without loading it.
 
     Args:

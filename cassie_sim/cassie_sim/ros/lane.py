@@ -13,15 +13,18 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 
+from cassie_msgs.bounds import outside
 from cassie_msgs.layout import LayoutError, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.fast_lane import (
     EVERY,
-    NEWEST,
+    NEWEST_OF_ONE,
     WRITER,
     LanePublisher,
     LaneSubscription,
     LaneWaiter,
+    take_from_each,
 )
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_sim.ground_truth import TOPIC as GROUND_TRUTH_TOPIC
 from cassie_sim.ground_truth import GroundTruth
 from cassie_sim.lane import Report
@@ -48,10 +51,18 @@ class SimulatorLane:
         control_rate: In Hz.
         report: Where refused messages go.
         watch: Called with the plant after each sample, for film and window.
+        scripted: Whether a script's answers are waited for. A person's commands wake nobody: they
+            are taken once a tick, so that a flood of them costs no more than that.
     """
 
     def __init__(
-        self, node: Node, control_rate: int, report: Report, watch: Callable[[Plant], None]
+        self,
+        node: Node,
+        control_rate: int,
+        report: Report,
+        watch: Callable[[Plant], None],
+        *,
+        scripted: bool,
     ) -> None:
         self._sensors = LanePublisher(node, Sensors)
         self._truth = node.create_publisher(Odometry, GROUND_TRUTH_TOPIC, WRITER)
@@ -61,13 +72,24 @@ class SimulatorLane:
         }
         self._clock = node.create_publisher(Clock, "/clock", _CLOCK_QOS)
         self._joint_states = JointStates(node)
-        self._commands = LaneSubscription(node, MotorCommand, qos=NEWEST)
+        controller = OneWriter(MotorCommand, in_order=False)
+        self._commands = LaneSubscription(node, MotorCommand, qos=NEWEST_OF_ONE, guard=controller)
         self._operator = LaneSubscription(node, OperatorCommand, qos=EVERY)
-        self._waiter = LaneWaiter(node, [self._commands, self._operator])
+        self._waiter = LaneWaiter(
+            node, [self._commands, self._operator] if scripted else [self._commands]
+        )
+        WriterWatch(
+            node,
+            [controller],
+            [self._sensors.publisher, self._truth, self._clock],
+            lambda topic, problem: report(topic, problem or None),
+        )
         self.wake = self._waiter.wake
-        self.command = MotorCommand()
+        self.command, self._received = MotorCommand(), MotorCommand()
         self.command_key = (-1, -1)
-        self.on_operator: Callable[[OperatorCommand], None] = _ignore
+        self._asked = (-1, -1)
+        self._command_refused = False
+        self.on_operator: Callable[[OperatorCommand, bytes], None] = _ignore
         self._operator_command = OperatorCommand()
         self._awake = Awake()
         self.keep_awake = False
@@ -82,6 +104,7 @@ class SimulatorLane:
         """Publish a new sample first, then what goes with it while the others compute."""
         self._last_sample = raw = sample.to_bytes()
         self._sensors.publish_raw(raw)
+        self._asked = (plant.episode, plant.seq)
         self._last_truth = truth = self._ground_truth.write(plant)
         self._truth.publish(truth)
         self._last_segway = self._segway_truth.messages(plant)
@@ -110,8 +133,8 @@ class SimulatorLane:
         """Return when something arrives or `wake` is called, `timeout` s later at the latest."""
         self._waiter.wait(timeout)
         self._take_command()
-        while (raw := self._operator.take_raw()) is not None:
-            self._take_operator_command(raw)
+        for writer, raw in take_from_each(self._operator):
+            self._take_operator_command(writer, raw)
 
     def missing(self) -> str:
         """Who does not take part yet."""
@@ -125,25 +148,37 @@ class SimulatorLane:
     def flush(self, timeout: float) -> None:
         """Wait until what was published has arrived, at most `timeout` s."""
         deadline = time.monotonic() + timeout
-        for publisher in (self._sensors, self._truth):
-            left = max(0.0, deadline - time.monotonic())
-            publisher.wait_for_all_acked(Duration(seconds=left))
+        self._sensors.flush(timeout)
+        self._truth.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _take_command(self) -> None:
         try:
-            if self._commands.take(self.command):
-                self.command_key = (int(self.command.episode), int(self.command.seq))
+            if not self._commands.take(self._received):
+                return
+            episode, seq = key = int(self._received.episode), int(self._received.seq)
+            refused = ""
+            if episode == self._asked[0]:
+                refused = outside("seq", seq, 0, self._asked[1])
         except LayoutError as error:
-            self._report("motor_command", f"motor command refused: {error}")
+            refused = str(error)
+        if refused:
+            self._command_refused = True
+            self._report("motor_command", f"motor command refused: {refused}")
+            return
+        self.command, self._received = self._received, self.command
+        self.command_key = key
+        if self._command_refused:
+            self._command_refused = False
+            self._report("motor_command", None)
 
-    def _take_operator_command(self, raw: bytes) -> None:
+    def _take_operator_command(self, writer: bytes, raw: bytes) -> None:
         try:
             self._operator_command.load(raw)
         except LayoutError as error:
-            self._report("operator", f"operator command refused: {error}")
+            self._report("operator_command", f"operator command refused: {error}")
             return
-        self.on_operator(self._operator_command)
+        self.on_operator(self._operator_command, writer)
 
 
-def _ignore(_: OperatorCommand) -> None:
+def _ignore(_: OperatorCommand, __: bytes) -> None:
     return None

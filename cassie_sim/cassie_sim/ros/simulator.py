@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from cassie_msgs.ros.claim import claim
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
@@ -31,6 +32,7 @@ class Simulator(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("simulator")
+        claim(self, "simulator")
         self._config = declare(self, SimulatorConfig())
         scenario = scenario_of(self._config)
         plant = self._make_plant(scenario)
@@ -40,7 +42,13 @@ class Simulator(Node):
         self._window = None if self._config.headless else Window(plant.model, plant.data)
         self._film_period = max(1, round(self._config.control_rate / self._config.video_fps))
         self._diagnostics = Diagnostics(self)
-        lane = SimulatorLane(self, self._config.control_rate, self._report, self._watch)
+        lane = SimulatorLane(
+            self,
+            self._config.control_rate,
+            self._report,
+            self._watch,
+            scripted=self._config.scripted_operator,
+        )
         self._lane = lane
         lane.keep_awake = self._config.hurries
         self._loop = Loop(plant, lane, self._config, self._report)
@@ -109,6 +117,9 @@ class Simulator(Node):
             real_time_factor=f"{loop.factor.value:.3f}",
             lockstep_broken=loop.times_broken,
             pacing=self._config.pacing,
+            missed_ticks=loop.timing.missed,
+            late_ticks=loop.timing.late,
+            longest_delay=f"{loop.timing.longest_delay:.4f}",
         )
 
     def _set_config(self, config: SimulatorConfig) -> None:

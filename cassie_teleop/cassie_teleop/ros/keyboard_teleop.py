@@ -9,11 +9,13 @@ from rclpy.node import Node
 
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros import parameters, process
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import HELP, Keyboard, Status, status_line
 from cassie_teleop.radio import without_link
 from cassie_teleop.ros.sender import Sender
 from cassie_teleop.terminal import Terminal
+
+_ASKING = 1.0  # s, for which one key press asks for the lease
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +42,7 @@ class KeyboardTeleop(Node):
         self._keyboard = Keyboard()
         self._status: SupervisorStatus | None = None
         self._heard = 0.0
+        self._asked = -_ASKING
         self._sender = Sender(self)
         self.create_subscription(SupervisorStatus, "/cassie/supervisor_status", self._on_status, 10)
         self._terminal = Terminal()
@@ -61,6 +64,8 @@ class KeyboardTeleop(Node):
                     self._terminal.say(HELP)
                 elif self._keyboard.press(key) and key.lower() == "o":
                     due = 0.0  # an emergency stop does not wait its turn
+                if self._keyboard.asks:
+                    self._asked = time.monotonic()
             if time.monotonic() >= due:
                 due = time.monotonic() + self._period
                 self._send()
@@ -72,13 +77,17 @@ class KeyboardTeleop(Node):
             self._sender.send_last(without_link(self._keyboard.wish))
 
     def _send(self) -> None:
-        if self._keyboard.wish is not None:
-            self._sender.send(self._keyboard.wish)
+        keyboard = self._keyboard
+        if keyboard.wish is not None:
+            keyboard.asks = time.monotonic() - self._asked < _ASKING
+            self._sender.send(replace_checked(keyboard.wish, take_over=keyboard.asks))
         width = self._terminal.width - 1
         self._terminal.show(status_line(self._keyboard.wish, self._shown(), width))
 
     def _on_status(self, status: SupervisorStatus) -> None:
         self._heard = time.monotonic()
+        if self._status is not None and status.episode != self._status.episode:
+            self._keyboard.disarm()
         self._status = status
 
     def _shown(self) -> Status | None:

@@ -13,21 +13,18 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.fast_lane import (
+    EVERY,
     Doze,
     LanePublisher,
     LaneSubscription,
     LaneWaiter,
     RawSubscription,
 )
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
 from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 
-# Every 10th state counts. The loop runs on for a period before it waits for the answer, so more
-# states than that may be waiting when this process gets its turn; none may be overwritten.
-_STATES = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=5 * PERIOD
-)
 # Every one counts for a rider, who looks at some of them by their time.
 _TRUTH = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD
@@ -58,7 +55,8 @@ class ScriptedOperatorNode(Node):
             raise ParameterError("script must be given: -p script:=FILE.yaml")
         self._operator = ScriptedOperator(*read_script(Path(config.script).expanduser()))
         self._stop = stop
-        self._states = LaneSubscription(self, RobotState, qos=_STATES)
+        estimator = OneWriter(RobotState)
+        self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
         self._commands = LanePublisher(self, OperatorCommand)
         self._eyes: RawSubscription | None = None
         if self._operator.rider is not None:
@@ -66,6 +64,7 @@ class ScriptedOperatorNode(Node):
         self._waiter = LaneWaiter(self, [self._states, *([self._eyes] if self._eyes else [])])
         stop.on_request(self._waiter.wake)
         self._diagnostics = diagnostics.Diagnostics(self)
+        WriterWatch(self, [estimator], [], self._report)
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""
@@ -83,6 +82,10 @@ class ScriptedOperatorNode(Node):
             elif time.monotonic() - heard > _SILENCE:
                 message = f"no {RobotState.TOPIC} for more than {_SILENCE:g} s"
                 self._diagnostics.set("script", diagnostics.STALE, message)
+
+    def _report(self, subject: str, problem: str) -> None:
+        level = diagnostics.ERROR if problem else diagnostics.OK
+        self._diagnostics.set(subject, level, problem or "ok")
 
     def _answer(self, raw: bytes) -> None:
         _, _, episode, seq = header(raw)

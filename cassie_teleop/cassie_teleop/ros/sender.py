@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 from rclpy.node import Node
 
 from cassie_msgs.layout import OperatorCommand
+from cassie_msgs.operators import write_sender
 from cassie_msgs.ros.fast_lane import LanePublisher
 from cassie_teleop.wish import Wish, write
 
 
 class Sender:
-    """Publisher of /cassie/operator_command for a person."""
+    """Publisher of /cassie/operator_command for a person.
+
+    Attributes:
+        name: Who speaks, as the commands say it.
+    """
 
     def __init__(self, node: Node) -> None:
         """Create the publisher."""
         self._publisher = LanePublisher(node, OperatorCommand)
         self._command = OperatorCommand()
+        self.name = f"{node.get_name()}-{os.getpid()}"
+        write_sender(self._command, self.name)
 
     def send(self, wish: Wish) -> None:
         """Send the wishes as of now."""

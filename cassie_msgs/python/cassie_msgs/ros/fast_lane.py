@@ -27,6 +27,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.inbox import Inbox
+from cassie_msgs.ros.one_writer import Guard
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
@@ -34,13 +35,18 @@ SampleT = TypeVar("SampleT", bound=Sample)
 WRITER = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=100
 )
-# Sensors, state and motor command: only the newest is of use.
+# For onlookers: only the newest is of use.
 NEWEST = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=1
 )
+# Sensors, state and motor command on the lane: the newest of the writer that counts, which those of
+# others must not push out of the queue.
+NEWEST_OF_ONE = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=100
+)
 # Mode and operator command: each holds for a tick of its own.
 EVERY = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=10
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=500
 )
 
 
@@ -74,8 +80,8 @@ class LanePublisher(Generic[SampleT]):
     ) -> None:
         """Create the publisher; `topic` defaults to the one the type travels on."""
         self.topic = topic or sample_type.TOPIC
-        self._publisher = node.create_publisher(message_type(sample_type), self.topic, qos)
-        self._send = self._publisher.publish
+        self.publisher = node.create_publisher(message_type(sample_type), self.topic, qos)
+        self._send = self.publisher.publish
 
     def publish(self, sample: SampleT) -> None:
         """Send the sample as it is now."""
@@ -85,18 +91,14 @@ class LanePublisher(Generic[SampleT]):
         """Send bytes kept from `to_bytes`, such as a cached reply."""
         self._send(raw)
 
-    def wait_for_all_acked(self, timeout: Duration) -> bool:
-        """Wait until every reliable reader has what was sent; False on time-out."""
-        return bool(self._publisher.wait_for_all_acked(timeout))
-
     def flush(self, timeout_s: float) -> bool:
         """Wait until all reliable readers have what was sent; says whether they do."""
-        return bool(self._publisher.wait_for_all_acked(Duration(seconds=timeout_s)))
+        return bool(self.publisher.wait_for_all_acked(Duration(seconds=timeout_s)))
 
     @property
     def matched(self) -> int:
         """Number of subscriptions that receive from here."""
-        return int(self._publisher.get_subscription_count())
+        return int(self.publisher.get_subscription_count())
 
 
 class RawSubscription:
@@ -143,10 +145,33 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         sample_type: type[SampleT],
         topic: str | None = None,
         qos: QoSProfile = NEWEST,
+        guard: Guard | None = None,
     ) -> None:
-        """Create the subscription; `topic` defaults to the one the type travels on."""
+        """Create the subscription.
+
+        Args:
+            node: Node it belongs to.
+            sample_type: Of its messages.
+            topic: Where they come; by default the topic that the type travels on.
+            qos: How they are kept until they are taken.
+            guard: Which of them count; all by default.
+        """
         super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos)
         self._drain = qos.depth > 1
+        self._guard = guard
+
+    def take_raw(self) -> bytes | None:
+        """The oldest message that counts and was not yet taken, as bytes; None if there is none."""
+        taken = self._take()
+        return None if taken is None else bytes(taken)
+
+    def _take(self) -> memoryview | None:
+        """The oldest message that counts and was not yet taken, valid until the next call."""
+        inbox, guard = self.inbox, self._guard
+        taken = inbox.take()
+        while guard is not None and taken is not None and not guard.admits(inbox.writer, taken):
+            taken = inbox.take()
+        return taken
 
     def take_next(self, sample: SampleT) -> bool:
         """Load the oldest message not yet taken; says whether there was one.
@@ -154,7 +179,7 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if it is not of this type's size.
         """
-        taken = self.inbox.take()
+        taken = self._take()
         if taken is None:
             return False
         sample.load(taken)
@@ -166,14 +191,46 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if it is not of this type's size.
         """
-        taken = self.inbox.take()
+        taken = self._take()
         if taken is None:
             return False
         sample.load(taken)
         if self._drain:
-            while (taken := self.inbox.take()) is not None:
+            while (taken := self._take()) is not None:
                 sample.load(taken)
         return True
+
+
+def take_from_each(
+    subscription: RawSubscription, most: int = 10, longest: int = 1000
+) -> list[tuple[bytes, bytes]]:
+    """All messages not yet taken of a topic that several nodes write, oldest first.
+
+    Whoever floods the topic costs little more than taking the messages: of one writer the oldest
+    and the newest come, `most` in all.
+
+    Args:
+        subscription: Where they are.
+        most: Of one writer.
+        longest: Messages taken in one call; the others wait for the next.
+
+    Returns:
+        Identity of the writer and message of each.
+    """
+    taken: list[tuple[bytes, bytes]] = []
+    places: dict[bytes, list[int]] = {}
+    for _ in range(longest):
+        raw = subscription.inbox.take()
+        if raw is None:
+            break
+        writer = subscription.inbox.writer
+        mine = places.setdefault(writer, [])
+        if len(mine) < most:
+            mine.append(len(taken))
+            taken.append((writer, bytes(raw)))
+        else:
+            taken[mine[-1]] = (writer, bytes(raw))
+    return taken
 
 
 class LaneWaiter:

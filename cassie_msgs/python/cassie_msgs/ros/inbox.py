@@ -47,6 +47,20 @@ class _Bytes(ctypes.Structure):
     )
 
 
+class _Info(ctypes.Structure):
+    """`rmw_message_info_t`, what is known of a message beside its content."""
+
+    _fields_ = (
+        ("sent", ctypes.c_int64),
+        ("received", ctypes.c_int64),
+        ("number_sent", ctypes.c_uint64),
+        ("number_received", ctypes.c_uint64),
+        ("implementation", ctypes.c_char_p),
+        ("writer", ctypes.c_uint8 * 16),
+        ("from_own_process", ctypes.c_bool),
+    )
+
+
 class _Text(ctypes.Structure):
     """`rcutils_error_string_t`."""
 
@@ -88,6 +102,9 @@ class Inbox:
         self.descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._bytes = _Bytes()
         self._bytes_pointer = ctypes.addressof(self._bytes)
+        self._info = _Info()
+        self._info_pointer = ctypes.addressof(self._info)
+        self._writer = memoryview(self._info.writer).cast("B")
         allocator = _rcutils.rcutils_get_default_allocator()
         _check(
             _rcutils.rcutils_uint8_array_init(
@@ -162,13 +179,18 @@ class Inbox:
         if self._receiver and self._receiver != threading.get_ident():
             take = _take_patiently
         with self._handle:
-            code = take(self._pointer, self._bytes_pointer, None, None)
+            code = take(self._pointer, self._bytes_pointer, self._info_pointer, None)
         if code == _NOTHING_TO_TAKE:
             return None
         _check(code)
         if self._bytes.capacity != self._capacity:
             self._look_at_buffer()
         return self._view[: self._bytes.length]
+
+    @property
+    def writer(self) -> bytes:
+        """Identity of who wrote the message taken last, as DDS knows it."""
+        return self._writer.tobytes()
 
     def _look_at_buffer(self) -> None:
         self._capacity = self._bytes.capacity

@@ -116,18 +116,19 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
     except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
         print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    with executor_thread(node, stop):
-        try:
+    try:
+        with executor_thread(node, stop):
             gc.collect()
             gc.freeze()  # what exists by now lives as long as the process
             sys.setswitchinterval(_SWITCH_INTERVAL)
             getattr(node, "loop", stop.wait)()
-        except _SHUTDOWN_ERRORS:
-            if not stop.requested:
-                raise
-        finally:
-            if hasattr(node, "close"):
-                node.close()
+    except _SHUTDOWN_ERRORS:
+        if not stop.requested:
+            raise
+    finally:
+        # Now that no timer and no subscription can say anything any more.
+        if hasattr(node, "close"):
+            node.close()
     with contextlib.suppress(*_SHUTDOWN_ERRORS):
         node.destroy_node()
     return stop.exit_code

@@ -1,0 +1,70 @@
+"""Which numbers of a message are believed: bounds on both sides of every episode and seq.
+
+A single number from far ahead would make everything that follows look old, and a number from the
+past would set a node back. Neither can come from a node that works.
+"""
+
+from __future__ import annotations
+
+LEAD = 600_000
+"""Control ticks by which a stream may jump ahead: 20 minutes at 500 Hz, 5 at 2 kHz."""
+
+EPISODE_LEAD = 1 << 31
+"""Episodes by which a stream may jump ahead. They count on from the time at which the simulator
+started, in s."""
+
+CONFIRMED = 3
+"""Messages that go on from each other, after which a jump beyond the bounds is believed: the
+stream did go on while nobody listened."""
+
+
+def outside(name: str, value: int, low: int, high: int) -> str:
+    """What is wrong with a number; empty if it is within its bounds, which are permitted."""
+    return "" if low <= value <= high else f"{name} = {value} is outside {low} .. {high}"
+
+
+class Progress:
+    """Bounds on a stream whose messages carry a rising episode and seq, such as sensor samples.
+
+    A message may repeat the last one, follow it within `LEAD` ticks of the same episode, or begin
+    a later episode. A restarted sender is a new stream: `restart` forgets the old one.
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """The next message may carry any number."""
+        self._last: tuple[int, int] | None = None
+        self._refused: tuple[int, int] | None = None
+        self._in_a_row = 0
+
+    def refusal(self, episode: int, seq: int) -> str:
+        """Why a message is not believed; empty if it is, and the stream goes on from it."""
+        if self._last is None:
+            self._last = (episode, seq)
+            return ""
+        last_episode, last_seq = self._last
+        if episode == last_episode:
+            # The usual case, and the only one on the way of every tick.
+            if last_seq <= seq <= last_seq + LEAD:
+                self._last = (episode, seq)
+                return ""
+            problem = outside("seq", seq, last_seq, last_seq + LEAD)
+        elif last_episode < episode <= last_episode + EPISODE_LEAD:
+            self._last = (episode, seq)
+            return ""
+        else:
+            problem = outside("episode", episode, last_episode, last_episode + EPISODE_LEAD)
+        if self._goes_on(episode, seq):
+            self.restart()
+            self._last = (episode, seq)
+            return ""
+        return problem
+
+    def _goes_on(self, episode: int, seq: int) -> bool:
+        """Whether refused messages have gone on from each other often enough."""
+        before, self._refused = self._refused, (episode, seq)
+        follows = before is not None and before[0] == episode and 0 < seq - before[1] <= LEAD
+        self._in_a_row = self._in_a_row + 1 if follows else 1
+        return self._in_a_row >= CONFIRMED

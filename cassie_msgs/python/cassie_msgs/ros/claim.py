@@ -1,0 +1,149 @@
+"""One node of a kind in each ROS domain: the second one refuses to start.
+
+Two simulators, estimators, controllers or supervisors in one domain would speak for the same robot.
+Each takes a lock of its own file, which the system gives back when the process ends, however it
+ends; so nothing waits for discovery and of two that start at once just one goes on. Nodes on other
+machines are not seen here: `one_writer` names them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.node import Node
+
+from cassie_msgs.ros.parameters import declare
+from cassie_msgs.tunables import tunable
+
+DOMAINS = range(102)
+"""ROS domains whose ports no operating system uses for other things."""
+
+RUN_DOMAINS = range(40, 100)
+"""Those of runs that choose a domain themselves."""
+
+
+class SecondNodeError(ValueError):
+    """Another node of this kind runs in the same domain."""
+
+
+_TRIES = 5
+_PAUSE = 0.01  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClaimConfig:
+    """Parameter of every node that may run once in a domain."""
+
+    allow_second: bool = tunable(
+        False, description="Start although another node of this kind runs in the domain", live=False
+    )
+
+
+def claim(node: Node, role: str) -> None:
+    """Hold that this is the only node of its kind in its domain on this machine.
+
+    The claim ends with the process.
+
+    Args:
+        node: The node; gets the parameter `allow_second`.
+        role: Its kind, such as "simulator".
+
+    Raises:
+        SecondNodeError: if another one runs; the message names a domain that is free.
+    """
+    if declare(node, ClaimConfig()).allow_second:
+        return
+    domain = node.context.get_domain_id()
+    if _lock(domain, role) is None:
+        raise SecondNodeError(
+            f"another {role} runs in ROS domain {domain}: stop it, or start this one with "
+            f"ROS_DOMAIN_ID={free_domain()}, which is free (-p allow_second:=true starts it here)"
+        )
+
+
+def free_domain() -> int:
+    """A domain in which no node that runs once is running on this machine.
+
+    Raises:
+        SecondNodeError: if there is none.
+    """
+    for domain in DOMAINS:
+        if domain not in RUN_DOMAINS and not any(map(_is_held, _files(domain))):
+            return domain
+    raise SecondNodeError(f"ROS domains {DOMAINS[0]} .. {DOMAINS[-1]} are all in use")
+
+
+@contextlib.contextmanager
+def run_domain() -> Iterator[int]:
+    """A domain that no other run on this machine uses at the same time.
+
+    Raises:
+        SecondNodeError: if all are taken.
+    """
+    for offset in range(len(RUN_DOMAINS)):
+        domain = RUN_DOMAINS[(os.getpid() + offset) % len(RUN_DOMAINS)]
+        if any(map(_is_held, _files(domain))):
+            continue
+        lock = _lock(domain, "run")
+        if lock is None:
+            continue
+        try:
+            yield domain
+        finally:
+            os.close(lock)
+        return
+    raise SecondNodeError(f"ROS domains {RUN_DOMAINS[0]} .. {RUN_DOMAINS[-1]} are all in use")
+
+
+def _file(domain: int, role: str) -> Path:
+    return Path(tempfile.gettempdir()) / f"cassie_domain_{domain}.{role}.lock"
+
+
+def _files(domain: int) -> list[Path]:
+    return list(Path(tempfile.gettempdir()).glob(f"cassie_domain_{domain}.*.lock"))
+
+
+def _lock(domain: int, role: str) -> int | None:
+    """Descriptor of a lock that ends with the process; None if somebody holds it."""
+    try:
+        descriptor = _opened(_file(domain, role))
+    except OSError:
+        return None
+    for _ in range(_TRIES):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            time.sleep(_PAUSE)  # it may be held by somebody who just looks
+        else:
+            return descriptor
+    os.close(descriptor)
+    return None
+
+
+def _is_held(path: Path) -> bool:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _opened(path: Path) -> int:
+    """A lock file that may be another user's, which one may read but not write."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except PermissionError:
+        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)

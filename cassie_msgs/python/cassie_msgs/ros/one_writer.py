@@ -1,0 +1,149 @@
+"""One writer per topic of the control lane.
+
+DDS delivers what any node of the domain writes. A receiver therefore binds to the writer whose
+message it first believed, known by the identity that DDS gives with each message. What others
+write on the topic is dropped and reported, by the name of their node, until the first writer is
+gone from the graph; then the next one counts.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
+
+from cassie_msgs.bounds import Progress
+from cassie_msgs.sample import Sample, header
+
+LOOK_PERIOD = 0.5
+"""Wall time between two looks at the graph. In s."""
+
+Report = Callable[[str, str], Any]
+"""Takes a subject and what is wrong with it, empty when nothing is."""
+
+_GID_SIZE = 16
+_rcl = ctypes.PyDLL("librcl.so")
+_rmw = ctypes.PyDLL(f"lib{get_rmw_implementation_identifier()}.so")
+_rcl.rcl_publisher_get_rmw_handle.argtypes = (ctypes.c_void_p,)
+_rcl.rcl_publisher_get_rmw_handle.restype = ctypes.c_void_p
+_rmw.rmw_get_gid_for_publisher.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+
+
+class _Gid(ctypes.Structure):
+    """`rmw_gid_t`."""
+
+    _fields_ = (("implementation", ctypes.c_char_p), ("data", ctypes.c_uint8 * _GID_SIZE))
+
+
+class Guard(Protocol):
+    """Decides which messages of a subscription count."""
+
+    def admits(self, writer: bytes, raw: memoryview) -> bool:
+        """Whether a message counts, by the identity of its writer and its bytes."""
+
+
+class OneWriter:
+    """Admits the messages of one writer; a `Guard`.
+
+    Args:
+        sample_type: Of the messages.
+        in_order: Whether episode and seq have to go on from message to message (`Progress`).
+
+    Attributes:
+        writer: Identity of the writer that counts; empty before the first.
+        refused: Why the newest message of that writer was refused; empty if it was not.
+    """
+
+    def __init__(self, sample_type: type[Sample], *, in_order: bool = True) -> None:
+        self.topic = sample_type.TOPIC
+        self.writer = b""
+        self.refused = ""
+        self._size = sample_type.SIZE
+        self._progress = Progress() if in_order else None
+
+    def admits(self, writer: bytes, raw: memoryview) -> bool:
+        """Whether a message counts. One that has no header counts: its reader refuses it."""
+        if writer != self.writer and self.writer:
+            return False
+        if len(raw) < self._size:
+            return True
+        if self._progress is not None:
+            _, _, episode, seq = header(raw)
+            self.refused = self._progress.refusal(episode, seq)
+            if self.refused:
+                return False
+        if not self.writer:
+            self.writer = writer
+        return True
+
+    def release(self) -> None:
+        """The writer is gone: the next message binds."""
+        self.writer = b""
+        if self._progress is not None:
+            self._progress.restart()
+
+
+class WriterWatch:
+    """Looks at the graph twice a second: who writes which topic, who is gone, who is one too many.
+
+    Args:
+        node: Node whose topics these are.
+        guards: Of its subscriptions.
+        publishers: Its rclpy publishers on the control lane.
+        report: Gets what is wrong, by topic.
+    """
+
+    def __init__(
+        self, node: Node, guards: Iterable[OneWriter], publishers: Iterable[Any], report: Report
+    ) -> None:
+        self._node = node
+        self._guards = tuple(guards)
+        self._own = {publisher.topic_name: identity(publisher) for publisher in publishers}
+        self._report = report
+        self._timer = node.create_timer(
+            LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def look(self) -> None:
+        """Release guards whose writer is gone, report second writers."""
+        for guard in self._guards:
+            names = writers(self._node, guard.topic)
+            if guard.writer and guard.writer not in names:
+                guard.release()
+                continue
+            self._report(guard.topic, _problem(guard, names))
+        for topic, own in self._own.items():
+            names = writers(self._node, topic)
+            others = ", ".join(sorted({name for gid, name in names.items() if gid != own}))
+            problem = f"{others} writes {topic}, too: only one node may" if others else ""
+            self._report(f"writing {topic}", problem)
+
+
+def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
+    """What is wrong with who writes a topic; empty if nothing is."""
+    if not guard.writer:
+        return ""
+    if others := [names[gid] for gid in names if gid != guard.writer]:
+        return f"{', '.join(sorted(others))} ignored: {names[guard.writer]} writes it already"
+    return f"message refused: {guard.refused}" if guard.refused else ""
+
+
+def writers(node: Node, topic: str) -> dict[bytes, str]:
+    """Names of the nodes that write a topic, by the identity of the writer."""
+    return {
+        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name
+        for info in node.get_publishers_info_by_topic(topic)
+    }
+
+
+def identity(publisher: Any) -> bytes:
+    """Identity under which others receive the messages of an rclpy publisher."""
+    gid = _Gid()
+    with publisher.handle:
+        handle = _rcl.rcl_publisher_get_rmw_handle(publisher.handle.pointer)
+        _rmw.rmw_get_gid_for_publisher(handle, ctypes.addressof(gid))
+    return bytes(gid.data)
