@@ -18,7 +18,7 @@ STATUS_TICKS = 5
 """The controller publishes its status on every so many ticks."""
 
 LEAD = 1000
-"""Control ticks by which a mode may be ahead of the state that the controller answers."""
+"""Control ticks by which a mode, or a script's answer, may be ahead of whoever receives it."""
 
 _KEPT = 4
 

@@ -51,9 +51,9 @@ def test_an_operator_command_of_another_layout_is_told_until_a_good_one_comes(no
     publisher = LanePublisher(node, OperatorCommand)
     until(lambda: publisher.matched)
     publisher.publish_raw(OperatorCommand().to_bytes()[:-8])
-    until(lambda: operator.at(0) or told.get("operator_command"))
+    until(lambda: operator.at(RobotState()) or told.get("operator_command"))
     publisher.publish(OperatorCommand())
-    until(lambda: operator.at(0) is not None)
+    until(lambda: operator.at(RobotState()) is not None)
     assert told["operator_command"] == ""
 
 

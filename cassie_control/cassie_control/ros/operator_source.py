@@ -8,6 +8,7 @@ from collections import deque
 from rclpy.node import Node
 
 from cassie_control.ros.common import Conditions
+from cassie_control.schedule import LEAD
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand, RobotState, header
@@ -23,6 +24,8 @@ START_PATIENCE = 8.0
 
 SCRIPT_AGE = 0.5
 """Wall time for which a script's command holds when nothing waits for the next. In s."""
+
+_MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for us
 
 
 class OperatorSource:
@@ -54,7 +57,7 @@ class OperatorSource:
         self._scripted = scripted
         self.operators = Operators(scripted=scripted)
         self._script = b""
-        self._early: deque[bytes] = deque()
+        self._early: deque[bytes] = deque(maxlen=_MOST)
         self._answered: dict[int, OperatorCommand] = {}
         self._received = OperatorCommand()
         self._command = OperatorCommand()
@@ -74,8 +77,12 @@ class OperatorSource:
         self._waited_for = True
 
     def take_state(self) -> bytes | None:
-        """The oldest state not yet taken, serialized."""
-        return self._early.popleft() if self._early else self._states.take_raw()
+        """The oldest state not yet taken, serialized; of a long row only the last ones count."""
+        self._take_early()
+        return self._early.popleft() if self._early else None
+
+    def _take_early(self) -> None:
+        self._early.extend(self._states.take_last(_MOST))
 
     def at(self, state: RobotState) -> OperatorCommand | None:
         """The command in force at a state; None when the operator is lost. May wait for it."""
@@ -150,12 +157,11 @@ class OperatorSource:
 
     def _overtaken(self, seq: int) -> bool:
         """Whether a state of the next period or episode is there; states are kept."""
-        overtaken = False
-        while (raw := self._states.take_raw()) is not None:
-            self._early.append(raw)
-            _, _, episode, newer = header(raw)
-            overtaken = overtaken or episode != self._episode or newer > seq + PERIOD_TICKS
-        return overtaken
+        self._take_early()
+        if not self._early:
+            return False
+        _, _, episode, newer = header(self._early[-1])
+        return episode != self._episode or newer > seq + PERIOD_TICKS
 
     def _take(self) -> None:
         for writer, raw in take_from_each(self._commands):
@@ -179,7 +185,7 @@ class OperatorSource:
         if int(command.episode) != self._episode:
             return ""
         seq = int(command.seq)
-        refused = outside("seq", seq, 0, self._seq + 2 * PERIOD_TICKS)
+        refused = outside("seq", seq, 0, self._seq + LEAD)
         if not refused:
             self._command = self._answered[seq] = OperatorCommand()
             self._command.copy_from(command)

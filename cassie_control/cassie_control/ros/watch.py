@@ -58,7 +58,7 @@ class Watch:
 
     def look(self, now: float) -> bool:
         """See who is silent; says whether that has changed."""
-        if now - self._looked > SILENT_AFTER / 2:  # it was we who did not listen
+        if now - self._looked > SILENT_AFTER:  # it was we who did not listen
             for silence in (self._simulator, self._estimator, self._controller):
                 silence.excuse(now)
         self._looked = now

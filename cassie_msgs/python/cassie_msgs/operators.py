@@ -41,7 +41,8 @@ def neutral(command: OperatorCommand) -> bool:
 
 def resting(command: OperatorCommand) -> bool:
     """Whether a command lets the robot stand, or be without power."""
-    return not command.power or (int(command.mode) == RobotMode.STAND and neutral(command))
+    moves = int(command.mode) in (RobotMode.WALK, RobotMode.SEGWAY) or not neutral(command)
+    return not moves or not command.power
 
 
 def without_speeds(command: OperatorCommand) -> None:

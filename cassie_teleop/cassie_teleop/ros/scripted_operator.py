@@ -76,7 +76,7 @@ class ScriptedOperatorNode(Node):
         while not self._stop.requested:
             if self._waiter.wait(_SILENCE / 2):
                 heard = time.monotonic()
-                while (raw := self._states.take_raw()) is not None:
+                for raw in self._states.take_last(5 * PERIOD):
                     self._answer(raw)
                 self._diagnostics.set("script", diagnostics.OK, "playing")
             elif time.monotonic() - heard > _SILENCE:

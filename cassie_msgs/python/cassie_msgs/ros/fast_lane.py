@@ -15,6 +15,7 @@ import os
 import select
 import time
 import weakref
+from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from importlib import import_module
@@ -164,6 +165,16 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         """The oldest message that counts and was not yet taken, as bytes; None if there is none."""
         taken = self._take()
         return None if taken is None else bytes(taken)
+
+    def take_last(self, most: int) -> Iterable[bytes]:
+        """The last messages that count and were not yet taken, oldest first, at most so many.
+
+        Whoever answers some of them may be held up; what is too old to matter is left out.
+        """
+        last: deque[bytes] = deque(maxlen=most)
+        while (raw := self.take_raw()) is not None:
+            last.append(raw)
+        return last
 
     def _take(self) -> memoryview | None:
         """The oldest message that counts and was not yet taken, valid until the next call."""

@@ -26,6 +26,7 @@ Report = Callable[[str, str], Any]
 """Takes a subject and what is wrong with it, empty when nothing is."""
 
 _GID_SIZE = 16
+_NAMELESS = "_NODE_NAME_UNKNOWN_"  # just discovered, or no ROS node
 _rcl = ctypes.PyDLL("librcl.so")
 _rmw = ctypes.PyDLL(f"lib{get_rmw_implementation_identifier()}.so")
 _rcl.rcl_publisher_get_rmw_handle.argtypes = (ctypes.c_void_p,)
@@ -135,7 +136,7 @@ def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
 def writers(node: Node, topic: str) -> dict[bytes, str]:
     """Names of the nodes that write a topic, by the identity of the writer."""
     return {
-        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name
+        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name.replace(_NAMELESS, "an unknown node")
         for info in node.get_publishers_info_by_topic(topic)
     }
 

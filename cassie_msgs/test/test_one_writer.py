@@ -1,0 +1,129 @@
+"""One writer per topic: strangers are dropped and named, and follow when the first is gone."""
+
+import time
+
+import pytest
+import rclpy
+
+from cassie_msgs.layout import Mode, OperatorCommand
+from cassie_msgs.ros.fast_lane import (
+    EVERY,
+    LanePublisher,
+    LaneSubscription,
+    take_from_each,
+)
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch, identity, writers
+
+
+def until(holds, timeout=10.0):
+    deadline = time.monotonic() + timeout
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+class Lane:
+    """A receiver of modes that listens to one writer, and two writers."""
+
+    def __init__(self, node, others):
+        self.guard = OneWriter(Mode)
+        self.subscription = LaneSubscription(node, Mode, qos=EVERY, guard=self.guard)
+        self.first, self.second = (LanePublisher(other, Mode) for other in others)
+        self.reports = {}
+        self.watch = WriterWatch(node, [self.guard], [], self.reports.__setitem__)
+        until(lambda: self.first.matched and self.second.matched)
+        until(lambda: {*writers(node, Mode.TOPIC).values()} == {"first", "second"})
+
+    def send(self, publisher, seq):
+        mode = Mode()
+        mode.seq[...] = seq
+        publisher.publish(mode)
+
+    def heard(self):
+        """What counts of what comes within 0.2 s."""
+        time.sleep(0.2)
+        mode, seqs = Mode(), []
+        while self.subscription.take_next(mode):
+            seqs.append(int(mode.seq))
+        return seqs
+
+
+@pytest.fixture
+def others():
+    contexts = [rclpy.Context() for _ in range(2)]
+    for context in contexts:
+        rclpy.init(context=context)
+    nodes = [
+        rclpy.create_node(name, context=context)
+        for name, context in zip(("first", "second"), contexts, strict=True)
+    ]
+    yield nodes
+    for context in contexts:
+        rclpy.try_shutdown(context=context)
+
+
+def test_the_second_writer_is_dropped_and_named(node, others):
+    lane = Lane(node, others)
+    lane.send(lane.first, 1)
+    assert lane.heard() == [1]
+    for seq in range(2, 12):
+        lane.send(lane.second, seq)
+    lane.send(lane.first, 2)
+    assert lane.heard() == [2]
+    lane.watch.look()
+    assert lane.reports[Mode.TOPIC] == "second ignored: first writes it already"
+
+
+def test_it_counts_once_the_first_is_gone(node, others):
+    lane = Lane(node, others)
+    lane.send(lane.first, 100)
+    assert lane.heard() == [100]
+    others[0].destroy_node()
+    until(lambda: len(writers(node, Mode.TOPIC)) == 1)
+    lane.watch.look()
+    lane.send(lane.second, 3)  # a stream of its own
+    assert lane.heard() == [3]
+    lane.watch.look()
+    assert lane.reports[Mode.TOPIC] == ""
+
+
+def test_a_number_from_the_future_of_the_writer_itself_is_refused_and_reported(node, others):
+    lane = Lane(node, others)
+    for seq in (1, 2**62, 2):
+        lane.send(lane.first, seq)
+    lane.send(lane.first, 2**62)
+    assert lane.heard() == [1, 2]
+    others[1].destroy_node()
+    until(lambda: len(writers(node, Mode.TOPIC)) == 1)
+    lane.watch.look()
+    assert lane.reports[Mode.TOPIC].startswith("message refused: seq = 4611686018427387904")
+
+
+def test_another_writer_of_ones_own_topic_is_named(node, others):
+    mine = LanePublisher(node, Mode)
+    reports = {}
+    watch = WriterWatch(node, [], [mine.publisher], reports.__setitem__)
+    assert identity(mine.publisher) in writers(node, Mode.TOPIC)
+    watch.look()
+    assert reports == {"writing /cassie/mode": ""}
+    LanePublisher(others[1], Mode)
+    until(lambda: "second" in writers(node, Mode.TOPIC).values())
+    watch.look()
+    assert reports == {"writing /cassie/mode": "second writes /cassie/mode, too: only one node may"}
+
+
+def test_of_many_writers_a_flood_of_one_leaves_the_others_theirs(node, others):
+    subscription = LaneSubscription(node, OperatorCommand, qos=EVERY)
+    quiet, loud = (LanePublisher(other, OperatorCommand) for other in others)
+    until(lambda: quiet.matched and loud.matched)
+    command = OperatorCommand()
+    quiet.publish(command)
+    for seq in range(300):
+        command.seq[...] = seq
+        loud.publish(command)
+    time.sleep(0.5)
+    taken = take_from_each(subscription, most=5)
+    by = {writer: [raw for who, raw in taken if who == writer] for writer, _ in taken}
+    assert sorted(map(len, by.values())) == [1, 5]
+    command.load(taken[-1][1])
+    assert command.seq == 299  # the newest is there
