@@ -33,6 +33,7 @@ from cassie_bags.ros.processes import (
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.transport import use_loopback
 from cassie_msgs.srv import Gantry, Push, Reset, Step
 
@@ -170,8 +171,10 @@ class Eyes:
         )
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
         self.sensors, self.command = Sensors(), MotorCommand()
-        self._sensors = LaneSubscription(self.node, Sensors)
-        self._commands = LaneSubscription(self.node, MotorCommand)
+        simulator, controller = OneWriter(Sensors), OneWriter(MotorCommand)
+        self._sensors = LaneSubscription(self.node, Sensors, guard=simulator)
+        self._commands = LaneSubscription(self.node, MotorCommand, guard=controller)
+        WriterWatch(self.node, [simulator, controller], [], lambda topic, problem: None)
         self._truth = RawSubscription(self.node, Odometry, "/cassie/ground_truth", NEWEST)
         self._odometry = Odometry()
 

@@ -230,23 +230,29 @@ def status(robot: Robot):
 def test_one_operator_drives_the_other_watches_takes_over_at_rest_and_can_stop(
     robot: Robot,
 ) -> None:
-    eyes = robot.eyes
-    with Person(robot, "first-1") as first, Person(robot, "second-2") as second:
+    first, second = Person(robot, "first-1"), Person(robot, "second-2")
+    with first:
         walking(robot, first)
-        second.set(power=True, mode=RobotMode.STAND, take_over=True)
-        eyes.wait_for(lambda: list(status(robot).operators) == ["second-2"], "both to be told")
-        goes_on(robot, "walk", 1500)  # moving, so nobody takes over
-        assert status(robot).holder == "first-1"
-        second.set(take_over=False)
-        first.set(vx=0.0, mode=RobotMode.STAND)
-        eyes.wait_for(lambda: eyes.mode == "stand", "standing")
-        second.set(take_over=True)
-        eyes.wait_for(lambda: status(robot).holder == "second-2", "the lease to change")
-        second.set(take_over=False)
-        first.set(mode=RobotMode.WALK, vx=0.3)
-        goes_on(robot, "stand", 1000)
-        first.set(emergency_stop=True)
-        eyes.wait_for(lambda: eyes.sensors.power == 0.0, "the power to be cut")
+        with second:
+            _share(robot, first, second)
+
+
+def _share(robot: Robot, first: Person, second: Person) -> None:
+    eyes = robot.eyes
+    second.set(power=True, mode=RobotMode.STAND, take_over=True)
+    eyes.wait_for(lambda: list(status(robot).operators) == ["second-2"], "both to be told")
+    goes_on(robot, "walk", 1500)  # moving, so nobody takes over
+    assert status(robot).holder == "first-1"
+    second.set(take_over=False)
+    first.set(vx=0.0, mode=RobotMode.STAND)
+    eyes.wait_for(lambda: eyes.mode == "stand", "standing")
+    second.set(take_over=True)
+    eyes.wait_for(lambda: status(robot).holder == "second-2", "the lease to change")
+    second.set(take_over=False)
+    first.set(mode=RobotMode.WALK, vx=0.3)
+    goes_on(robot, "stand", 1000)
+    first.set(emergency_stop=True)
+    eyes.wait_for(lambda: eyes.sensors.power == 0.0, "the power to be cut")
 
 
 def test_a_flood_of_operator_commands_moves_nothing(robot: Robot) -> None:
