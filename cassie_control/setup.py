@@ -23,6 +23,7 @@ setup(
             "state_estimator = cassie_control.ros.state_estimator:main",
             "gait_controller = cassie_control.ros.gait_controller:main",
             "mode_supervisor = cassie_control.ros.mode_supervisor:main",
+            "stack = cassie_control.ros.stack:main",
         ],
     },
 )

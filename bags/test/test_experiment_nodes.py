@@ -71,18 +71,20 @@ def both_cores_loaded() -> Iterator[None]:
 
 
 def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, tmp_path: Path):
-    folders = [tmp_path / name for name in ("dds", "loaded", "process")]
+    folders = [tmp_path / name for name in ("dds", "loaded", "process", "stack")]
     runs = [experiment(file, "--out", folders[0], "--no-pictures")]
     with both_cores_loaded():
         runs.append(experiment(file, "--out", folders[1], "--no-pictures"))
     runs.append(experiment(file, "--out", folders[2], "--no-pictures", "--in-process"))
+    runs.append(experiment(file, "--out", folders[3], "--no-pictures", "--stack"))
     for run in runs:
         assert run.returncode == 0, run.stderr
-    dds, loaded, process = (read_recording(folder / "bag.mcap") for folder in folders)
-    assert gaps(dds) == gaps(loaded) == gaps(process) == []
+    dds, loaded, process, stack = (read_recording(folder / "bag.mcap") for folder in folders)
+    assert gaps(dds) == gaps(loaded) == gaps(process) == gaps(stack) == []
     assert len(process.truth) == 2500
     assert differences(dds, process, RECORDED_TOPICS) == []
     assert differences(loaded, process, RECORDED_TOPICS) == []
+    assert differences(stack, process, RECORDED_TOPICS) == []
     contents = [json.loads(run.stdout) for run in runs]
     for key in ("phases", "peak_torque", "draw"):
         assert contents[0][key] == contents[2][key]

@@ -28,6 +28,9 @@ from cassie_msgs.layout import (
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
+BRIDGED = 0.02
+"""Time without samples that the estimator bridges. In s."""
+
 
 class Estimator(Protocol):
     """What a state estimator can do."""
@@ -64,12 +67,22 @@ class Supervisor(Protocol):
 class GuardedEstimator:
     """An estimator that answers a sample it cannot use with a state of NaN.
 
+    Samples that were missed are made up: what is measured moves evenly from the last sample to the
+    next, so that the estimator's filters go on at their own rate.
+
+    Args:
+        core: The estimator.
+        most_missed: Samples in a row that are made up; after more the estimator goes on from the
+            next as if none were missing.
+
     Attributes:
         problem: Why the last sample could not be used; empty when it could.
     """
 
-    def __init__(self, core: Estimator) -> None:
+    def __init__(self, core: Estimator, most_missed: int = 0) -> None:
         self.core = core
+        self._most_missed = most_missed
+        self._last, self._between = Sensors(), Sensors()
         self.problem = ""
         self._invalid = RobotState()
         self._invalid.q[:] = self._invalid.v[:] = np.nan
@@ -82,6 +95,8 @@ class GuardedEstimator:
     def step(self, sensors: Sensors) -> RobotState:
         """The state at this sample; reused by the next step."""
         try:
+            if self._most_missed:
+                self._bridge(sensors)
             state = self.core.step(sensors)
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)
@@ -89,6 +104,22 @@ class GuardedEstimator:
             return _answering(self._invalid, sensors)
         self.problem = ""
         return state
+
+    def _bridge(self, sensors: Sensors) -> None:
+        """Step over the samples that were missed."""
+        last, between = self._last, self._between
+        steps = int(sensors.seq) - int(last.seq)
+        if sensors.episode == last.episode and 1 < steps <= self._most_missed + 1:
+            for step in range(1, steps):
+                between.copy_from(sensors)
+                between.floats[:] = last.floats + step / steps * (sensors.floats - last.floats)
+                between.orientation[:] /= np.linalg.norm(between.orientation)
+                between.seq[...] = int(last.seq) + step
+                between.stamp_ns = (
+                    last.stamp_ns + (sensors.stamp_ns - last.stamp_ns) * step // steps
+                )
+                self.core.step(between)
+        last.copy_from(sensors)
 
 
 class GuardedController:

@@ -7,11 +7,14 @@ figures are medians. It prints a table and writes a JSON file.
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import functools
 import json
 import os
 import platform
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -28,7 +31,7 @@ from cassie_bags.experiment_file import Experiment, parse_experiment
 from cassie_bags.in_process import Loop, run
 from cassie_bags.resolve import resolve, write_resolved
 from cassie_bags.ros.argument_types import positive, seconds
-from cassie_bags.ros.processes import Processes, environment, own_domain
+from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,12 +42,21 @@ operator:
   - {t: 0.0, power: true, mode: stand, height: 0.98}
   - {t: 1.0, mode: walk}
 duration: 12.0
+simulator: {control_rate: 500, pacing: lockstep}
 """
 
 TARGETS = {
-    "rtf_five_processes_500hz": (2.0, "at least"),
-    "round_trip_p50_us": (600.0, "at most"),
-    "tick_us": (300.0, "at most"),
+    "rtf_five_processes_500hz": (4.5, "at least"),
+    "rtf_five_processes_1000hz": (2.6, "at least"),
+    "rtf_five_processes_2000hz": (1.4, "at least"),
+    "rtf_stack_500hz": (5.5, "at least"),
+    "rtf_in_process_500hz": (14.0, "at least"),
+    "round_trip_p50_us": (300.0, "at most"),
+    "round_trip_p99_us": (1000.0, "at most"),
+    "tick_us": (100.0, "at most"),
+    "tick_p99_us": (250.0, "at most"),
+    "missed_share_realtime_500hz": (1e-4, "at most"),
+    "missed_share_realtime_500hz_busy": (0.01, "at most"),
 }
 
 _SETTLE = 1.0  # s of robot time at the start that do not count
@@ -98,17 +110,25 @@ def _measure(experiment: Experiment, number: int) -> dict[str, float]:
     figures: dict[str, float] = {}
     for name, variant in (
         ("five processes", _five_processes),
+        ("five processes at 1 kHz", functools.partial(_factor_at, rate=1000)),
+        ("five processes at 2 kHz", functools.partial(_factor_at, rate=2000)),
+        ("five processes and a recorder", functools.partial(_factor_at, rate=500, record=True)),
+        ("estimator and controller in one process", _stack),
         ("default executor", _default_executor),
         ("one process", _one_process),
         ("tick", _tick),
+        ("realtime", functools.partial(_missed, busy=0)),
+        ("realtime beside two busy loops", functools.partial(_missed, busy=2)),
     ):
         print(f"run {number + 1}: {name}", file=sys.stderr, flush=True)
         figures |= variant(experiment)
     return figures
 
 
-def _five_processes(experiment: Experiment) -> dict[str, float]:
-    """The nodes as they are installed, the simulator with a stopwatch."""
+def _over_dds(
+    experiment: Experiment, *, stack: bool = False, record: bool = False
+) -> Mapping[str, npt.NDArray[Any]]:
+    """The nodes as they are installed, the simulator with a stopwatch; what that one noted."""
     from cassie_bags.ros.dds_run import START_PATIENCE, start_nodes, watch
     from cassie_bags.ros.spectator import Spectator
 
@@ -119,12 +139,21 @@ def _five_processes(experiment: Experiment) -> dict[str, float]:
             "cassie_bags.ros.bench_simulator",
             folder / "times.npz",
         ]
-        start_nodes(experiment, folder, processes, {"simulator": program})
+        if record:
+            recorder = executable("cassie_bags", "record")
+            processes.start("record", [recorder, "-o", folder / "bag.mcap"])
+        start_nodes(experiment, folder, processes, {"simulator": program}, stack=stack)
         with Spectator(domain) as spectator:
             spectator.resume(START_PATIENCE)
             watch(experiment, processes, spectator)
 
-    sent, answered = _timed(play)
+    return _timed(play)
+
+
+def _five_processes(experiment: Experiment) -> dict[str, float]:
+    """Real-time factor, and the time from a sample to its command."""
+    times = _over_dds(experiment)
+    sent, answered = times["sent"], times["answered"]
     skip = _settled(experiment)
     trips = (answered[: len(sent)] - sent[: len(answered)])[skip:] * 1e6
     return {
@@ -132,6 +161,38 @@ def _five_processes(experiment: Experiment) -> dict[str, float]:
         "round_trip_p50_us": float(np.percentile(trips, 50)),
         "round_trip_p99_us": float(np.percentile(trips, 99)),
     }
+
+
+def _factor_at(experiment: Experiment, rate: int, record: bool = False) -> dict[str, float]:
+    """Real-time factor at a control rate, perhaps with a recorder beside it."""
+    changed = _with(experiment, control_rate=rate)
+    name = f"rtf_five_processes_{rate}hz" + ("_recorded" if record else "")
+    return {name: _factor(changed, _over_dds(changed, record=record)["sent"])}
+
+
+def _stack(experiment: Experiment) -> dict[str, float]:
+    """Real-time factor with estimator and controller as two nodes of one process."""
+    return {"rtf_stack_500hz": _factor(experiment, _over_dds(experiment, stack=True)["sent"])}
+
+
+def _missed(experiment: Experiment, busy: int) -> dict[str, float]:
+    """Share of the control ticks without a new command, paced by the wall clock."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
+    try:
+        times = _over_dds(_with(experiment, pacing="realtime", max_rate=1.0))
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+    name = "missed_share_realtime_500hz" + ("_busy" if busy else "")
+    return {name: float(times["missed"] / len(times["sent"]))}
+
+
+def _with(experiment: Experiment, **simulator: Any) -> Experiment:
+    """An experiment with other parameters of the simulator."""
+    parameters = dict(experiment.parameters)
+    parameters["simulator"] = {**parameters["simulator"], **simulator}
+    return dataclasses.replace(experiment, parameters=parameters)
 
 
 def _default_executor(experiment: Experiment) -> dict[str, float]:
@@ -150,7 +211,7 @@ def _default_executor(experiment: Experiment) -> dict[str, float]:
                 raise TimeoutError(f"the default executor takes more than {_PATIENCE:g} s")
             time.sleep(0.05)
 
-    sent, _ = _timed(play)
+    sent = _timed(play)["sent"]
     return {"rtf_default_executor_500hz": _factor(experiment, sent)}
 
 
@@ -202,8 +263,8 @@ class _Timed:
         return getattr(self._core, name)
 
 
-def _timed(play: Callable[[Path, Processes, int], None]) -> tuple[FloatArray, FloatArray]:
-    """Play a run in a folder and domain of its own; wall times of its samples and answers."""
+def _timed(play: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
+    """Play a run in a folder and domain of its own; what its simulator noted."""
     with (
         tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
         own_domain() as domain,
@@ -212,8 +273,7 @@ def _timed(play: Callable[[Path, Processes, int], None]) -> tuple[FloatArray, Fl
         folder = Path(name)
         play(folder, processes, domain)
         with np.load(folder / "times.npz") as times:
-            sent = times["sent"]
-            return sent, times.get("answered", sent)
+            return dict(times)
 
 
 def _settled(experiment: Experiment) -> int:
@@ -242,7 +302,8 @@ def _table(medians: Mapping[str, float], results: list[dict[str, float]]) -> str
     for name, value in medians.items():
         values = [result[name] for result in results]
         target = "{1} {0:g}".format(*TARGETS[name]) if name in TARGETS else ""
-        lines.append(f"{name:32}{value:10.2f}{min(values):10.2f}{max(values):10.2f}  {target}")
+        figures = "".join(f"{figure:10.4g}" for figure in (value, min(values), max(values)))
+        lines.append(f"{name:36}{figures}  {target}")
     load = os.getloadavg()[0]
     lines.append(f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} over the last minute")
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 Usage: python -m cassie_bags.ros.bench_simulator FILE --ros-args ...
 FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and
-its command was taken.
+its command was taken; and `missed`, the number of control ticks without a new command.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ class TimedSimulator(simulator.Simulator):
         super().close()
         lane = self._lane
         if isinstance(lane, TimedLane):
-            np.savez(Path(sys.argv[1]), sent=lane.sent, answered=lane.answered)
+            missed = self._loop.timing.missed
+            np.savez(Path(sys.argv[1]), sent=lane.sent, answered=lane.answered, missed=missed)
 
 
 def main() -> None:

@@ -45,8 +45,11 @@ NODES = {
 }
 """Package and section of the experiment of each node, by executable."""
 
+STACKED = ("state_estimator", "gait_controller")
+"""Nodes that can share a process, `cassie_control stack`."""
 
-def run_over_dds(experiment: Experiment, folder: Path) -> Path:
+
+def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -> Path:
     """Run a drawn experiment with all nodes as processes, and record it.
 
     The simulator begins paused. Each node answers the first sample, which is repeated until the
@@ -56,6 +59,7 @@ def run_over_dds(experiment: Experiment, folder: Path) -> Path:
     Args:
         experiment: What to run, drawn.
         folder: Where bag, drawn file, parameters and logs go.
+        stack: Estimator and controller as two nodes of one process.
 
     Returns:
         The bag.
@@ -72,7 +76,7 @@ def run_over_dds(experiment: Experiment, folder: Path) -> Path:
     with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
         record = executable("cassie_bags", "record")
         processes.start("record", [record, "-o", bag, "--metadata", metadata])
-        start_nodes(experiment, folder, processes)
+        start_nodes(experiment, folder, processes, stack=stack)
         with Spectator(domain) as spectator:
             _await_recorder(processes)
             spectator.resume(START_PATIENCE)
@@ -87,6 +91,8 @@ def start_nodes(
     folder: Path,
     processes: Processes,
     programs: Mapping[str, Sequence[str | Path]] | None = None,
+    *,
+    stack: bool = False,
 ) -> None:
     """Start the five nodes of a drawn experiment.
 
@@ -95,12 +101,20 @@ def start_nodes(
         folder: Where the drawn file and the parameters go.
         processes: Keeps them.
         programs: Commands in place of installed executables, by node.
+        stack: Estimator and controller as two nodes of one process.
     """
     scenario = folder / "experiment.yaml"
     write_resolved(experiment, scenario)
     parameters = node_parameters(experiment, scenario)
     places = processors_of(simulator_config(experiment), os.sched_getaffinity(0))
+    if stack:
+        own = {name: parameters[name] for name in STACKED}
+        words = write_parameters(folder / "parameters" / "stack.yaml", own, by_node=True)
+        program = executable("cassie_control", "stack")
+        processes.start("stack", [program, *words], places.get("gait_controller", ()))
     for name, (package, _) in NODES.items():
+        if stack and name in STACKED:
+            continue
         words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
         command = (programs or {}).get(name) or [executable(package, name)]
         processes.start(name, [*command, *words], places.get(name, ()))

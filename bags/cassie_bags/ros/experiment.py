@@ -38,7 +38,9 @@ def main() -> int:
     try:
         experiment = resolve(load_experiment(arguments.file, arguments.set, arguments.seed))
         check_parameters(experiment)
-        outcome = run_experiment(experiment, arguments.out, in_process=arguments.in_process)
+        outcome = run_experiment(
+            experiment, arguments.out, in_process=arguments.in_process, stack=arguments.stack
+        )
         if arguments.out is not None:
             outcome = keep(outcome, arguments.out, pictures=not arguments.no_pictures)
     except KeyboardInterrupt:
@@ -55,8 +57,12 @@ def main() -> int:
     return PASSED if outcome.passed else NOT_AS_EXPECTED
 
 
-def run_experiment(experiment: Experiment, out: Path | None, *, in_process: bool) -> Outcome:
+def run_experiment(
+    experiment: Experiment, out: Path | None, *, in_process: bool, stack: bool = False
+) -> Outcome:
     """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
+
+    Over DDS with `stack` estimator and controller share a process.
 
     Raises:
         RunError: if it did not come to its end.
@@ -67,9 +73,9 @@ def run_experiment(experiment: Experiment, out: Path | None, *, in_process: bool
     if in_process:
         return _in_process(experiment, out)
     if out is not None:
-        return _over_dds(experiment, out)
+        return _over_dds(experiment, out, stack)
     with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
-        return _over_dds(experiment, Path(folder))
+        return _over_dds(experiment, Path(folder), stack)
 
 
 def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
@@ -96,10 +102,10 @@ def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
         yield itertools.takewhile(lambda _: not came, ticks)
 
 
-def _over_dds(experiment: Experiment, folder: Path) -> Outcome:
+def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
     from cassie_bags.ros.dds_run import run_over_dds
 
-    bag = run_over_dds(experiment, folder)
+    bag = run_over_dds(experiment, folder, stack=stack)
     broken = lockstep_broken(problems(bag))
     return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
 
@@ -144,7 +150,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--out", type=Path, default=None, help="keep bag, pictures, table and JSON in this folder"
     )
-    parser.add_argument(
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument(
+        "--stack", action="store_true", help="estimator and controller in one process, over DDS"
+    )
+    how.add_argument(
         "--in-process",
         action="store_true",
         help="the same cores in one process, without ROS, as fast as it goes",

@@ -61,10 +61,19 @@ def environment(domain: int) -> dict[str, str]:
     }
 
 
-def write_parameters(path: Path, parameters: Mapping[str, Any]) -> list[str]:
-    """Write a node's ROS parameters to a file; returns the words that make the node read it."""
+def write_parameters(
+    path: Path, parameters: Mapping[str, Any], *, by_node: bool = False
+) -> list[str]:
+    """Write ROS parameters to a file; returns the words that make a node read it.
+
+    Args:
+        path: File to write.
+        parameters: By name; or, for a process of several nodes, those of each by its name.
+        by_node: Which of the two.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    content = {"/**": {"ros__parameters": dict(parameters)}}
+    owners = dict(parameters) if by_node else {"/**": parameters}
+    content = {owner: {"ros__parameters": dict(own)} for owner, own in owners.items()}
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return ["--ros-args", "--params-file", str(path)]
 

@@ -27,10 +27,17 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
 from cassie_msgs.ros.claim import claim
-from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import (
+    NEWEST_OF_ONE,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+    LocalTopic,
+)
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.real_time import CHAIN_PRIORITY, RealTime
 from cassie_msgs.tunables import tunable
 
 LATE = 0.01
@@ -57,9 +64,14 @@ class GaitControllerConfig(LaneConfig):
 
 
 class GaitControllerNode(Node):
-    """Answers each state with a command; a repeated state with the same command again."""
+    """Answers each state with a command; a repeated state with the same command again.
 
-    def __init__(self, stop: Stop) -> None:
+    Args:
+        stop: When to end.
+        states: Where they come, from an estimator of the same process; else they are subscribed to.
+    """
+
+    def __init__(self, stop: Stop, states: LocalTopic[RobotState] | None = None) -> None:
         super().__init__("gait_controller")
         claim(self, "gait_controller")
         self._lane = declare(self, GaitControllerConfig())
@@ -71,18 +83,24 @@ class GaitControllerNode(Node):
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         self._changed: ControllerConfig | None = None
+        self._real_time = RealTime(CHAIN_PRIORITY, self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
-        estimator = OneWriter(RobotState)
-        self._states = LaneSubscription(self, RobotState, qos=NEWEST_OF_ONE, guard=estimator)
+        guards: list[OneWriter] = []
+        self._states: LaneSubscription[RobotState] | LocalTopic[RobotState]
+        if states is not None:
+            self._states = states
+        else:
+            guards.append(OneWriter(RobotState))
+            self._states = LaneSubscription(self, RobotState, qos=NEWEST_OF_ONE, guard=guards[0])
         self._commands = LanePublisher(self, MotorCommand)
         self._status = LanePublisher(self, ControllerStatus)
         self._modes = ModeSource(self, stop, self._states, self._conditions, self._lane.period)
         WriterWatch(
             self,
-            [estimator, self._modes.supervisor],
+            [*guards, self._modes.supervisor],
             [self._commands.publisher, self._status.publisher],
             self._conditions.set,
         )
@@ -148,6 +166,7 @@ class GaitControllerNode(Node):
         self._commands.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, state)
+        self._real_time.follow(bool(state.wall_paced))
         if seq % STATUS_TICKS == 0 or not self._status_reply:
             self._tell()  # a new controller at once, so that nobody thinks it is still lost
         self._conditions.set("state_estimator", "")

@@ -10,7 +10,7 @@ from cassie_control.ros.common import START_PATIENCE, Conditions
 from cassie_control.schedule import ModeTable, StopAndStand, refusal
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
-from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, LocalTopic
 from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
 
@@ -35,7 +35,7 @@ class ModeSource:
         self,
         node: Node,
         stop: Stop,
-        states: LaneSubscription[RobotState],
+        states: LaneSubscription[RobotState] | LocalTopic[RobotState],
         conditions: Conditions,
         period: float,
     ) -> None:

@@ -8,7 +8,7 @@ from rclpy.node import Node
 
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.guarded import GuardedEstimator
+from cassie_control.guarded import BRIDGED, GuardedEstimator
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     SILENT_AFTER,
@@ -22,22 +22,37 @@ from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.claim import claim
-from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import (
+    NEWEST_OF_ONE,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+    LocalTopic,
+)
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.real_time import CHAIN_PRIORITY, RealTime
 
 
 class StateEstimator(Node):
-    """Answers each sensor sample with a state; a repeated sample with the same state again."""
+    """Answers each sensor sample with a state; a repeated sample with the same state again.
 
-    def __init__(self, stop: Stop) -> None:
+    Args:
+        stop: When to end.
+        hand_on: Controller of the same process, which gets states before the others do.
+    """
+
+    def __init__(self, stop: Stop, hand_on: LocalTopic[RobotState] | None = None) -> None:
         super().__init__("state_estimator")
         claim(self, "state_estimator")
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
         self._core = make_monitored(self._config, self._lane.period)
-        self._estimator = GuardedEstimator(self._core)
+        most_missed = round(BRIDGED * self._lane.control_rate)
+        self._estimator = GuardedEstimator(self._core, most_missed)
+        self._hand_on = hand_on
+        self._real_time = RealTime(CHAIN_PRIORITY, self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
@@ -50,6 +65,7 @@ class StateEstimator(Node):
         self._waiter = LaneWaiter(self, [self._samples])
         stop.on_request(self._waiter.wake)
         self._sample = Sensors()
+        self._state = RobotState()
         self._answered = (-1, -1)
         self._told: tuple[str, ...] = ()
         self._reply = b""
@@ -81,15 +97,20 @@ class StateEstimator(Node):
         sample = self._sample
         episode, seq = key = int(sample.episode), int(sample.seq)
         if key == self._answered:
+            if self._hand_on is not None:
+                self._hand_on.put(self._state)
             self._states.publish_raw(self._reply)
             return
         if episode != self._answered[0]:
             self._begin(episode)
-        state = self._estimator.step(sample)
+        self._state = state = self._estimator.step(sample)
+        if self._hand_on is not None:
+            self._hand_on.put(state)
         self._reply = state.to_bytes()
         self._states.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, sample)
+        self._real_time.follow(bool(sample.wall_paced))
         if self._stop.requested:
             return  # nothing that would bury the reason
         self._conditions.set("simulator", "")

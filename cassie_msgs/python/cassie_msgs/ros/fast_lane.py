@@ -16,8 +16,8 @@ import select
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib import import_module
 from typing import Any, Generic, TypeVar
 
@@ -212,6 +212,54 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         return True
 
 
+class LocalTopic(Generic[SampleT]):
+    """Samples handed from one node to another of the same process, as a `LaneSubscription`.
+
+    Attributes:
+        inbox: What a `LaneWaiter` waits for: this object itself.
+        descriptor: Readable when a sample has come that was not answered at once.
+    """
+
+    def __init__(self) -> None:
+        self.inbox = self
+        self.descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        weakref.finalize(self, os.close, self.descriptor)
+        self._newest: bytes | None = None
+        self._answer: Callable[[], bool] | None = None
+
+    def put(self, sample: SampleT) -> None:
+        """Hand a sample on; it is answered in this thread, where the other node can."""
+        self._newest = sample.to_bytes()
+        if self._answer is None or not self._answer():
+            os.eventfd_write(self.descriptor, 1)
+
+    @contextmanager
+    def served(self, answer: Callable[[], bool]) -> Iterator[None]:
+        """Meanwhile, have samples answered in the thread that hands them on."""
+        self._answer = answer
+        try:
+            yield
+        finally:
+            self._answer = None
+
+    def clear(self) -> None:
+        """Make the descriptor unreadable until the next sample comes."""
+        with suppress(BlockingIOError):
+            os.eventfd_read(self.descriptor)
+
+    def take_raw(self) -> bytes | None:
+        """The newest sample, if it was not yet taken, as bytes."""
+        raw, self._newest = self._newest, None
+        return raw
+
+    def take(self, sample: SampleT) -> bool:
+        """Load the newest sample; says whether there was one."""
+        raw = self.take_raw()
+        if raw is not None:
+            sample.load(raw)
+        return raw is not None
+
+
 def take_from_each(
     subscription: RawSubscription, most: int = 10, longest: int = 1000
 ) -> list[tuple[bytes, bytes]]:
@@ -250,7 +298,9 @@ class LaneWaiter:
     What has come is told once: whoever waits takes all messages before the next wait.
     """
 
-    def __init__(self, node: Node, subscriptions: Iterable[RawSubscription]) -> None:
+    def __init__(
+        self, node: Node, subscriptions: Iterable[RawSubscription | LocalTopic[Any]]
+    ) -> None:
         """Prepare to wait for these; the end of the node's context ends the wait, too."""
         self._inboxes = {inbox.descriptor: inbox for inbox in (s.inbox for s in subscriptions)}
         self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)

@@ -103,16 +103,18 @@ def on_change(node: Node, get: Callable[[], ConfigT], put: Callable[[ConfigT], N
     node.add_on_set_parameters_callback(follow)
 
 
-def refuse_unknown(node: Node) -> None:
-    """Hold that every parameter the user gave is one the node has.
+def refuse_unknown(*nodes: Node) -> None:
+    """Hold that every parameter the user gave is one that a node of this process has.
 
     Raises:
         ParameterError: naming the first that is not, and the nearest known one.
     """
-    known = [name for name in node._parameters if not name.startswith("qos_overrides.")]
-    for name in node._parameter_overrides:
-        if name not in node._parameters and not name.startswith("qos_overrides."):
-            raise ParameterError(unknown_name(name, known, "parameter"))
+    known = [name for node in nodes for name in node._parameters]
+    given = [name for node in nodes for name in node._parameter_overrides]
+    for name in given:
+        if name not in known and not name.startswith("qos_overrides."):
+            own = [name for name in known if not name.startswith("qos_overrides.")]
+            raise ParameterError(unknown_name(name, own, "parameter"))
 
 
 def _plain(value: Any) -> Any:

@@ -65,10 +65,11 @@ class Stop:
 def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
     """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
 
-    `build(stop)` makes the node, an rclpy `Node`. Its parameters, services and timers are
-    served by an executor in another thread. If it has a method `loop()`, that runs on the
-    main thread and should return soon after `stop.requested`; if it has `close()`, that
-    is called at the end, while topics can still be published.
+    `build(stop)` makes the node, an rclpy `Node`, or several as an object with `nodes`. Their
+    parameters, services and timers are served by an executor in another thread. If it has a
+    method `loop()`, that runs on the main thread and should return soon after
+    `stop.requested`; if it has `close()`, that is called at the end, when nothing else is
+    published any more.
 
     `niceness` is for nodes beside the chain from sample to command, such as `BESIDE_THE_LOOP`:
     several nodes wake for one state, and those in the chain come first.
@@ -112,12 +113,13 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
         use_loopback()
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = build(stop)
-        refuse_unknown(node)
+        nodes = tuple(getattr(node, "nodes", (node,)))
+        refuse_unknown(*nodes)
     except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
         print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     try:
-        with executor_thread(node, stop):
+        with executor_thread(stop, *nodes):
             gc.collect()
             gc.freeze()  # what exists by now lives as long as the process
             sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -130,18 +132,20 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
         if hasattr(node, "close"):
             node.close()
     with contextlib.suppress(*_SHUTDOWN_ERRORS):
-        node.destroy_node()
+        for each in nodes:
+            each.destroy_node()
     return stop.exit_code
 
 
 @contextlib.contextmanager
-def executor_thread(node: Node, stop: Stop) -> Iterator[None]:
-    """Serve the node's parameters, services and timers in a thread of their own.
+def executor_thread(stop: Stop, *nodes: Node) -> Iterator[None]:
+    """Serve the nodes' parameters, services and timers in a thread of their own.
 
     An exception in a callback ends the process with status 1.
     """
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
 
     def serve() -> None:
         try:
