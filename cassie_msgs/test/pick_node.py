@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 
 from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.tunables import ParameterError, tunable
 
 
@@ -30,6 +31,10 @@ class Picked(Node):
         self.diagnostics.set("loop", diagnostics.OK, "running", rate=self.config.control_rate)
         if "--break" in sys.argv:
             self.create_timer(0.01, self.fail)
+        self.scheduling = Scheduling(self.get_logger().warning, beside=True)
+        for word in sys.argv:
+            if word in ("--lockstep", "--realtime"):
+                self.scheduling.follow(word == "--realtime")
         print("ready", self.config.kp_knee, flush=True)
 
     def put(self, config: Config) -> None:
@@ -47,4 +52,4 @@ class Picked(Node):
 
 
 if __name__ == "__main__":
-    process.run("picked", Picked, process.BESIDE_THE_LOOP if "--nice" in sys.argv else 0)
+    process.run("picked", Picked)

@@ -1,6 +1,7 @@
 """Nodes as processes: how they end, and how they refuse to start."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cassie_msgs.ros.process import BESIDE_THE_LOOP
+from cassie_msgs.ros.scheduling import BESIDE_NICENESS, BESIDE_PRIORITY
 
 FOLDER = Path(__file__).parent
 
@@ -72,7 +73,7 @@ def test_a_bug_in_a_callback_ends_the_node_with_status_1():
 )
 def test_a_node_beside_the_loop_gives_way_as_a_session_too():
     process = subprocess.Popen(
-        [sys.executable, str(FOLDER / "pick_node.py"), "--nice"],
+        [sys.executable, str(FOLDER / "pick_node.py"), "--lockstep"],
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
@@ -80,11 +81,59 @@ def test_a_node_beside_the_loop_gives_way_as_a_session_too():
     try:
         assert process.stdout.readline().startswith("ready")
         group = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
-        niceness = min(19, os.nice(0) + BESIDE_THE_LOOP)  # these tests may be nice themselves
-        assert group.split()[-2:] == ["nice", str(niceness)]
+        assert group.split()[-2:] == ["nice", str(BESIDE_NICENESS)]
+        assert os.getpriority(os.PRIO_PROCESS, process.pid) == BESIDE_NICENESS
     finally:
         process.terminate()
         process.wait(timeout=10)
+
+
+def permitted():
+    """Whether this user may ask for real-time scheduling."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except OSError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+def policies(pid):
+    threads = [int(entry.name) for entry in Path(f"/proc/{pid}/task").iterdir()]
+    return {(os.sched_getscheduler(t), os.sched_getparam(t).sched_priority) for t in threads}
+
+
+def test_paced_by_the_wall_clock_every_thread_is_real_time_or_the_node_says_what_to_do():
+    process = start("pick_node.py", "--realtime", "--realtime")
+    try:
+        assert process.stdout.readline().startswith("ready")
+        if permitted():
+            assert policies(process.pid) == {(os.SCHED_FIFO, BESIDE_PRIORITY)}
+    finally:
+        process.terminate()
+        _, err = process.communicate(timeout=10)
+    assert err.count("no real-time scheduling") <= (0 if permitted() else 1)
+
+
+@pytest.mark.skipif(
+    not permitted() or shutil.which("setpriv") is None, reason="has no permission to take away"
+)
+def test_without_permission_the_node_runs_on_and_says_once_what_to_do():
+    process = subprocess.Popen(
+        [
+            *("setpriv", "--inh-caps=-sys_nice", "--bounding-set=-sys_nice", sys.executable),
+            *(str(FOLDER / "pick_node.py"), "--realtime", "--realtime"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    ready = process.stdout.readline()
+    process.terminate()
+    _, err = process.communicate(timeout=10)
+    assert ready.startswith("ready"), err
+    assert err.count("no real-time scheduling (Operation not permitted)") == 1
+    assert "rtprio 60" in err
 
 
 def test_a_node_stops_while_it_publishes_without_a_pause():

@@ -37,7 +37,7 @@ from cassie_msgs.ros.fast_lane import (
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
-from cassie_msgs.ros.real_time import CHAIN_PRIORITY, RealTime
+from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.tunables import tunable
 
 LATE = 0.01
@@ -83,7 +83,7 @@ class GaitControllerNode(Node):
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         self._changed: ControllerConfig | None = None
-        self._real_time = RealTime(CHAIN_PRIORITY, self.get_logger().warning)
+        self._scheduling = Scheduling(self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
@@ -166,7 +166,7 @@ class GaitControllerNode(Node):
         self._commands.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, state)
-        self._real_time.follow(bool(state.wall_paced))
+        self._scheduling.follow(bool(state.wall_paced))
         if seq % STATUS_TICKS == 0 or not self._status_reply:
             self._tell()  # a new controller at once, so that nobody thinks it is still lost
         self._conditions.set("state_estimator", "")

@@ -19,8 +19,8 @@ from cassie_msgs.ros.claim import claim
 from cassie_msgs.ros.fast_lane import EVERY, Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
-from cassie_msgs.ros.process import BESIDE_THE_LOOP, Stop, run
-from cassie_msgs.ros.real_time import BESIDE_PRIORITY, RealTime
+from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.tunables import tunable
 
 
@@ -44,7 +44,7 @@ class ModeSupervisorNode(Node):
         self._core = ModeSupervisor(self._config, self._lane.period)
         self._supervisor = GuardedSupervisor(self._core)
         on_change(self, lambda: self._config, self._set_config)
-        self._real_time = RealTime(BESIDE_PRIORITY, self.get_logger().warning)
+        self._scheduling = Scheduling(self.get_logger().warning, beside=True)
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
@@ -115,7 +115,7 @@ class ModeSupervisorNode(Node):
         if new_episode:
             self._begin(episode)
         self._rate.check(episode, seq, self._state)
-        self._real_time.follow(bool(self._state.wall_paced))
+        self._scheduling.follow(bool(self._state.wall_paced))
         operator = self._operator.at(self._state)
         lost = self._watch.controller_lost(time.monotonic())
         mode = self._supervisor.step(self._state, operator, lost)
@@ -138,7 +138,7 @@ class ModeSupervisorNode(Node):
 
 def main() -> None:
     """Entry point of `ros2 run cassie_control mode_supervisor`."""
-    run("mode_supervisor", ModeSupervisorNode, niceness=BESIDE_THE_LOOP)
+    run("mode_supervisor", ModeSupervisorNode)
 
 
 if __name__ == "__main__":

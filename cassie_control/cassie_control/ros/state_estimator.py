@@ -32,7 +32,7 @@ from cassie_msgs.ros.fast_lane import (
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
-from cassie_msgs.ros.real_time import CHAIN_PRIORITY, RealTime
+from cassie_msgs.ros.scheduling import Scheduling
 
 
 class StateEstimator(Node):
@@ -52,7 +52,7 @@ class StateEstimator(Node):
         most_missed = round(BRIDGED * self._lane.control_rate)
         self._estimator = GuardedEstimator(self._core, most_missed)
         self._hand_on = hand_on
-        self._real_time = RealTime(CHAIN_PRIORITY, self.get_logger().warning)
+        self._scheduling = Scheduling(self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)
         self._stop = stop
         self._conditions = Conditions(self)
@@ -110,7 +110,7 @@ class StateEstimator(Node):
         self._states.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, sample)
-        self._real_time.follow(bool(sample.wall_paced))
+        self._scheduling.follow(bool(sample.wall_paced))
         if self._stop.requested:
             return  # nothing that would bury the reason
         self._conditions.set("simulator", "")

@@ -14,7 +14,7 @@ from cassie_msgs.ros.claim import claim
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
-from cassie_msgs.ros.real_time import CHAIN_PRIORITY, RealTime
+from cassie_msgs.ros.scheduling import Scheduling
 from cassie_sim.loop import Loop
 from cassie_sim.plant import Plant
 from cassie_sim.robot_urdf import robot_urdf
@@ -69,9 +69,7 @@ class Simulator(Node):
         self.get_logger().info(
             f"episode {plant.episode}: {self._config.pacing}, {self._config.control_rate} Hz"
         )
-        RealTime(CHAIN_PRIORITY, self.get_logger().warning).follow(
-            self._config.pacing == "realtime"
-        )
+        Scheduling(self.get_logger().warning).follow(self._config.pacing == "realtime")
         self._loop.run()
         if self._stop.requested:
             return

@@ -21,6 +21,7 @@ from cassie_msgs.ros.fast_lane import (
     RawSubscription,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
+from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
 from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
@@ -55,6 +56,7 @@ class ScriptedOperatorNode(Node):
             raise ParameterError("script must be given: -p script:=FILE.yaml")
         self._operator = ScriptedOperator(*read_script(Path(config.script).expanduser()))
         self._stop = stop
+        self._scheduling = Scheduling(self.get_logger().warning, beside=True)
         estimator = OneWriter(RobotState)
         self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
         self._commands = LanePublisher(self, OperatorCommand)
@@ -95,6 +97,7 @@ class ScriptedOperatorNode(Node):
             if episode != self._answered[0]:
                 self._operator.reset()
             self._state.load(raw)
+            self._scheduling.follow(bool(self._state.wall_paced))
             self._look(self._state.stamp_ns)
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
@@ -117,4 +120,4 @@ class ScriptedOperatorNode(Node):
 
 def main() -> None:
     """Run the node."""
-    process.run("scripted_operator", ScriptedOperatorNode, niceness=process.BESIDE_THE_LOOP)
+    process.run("scripted_operator", ScriptedOperatorNode)

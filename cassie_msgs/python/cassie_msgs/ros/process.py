@@ -10,7 +10,6 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -24,9 +23,6 @@ from cassie_msgs.ros.parameters import refuse_unknown
 from cassie_msgs.ros.transport import use_loopback
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
-BESIDE_THE_LOOP = 10
-"""Niceness of nodes that have several ticks of time for their answers."""
-
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
 
 
@@ -62,7 +58,7 @@ class Stop:
             wake()
 
 
-def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
+def run(name: str, build: Callable[[Stop], Any]) -> None:
     """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
 
     `build(stop)` makes the node, an rclpy `Node`, or several as an object with `nodes`. Their
@@ -71,14 +67,10 @@ def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
     `stop.requested`; if it has `close()`, that is called at the end, when nothing else is
     published any more.
 
-    `niceness` is for nodes beside the chain from sample to command, such as `BESIDE_THE_LOOP`:
-    several nodes wake for one state, and those in the chain come first.
-
     Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
     ValueError or OSError, such as for a wrong parameter; 1 if something broke.
     """
     stop = Stop()
-    _give_way(niceness)  # before there are threads, which take it over
     _follow_signals(stop)
     try:
         status = _run(name, build, stop)
@@ -87,25 +79,6 @@ def run(name: str, build: Callable[[Stop], Any], niceness: int = 0) -> None:
             rclpy.try_shutdown()
     sys.stdout.flush()
     sys.exit(status)
-
-
-def _give_way(niceness: int) -> None:
-    """Have other processes come first.
-
-    Linux shares the processors among sessions, and niceness counts inside of each only. A process
-    that leads its own session, as a launcher starts it, sets that of the session as well. As a
-    batch job it takes no processor from whoever has just sent it something: one state goes to
-    several nodes, and the one in the chain must not get it last.
-    """
-    total = os.nice(niceness)
-    if not niceness:
-        return
-    if hasattr(os, "SCHED_BATCH"):
-        with contextlib.suppress(OSError):  # a container may forbid it
-            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-    if os.getsid(0) == os.getpid():
-        with contextlib.suppress(OSError):  # no such groups, or changed a moment ago
-            Path("/proc/self/autogroup").write_text(str(total), encoding="ascii")
 
 
 def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
