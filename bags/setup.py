@@ -30,6 +30,7 @@ setup(
             "experiments = cassie_bags.ros.experiments:main",
             "estimators = cassie_bags.ros.estimators:main",
             "faults = cassie_bags.ros.faults:main",
+            "failsafes = cassie_bags.ros.failsafes:main",
             "learn_torques = cassie_bags.ros.learn_torques:main",
             "return_map = cassie_bags.ros.return_map:main",
             "sweep = cassie_bags.ros.sweep:main",

@@ -77,6 +77,52 @@ class ModeTable:
         return self._modes[max(self._modes)] if self._modes else self._off
 
 
+class ModeInForce:
+    """Which mode holds for a tick, and what holds when the supervisor is lost: stop and stand.
+
+    Args:
+        period: Of control. In s.
+
+    Attributes:
+        table: The modes that have arrived.
+        lost: Whether the supervisor counts as lost.
+    """
+
+    PATIENCE = 0.4
+    """Robot time beyond the last mode after which its sender counts as lost. In s."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.table = ModeTable()
+        self._fallback = StopAndStand(period)
+        self._lost_after = -1
+        self.lost = False
+
+    def reset(self, episode: int) -> None:
+        """A new episode."""
+        self.table.reset(episode)
+        self.lost = False
+
+    def give_up(self) -> None:
+        """The supervisor is lost."""
+        if not self.lost:
+            self.lost = True
+            self._lost_after = int(self.table.newest.effective_seq)
+            self._fallback.start(self.table.newest)
+
+    def at(self, tick: int) -> Mode:
+        """The mode for a tick; while the supervisor is lost reused by the next call."""
+        newest = int(self.table.newest.effective_seq)
+        if self.lost and newest > self._lost_after:
+            self.lost = False
+        mode = self.table.at(tick)
+        if mode is not None and not self.lost:
+            return mode
+        if (tick - newest) * self._period > self.PATIENCE:
+            self.give_up()
+        return self._fallback.step() if self.lost else self.table.newest
+
+
 class StopAndStand:
     """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
 

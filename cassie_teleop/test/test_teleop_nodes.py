@@ -87,6 +87,32 @@ def test_rc_teleop_sends_what_the_radio_says_and_loses_the_link_without_it(node)
         end(radio)
 
 
+@pytest.mark.parametrize("run", range(5))
+def test_ctrl_c_of_rc_teleop_leaves_exactly_one_stop_while_the_radio_goes_on(node, run):
+    commands = Commands(node)
+    joy = node.create_publisher(Joy, "/joy", 10)
+    walking = GOOD.copy()
+    walking[2] = 1.0
+    radio = start("rc_teleop", "--ros-args", "-p", "rate:=200.0")
+
+    def publish():
+        joy.publish(Joy(axes=walking, buttons=[1, 1]))
+
+    commands.until(lambda c: c.vx == 1.0, meanwhile=publish, timeout=20.0)
+    time.sleep(0.003 * run)
+    radio.send_signal(signal.SIGINT)
+    deadline = time.monotonic() + 5.0
+    while radio.poll() is None and time.monotonic() < deadline:
+        publish()
+        time.sleep(0.001)
+    assert radio.wait(timeout=1.0) == 0
+    commands.until(lambda c: not c.link)
+    with pytest.raises(AssertionError):  # it was the last thing that left
+        commands.until(lambda c: True, timeout=0.3)
+    assert [bool(c.link) for c in commands.all].count(False) == 1
+    assert commands.all[-1].vx == 0.0 and commands.all[-1].power
+
+
 def test_rc_teleop_refuses_nan_and_says_so_once(node):
     commands, seen = Commands(node), []
     joy = node.create_publisher(Joy, "/joy", 10)

@@ -7,16 +7,12 @@ import time
 from rclpy.node import Node
 
 from cassie_control.ros.common import START_PATIENCE, Conditions
-from cassie_control.schedule import ModeTable, StopAndStand, refusal
+from cassie_control.schedule import ModeInForce, refusal
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, LocalTopic
 from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
-
-PATIENCE = 0.4
-"""Time without an answer after which the supervisor counts as lost: wall time while the loop
-waits for it, robot time otherwise. In s."""
 
 
 class ModeSource:
@@ -27,7 +23,6 @@ class ModeSource:
 
     Attributes:
         supervisor: Whose modes count.
-        lost: Whether the supervisor counts as lost; Cassie then stops and stands.
         overtaking: The newer state that came while waiting, serialized; for the loop to take.
     """
 
@@ -46,13 +41,11 @@ class ModeSource:
         self._waiter = LaneWaiter(node, [self._modes, states])
         stop.on_request(self._waiter.wake)
         self._conditions = conditions
-        self._period = period
-        self._table = ModeTable()
-        self._fallback = StopAndStand(period)
+        self._modes_in_force = ModeInForce(period)
+        self._table = self._modes_in_force.table
         self._mode = Mode()
         self.overtaking: bytes | None = None
-        self.lost = False
-        self._lost_after = -1
+        self._told_lost = False
         self._waited_for = True
         self._heard = False
         self._episode = -1
@@ -62,11 +55,16 @@ class ModeSource:
 
     def reset(self, episode: int) -> None:
         """A new episode."""
-        self._table.reset(episode)
+        self._modes_in_force.reset(episode)
         self._episode = episode
         self._waited_for = True
         self._span = range(0)
-        self._set_lost(False)
+        self._tell()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the supervisor counts as lost; the robot then stops and stands."""
+        return self._modes_in_force.lost
 
     def is_there(self, tick: int) -> bool:
         """Whether `at` answers without waiting."""
@@ -84,20 +82,15 @@ class ModeSource:
         self._take()
         if not self.lost and self._waited_for and not self._table.may_begin(tick):
             self._wait(tick)
-        newest = int(self._table.newest.effective_seq)
-        if self.lost and newest > self._lost_after:
-            self._set_lost(False)
-        mode = self._table.at(tick)
-        if mode is not None and not self.lost:
+        mode = self._modes_in_force.at(tick)
+        self._tell()
+        if mode is self._table.at(tick):
             self._current = mode
             self._span = range(tick, tick - tick % PERIOD_TICKS + PERIOD_TICKS)
-            return mode
-        if not self.lost and (tick - newest) * self._period > PATIENCE:
-            self._set_lost(True)
-        return self._fallback.step() if self.lost else self._table.newest
+        return mode
 
     def _wait(self, tick: int) -> None:
-        patience = PATIENCE if self._heard else START_PATIENCE
+        patience = ModeInForce.PATIENCE if self._heard else START_PATIENCE
         deadline = time.monotonic() + patience
         while (left := deadline - time.monotonic()) > 0.0:
             self._waiter.wait(left)
@@ -109,7 +102,7 @@ class ModeSource:
                 return
             if self._stop.requested:
                 return
-        self._set_lost(True)
+        self._modes_in_force.give_up()
 
     def _overtaken(self, tick: int) -> bool:
         """Whether a newer state is there; it is kept in `overtaking`."""
@@ -134,10 +127,8 @@ class ModeSource:
                 self._table.add(self._mode)
                 self._heard = True
 
-    def _set_lost(self, lost: bool) -> None:
-        if lost and not self.lost:
-            self._lost_after = int(self._table.newest.effective_seq)
-            self._fallback.start(self._table.newest)
-        self.lost = lost
-        problem = "no modes from mode_supervisor: stopping and standing" if lost else ""
-        self._conditions.set("supervisor", problem)
+    def _tell(self) -> None:
+        if self.lost != self._told_lost:
+            self._told_lost = self.lost
+            problem = "no modes from mode_supervisor: stopping and standing" if self.lost else ""
+            self._conditions.set("supervisor", problem)

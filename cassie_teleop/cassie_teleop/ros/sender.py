@@ -12,6 +12,8 @@ from cassie_msgs.operators import write_sender
 from cassie_msgs.ros.fast_lane import LanePublisher
 from cassie_teleop.wish import Wish, write
 
+_FLUSH = 1.0  # s
+
 
 class Sender:
     """Publisher of /cassie/operator_command for a person.
@@ -34,6 +36,6 @@ class Sender:
         self._publisher.publish(self._command)
 
     def send_last(self, wish: Wish) -> None:
-        """Send the wishes and wait until they have arrived, at most half a second."""
+        """Send the wishes and wait until they have arrived, at most a second."""
         self.send(wish)
-        self._publisher.flush(0.5)
+        self._publisher.flush(_FLUSH)

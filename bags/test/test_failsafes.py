@@ -1,0 +1,54 @@
+"""Fail-safes: each row once, with the state drawn; the README's table is that of the rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cassie_bags.failsafes import table
+from cassie_bags.failsafes.rows import ON_FOOT, ROWS
+from cassie_bags.failsafes.table import Case, cases, play, with_table
+from cassie_bags.failsafes.wall_paced import UnsafeError
+
+README = Path(__file__).parents[2] / "cassie_control" / "README.md"
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(row.name, row.states[number % min(len(row.states), len(ON_FOOT))], 100)
+        for number, row in enumerate(ROWS)
+    ],
+    ids=lambda case: f"{case.row}-{case.state}",
+)
+def test_the_robot_does_what_the_table_promises(case: Case) -> None:
+    assert play(case) == ""
+
+
+def test_a_rider_whose_link_is_lost_stays_on_the_segway() -> None:
+    assert play(Case("link_lost", "ride", 100)) == ""
+
+
+def test_every_row_is_played_in_each_of_its_states() -> None:
+    assert len(cases(ROWS, 20)) == 20 * sum(len(row.states) for row in ROWS)
+
+
+def test_a_broken_promise_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def play_falling(run, rng, state):
+        run.push((0.0, 900.0, 0.0), 0.3)
+        run.run(3.0)
+
+    row = next(row for row in ROWS if row.name == "link_lost")
+    broken = type(row)(**{**vars(row), "play": play_falling})
+    monkeypatch.setattr(table, "ROWS", (broken,))
+    assert play(Case("link_lost", "stand", 0)).startswith("fell at")
+    with pytest.raises(UnsafeError):
+        raise UnsafeError("the error that `play` turns into words")
+
+
+def test_the_readme_has_the_rows_as_they_are() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert with_table(text) == text
+    with pytest.raises(ValueError, match="are missing"):
+        with_table("no table")
