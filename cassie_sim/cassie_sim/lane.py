@@ -18,12 +18,13 @@ class Lane(Protocol):
     Attributes:
         command: The newest motor command.
         command_key: Its (episode, seq); (-1, -1) before the first.
-        on_operator: Called with each operator command that arrives and the identity of its writer.
+        on_operator: Called with each operator command that arrives, the identity of its writer, and
+            what is wrong with it if it cannot be read; it is None then.
     """
 
     command: MotorCommand
     command_key: tuple[int, int]
-    on_operator: Callable[[OperatorCommand, bytes], None]
+    on_operator: Callable[[OperatorCommand | None, bytes, str], None]
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
         """Publish a new sample and what goes with it."""

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
+from cassie_msgs.operators import Refusals
 from cassie_sim.command_watch import CommandWatch
 from cassie_sim.lane import Lane, Report
 from cassie_sim.pacing import Pace, RealTimeFactor, TickTiming
@@ -74,7 +75,7 @@ class Loop:
         self._restart = False
         self._watch = CommandWatch(lane, report, config.start_timeout, self._tick_s)
         self._refused = False
-        self._operator_refused = ""
+        self._refusals, self._refusals_told = Refusals(), False
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
@@ -153,12 +154,22 @@ class Loop:
             self.timing.tick(self._clock() - due, answered=command is not None)
             self._advance(command)
 
-    def _on_operator(self, command: OperatorCommand, writer: bytes) -> None:
-        plant, switch = self.plant, self.switch
-        switch.take(command, writer, plant.episode, plant.seq, self._clock())
-        if switch.refused != self._operator_refused:
-            self._operator_refused = switch.refused
-            self._report("operator_command", switch.refused or None)
+    def _on_operator(self, command: OperatorCommand | None, writer: bytes, problem: str) -> None:
+        """Take in a command of an operator, or what is wrong with one that cannot be read."""
+        plant, switch, now = self.plant, self.switch, self._clock()
+        if command is not None:
+            switch.take(command, writer, plant.episode, plant.seq, now)
+            problem = switch.refused
+        if problem:
+            self._refusals.refuse(problem, now)
+
+    def _tell_refusals(self, now: float) -> None:
+        """Report once what is wrong with operators' commands, and once when it is over."""
+        if not (self._refusals.problem or self._refusals_told):
+            return
+        told, self._refusals_told = self._refusals_told, bool(self._refusals.look(now))
+        if told != self._refusals_told:
+            self._report("operator_command", self._refusals.problem or None)
 
     def _complete(self, sample: Sensors) -> None:
         """What a sample tells beside the robot's sensors."""
@@ -176,6 +187,7 @@ class Loop:
         self._lane.announce(sample, plant)
         self._announced = self._clock()
         self.factor.update(seq * self._tick_s, self._announced)
+        self._tell_refusals(self._announced)
         return seq
 
     def _serve(self) -> None:

@@ -56,7 +56,7 @@ class FakeWorld:
         self.answers = answers
         self.command = MotorCommand()
         self.command_key = (-1, -1)
-        self.on_operator: Callable[[OperatorCommand, bytes], None] = lambda command, writer: None
+        self.on_operator: Callable[[OperatorCommand, bytes, str], None] = lambda *_: None
         self.on_wait: Callable[[], None] = lambda: None
         self.announced: list[int] = []
         self.times: list[float] = []

@@ -181,7 +181,7 @@ def test_step_credit_runs_that_many_ticks_of_a_pause() -> None:
 def test_scripted_power_holds_from_its_effective_tick() -> None:
     loop, plant, world = make(ticks=40, scripted_operator=True)
     world.on_wait = lambda: world.on_operator(
-        operator(plant.seq // 10 * 10, plant.seq >= 10), b"script"
+        operator(plant.seq // 10 * 10, plant.seq >= 10), b"script", ""
     )
     loop.run()
     assert plant.powered == [False] * 20 + [True] * 20
@@ -190,7 +190,7 @@ def test_scripted_power_holds_from_its_effective_tick() -> None:
 def test_a_silent_script_is_waited_for_then_given_up_once() -> None:
     loop, plant, world = make(ticks=60, scripted_operator=True)
     world.on_wait = lambda: (
-        world.on_operator(operator(plant.seq // 10 * 10, True), b"script")
+        world.on_operator(operator(plant.seq // 10 * 10, True), b"script", "")
         if plant.seq < 15
         else None
     )
@@ -207,7 +207,7 @@ def test_a_persons_power_switch_acts_at_the_next_tick_whatever_the_nodes_do() ->
     def press() -> None:
         command = operator(0, plant.seq < 8, scripted=False, episode=0)
         command.mode[...] = RobotMode.STAND
-        world.on_operator(command, b"person")
+        world.on_operator(command, b"person", "")
 
     world.on_wait = press
     loop.run()

@@ -132,6 +132,10 @@ class Processes:
         """Whether a process still runs."""
         return self._running[name].poll() is None
 
+    def pid(self, name: str) -> int:
+        """Number of a process."""
+        return self._running[name].pid
+
     def signal(self, name: str, number: signal.Signals) -> None:
         """Send a signal to a process."""
         os.killpg(self._running[name].pid, number)

@@ -12,7 +12,7 @@ from cassie_control.schedule import LEAD
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand, RobotState, header
-from cassie_msgs.operators import Operators, sender_of
+from cassie_msgs.operators import Operators, Refusals, sender_of
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, take_from_each
 from cassie_msgs.ros.process import Stop
 
@@ -56,6 +56,7 @@ class OperatorSource:
         self._conditions = conditions
         self._scripted = scripted
         self.operators = Operators(scripted=scripted)
+        self._refusals = Refusals()
         self._script = b""
         self._early: deque[bytes] = deque(maxlen=_MOST)
         self._answered: dict[int, OperatorCommand] = {}
@@ -164,13 +165,16 @@ class OperatorSource:
         return episode != self._episode or newer > seq + PERIOD_TICKS
 
     def _take(self) -> None:
+        now = time.monotonic()
         for writer, raw in take_from_each(self._commands):
             try:
                 self._received.load(raw)
             except ValueError as error:
-                self._conditions.set("operator_command", str(error))
-                continue
-            self._conditions.set("operator_command", self._hear(writer))
+                self._refusals.refuse(str(error), now)
+            else:
+                if refused := self._hear(writer):
+                    self._refusals.refuse(refused, now)
+        self._conditions.set("operator_command", self._refusals.look(now))
 
     def _hear(self, writer: bytes) -> str:
         """Take in the command received; says why it does not count, if it does not."""

@@ -52,6 +52,33 @@ def without_speeds(command: OperatorCommand) -> None:
         getattr(command, name)[...] = 0.0
 
 
+class Refusals:
+    """What was wrong with messages of late: told once, and over once none was wrong for a while.
+
+    Args:
+        quiet: Time without a wrong message after which it is over. In s.
+
+    Attributes:
+        problem: What was wrong with the first of them; empty when it is over.
+    """
+
+    def __init__(self, quiet: float = 1.0) -> None:
+        self._quiet = quiet
+        self._last = -1e9
+        self.problem = ""
+
+    def refuse(self, problem: str, now: float) -> None:
+        """A message was wrong."""
+        self._last = now
+        self.problem = self.problem or problem
+
+    def look(self, now: float) -> str:
+        """The problem that holds now."""
+        if self.problem and now - self._last > self._quiet:
+            self.problem = ""
+        return self.problem
+
+
 def sender_of(command: OperatorCommand) -> str:
     """Who speaks, as the command says it; empty if it does not, or not in printable ASCII."""
     raw = command.sender.tobytes().rstrip(b"\0")

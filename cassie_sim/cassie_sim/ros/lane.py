@@ -89,7 +89,7 @@ class SimulatorLane:
         self.command_key = (-1, -1)
         self._asked = (-1, -1)
         self._command_refused = False
-        self.on_operator: Callable[[OperatorCommand, bytes], None] = _ignore
+        self.on_operator: Callable[[OperatorCommand | None, bytes, str], None] = _ignore
         self._operator_command = OperatorCommand()
         self._awake = Awake()
         self.keep_awake = False
@@ -175,10 +175,10 @@ class SimulatorLane:
         try:
             self._operator_command.load(raw)
         except LayoutError as error:
-            self._report("operator_command", f"operator command refused: {error}")
-            return
-        self.on_operator(self._operator_command, writer)
+            self.on_operator(None, writer, str(error))
+        else:
+            self.on_operator(self._operator_command, writer, "")
 
 
-def _ignore(_: OperatorCommand, __: bytes) -> None:
+def _ignore(_: OperatorCommand | None, __: bytes, ___: str) -> None:
     return None

@@ -25,6 +25,8 @@ LOOK_PERIOD = 0.5
 Report = Callable[[str, str], Any]
 """Takes a subject and what is wrong with it, empty when nothing is."""
 
+UNKNOWN = "an unknown node"
+
 _GID_SIZE = 16
 _NAMELESS = "_NODE_NAME_UNKNOWN_"  # just discovered, or no ROS node
 _rcl = ctypes.PyDLL("librcl.so")
@@ -105,23 +107,31 @@ class WriterWatch:
         self._guards = tuple(guards)
         self._own = {publisher.topic_name: identity(publisher) for publisher in publishers}
         self._report = report
+        self._nameless: set[bytes] = set()
         self._timer = node.create_timer(
             LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def look(self) -> None:
         """Release guards whose writer is gone, report second writers."""
+        nameless: set[bytes] = set()
         for guard in self._guards:
             names = writers(self._node, guard.topic)
             if guard.writer and guard.writer not in names:
                 guard.release()
                 continue
-            self._report(guard.topic, _problem(guard, names))
+            self._report(guard.topic, _problem(guard, self._known(names, nameless)))
         for topic, own in self._own.items():
-            names = writers(self._node, topic)
+            names = self._known(writers(self._node, topic), nameless)
             others = ", ".join(sorted({name for gid, name in names.items() if gid != own}))
             problem = f"{others} writes {topic}, too: only one node may" if others else ""
             self._report(f"writing {topic}", problem)
+        self._nameless = nameless
+
+    def _known(self, names: Mapping[bytes, str], nameless: set[bytes]) -> dict[bytes, str]:
+        """Without writers that were just discovered, whose node's name is still to come."""
+        nameless |= {gid for gid, name in names.items() if name == UNKNOWN}
+        return {gid: name for gid, name in names.items() if gid not in nameless - self._nameless}
 
 
 def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
@@ -129,14 +139,15 @@ def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
     if not guard.writer:
         return ""
     if others := [names[gid] for gid in names if gid != guard.writer]:
-        return f"{', '.join(sorted(others))} ignored: {names[guard.writer]} writes it already"
+        first = names.get(guard.writer, UNKNOWN)
+        return f"{', '.join(sorted(others))} ignored: {first} writes it already"
     return f"message refused: {guard.refused}" if guard.refused else ""
 
 
 def writers(node: Node, topic: str) -> dict[bytes, str]:
     """Names of the nodes that write a topic, by the identity of the writer."""
     return {
-        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name.replace(_NAMELESS, "an unknown node")
+        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name.replace(_NAMELESS, UNKNOWN)
         for info in node.get_publishers_info_by_topic(topic)
     }
 
