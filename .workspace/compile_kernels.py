@@ -10,6 +10,7 @@ from cassie_control.controller.pendulum import Fall, fallen
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.link_frames import LinkPoses
 from cassie_msgs.layout import Mode, RobotMode
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
@@ -30,6 +31,7 @@ for tick in range(TICKS):
     sample = plant.sense()
     states = [estimator.step(sample) for estimator in estimators]
     plant.step(controller.step(states[0], mode))
+LinkPoses().at(states[0].q)
 
 learned = nothing_learned()
 counts, weights = np.zeros(learned.torques.shape[2]), np.zeros(len(learned.speeds))

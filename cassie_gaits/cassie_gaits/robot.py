@@ -30,6 +30,7 @@ __all__ = [
     "LEFT_LEG",
     "NEUTRAL_TARSUS",
     "PELVIS",
+    "PELVIS_BALL",
     "RODS",
     "SOLE_RADIUS",
     "Drive",
@@ -65,6 +66,9 @@ PELVIS = Link(
     mirror_axis=1,
     mesh="pelvis",
 )
+
+PELVIS_BALL: tuple[float, Vector] = (0.15, (0.02, 0.0, 0.02))
+"""Radius and centre, in the pelvis frame, of the pelvis's collision shape. In m."""
 
 IMU_POSITION: Vector = (0.03155, 0.0, -0.07996)
 """Origin of the IMU in the pelvis frame. In m."""
