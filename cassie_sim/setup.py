@@ -1,8 +1,26 @@
 """Build of cassie_sim by colcon (ament_python)."""
 
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 NAME = "cassie_sim"
+
+
+def meshes() -> list[str]:
+    """Files of the robot's meshes, where the package example-robot-data is installed.
+
+    None when colcon only asks which files there are: it expects all of them in the source folder.
+    """
+    cmeel = find_spec("cmeel")
+    installs = "install_data" in sys.argv or "symlink_data" in sys.argv
+    if not installs or cmeel is None or cmeel.origin is None:
+        return []
+    share = Path(cmeel.origin).parents[1] / "cmeel.prefix/share/example-robot-data"
+    return sorted(map(str, share.glob("robots/cassie_description/meshes/*.stl")))
+
 
 setup(
     name=NAME,
@@ -16,6 +34,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/meshes", meshes()),
     ],
     zip_safe=False,
     entry_points={

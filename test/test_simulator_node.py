@@ -175,6 +175,7 @@ def test_standard_topics(robot: Robot) -> None:
     times = [clock.clock.sec * 10**9 + clock.clock.nanosec for clock in clocks[-10:]]
     assert {later - earlier for earlier, later in itertools.pairwise(times)} == {10**7}
     assert "<robot" in descriptions[0].data
+    assert '"package://cassie_sim/meshes/pelvis.stl"' in descriptions[0].data
 
 
 def test_a_film_is_made_or_the_missing_package_named(robot: Robot, tmp_path: Path) -> None:

@@ -34,8 +34,10 @@ _GROUND, _LEFT, _RIGHT, _TORSO = 1, 2, 4, 8
 _COLLIDES_WITH = {"left": _GROUND | _RIGHT, "right": _GROUND | _LEFT, "pelvis": _GROUND}
 _IS = {"left": _LEFT, "right": _RIGHT, "pelvis": _TORSO}
 
-_BODY_COLOUR = (0.92, 0.55, 0.16, 1.0)
-_SHAPE_COLOUR = (0.35, 0.40, 0.46, 1.0)
+BODY_COLOUR = (0.92, 0.55, 0.16, 1.0)
+SHAPE_COLOUR = (0.35, 0.40, 0.46, 1.0)
+COLOURED = ("pelvis", "hip_pitch", "shin")
+"""Links that wear the body's colour; the others have that of shapes."""
 
 
 def mesh_folder() -> Path | None:
@@ -74,7 +76,7 @@ def robot_spec(*, meshes: bool = False, gravity: float = 9.81) -> mujoco.MjSpec:
     pelvis.add_freejoint(name="pelvis")
     pelvis.add_site(name="imu", pos=robot.IMU_POSITION, size=[0.01, 0.01, 0.01])
     # The pelvis is a ball to the ground, its mesh is for looks.
-    _add_shape(pelvis, "pelvis", folder is None, sphere=(0.15, (0.02, 0.0, 0.02)))
+    _add_shape(pelvis, "pelvis", folder is None, sphere=robot.PELVIS_BALL)
     for leg in LEGS:
         _add_leg(spec, pelvis, leg, folder)
     return spec
@@ -96,7 +98,7 @@ def _add_leg(spec: mujoco.MjSpec, pelvis: mujoco.MjsBody, leg: str, folder: Path
             pos=point,
             contype=_IS[leg],
             conaffinity=_GROUND,
-            rgba=_SHAPE_COLOUR,
+            rgba=SHAPE_COLOUR,
             mass=0.0,
         )
         geom.condim = 3
@@ -187,7 +189,7 @@ def _add_shape(
         condim=3,
         mass=0.0,
         group=0 if visible else 3,
-        rgba=_SHAPE_COLOUR,
+        rgba=SHAPE_COLOUR,
     )
     if sphere is not None:
         geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
@@ -214,7 +216,7 @@ def _add_mesh(
         conaffinity=0,
         mass=0.0,
         group=1,
-        rgba=_BODY_COLOUR if link.name in ("pelvis", "hip_pitch", "shin") else _SHAPE_COLOUR,
+        rgba=BODY_COLOUR if link.name in COLOURED else SHAPE_COLOUR,
     )
 
 

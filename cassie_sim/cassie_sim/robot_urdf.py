@@ -1,108 +1,156 @@
-"""A URDF of Cassie for ROS tools: links, joints and simple shapes from `cassie_gaits.robot`.
+"""A URDF of Cassie for ROS tools, made from `cassie_gaits.robot`.
 
-For looks and frames. The rods, heel springs and foot cranks that close the loops are left
-out: a URDF is a tree, and no joint state of theirs is published.
+All links are there with their masses, meshes, colours and the collision shapes of the simulation. A
+URDF is a tree: rods are held at one end only. They, the heel springs and the foot cranks have no
+encoder; their frames on /tf are those of `cassie_gaits.link_frames`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+import numpy.typing as npt
 
 from cassie_gaits import robot
-from cassie_gaits.names import LEG_JOINTS, LEGS
+from cassie_gaits.link_frames import BASE_FRAME, FRAMES, LinkFrame
+from cassie_sim.robot_mjcf import BODY_COLOUR, COLOURED, SHAPE_COLOUR
 
-BASE_LINK = "base_link"
-_PELVIS_RADIUS = 0.12
+FloatArray = npt.NDArray[np.float64]
+Shape = tuple[dict[str, str], str, dict[str, str]]
+"""Origin, and tag and attributes of a geometry."""
+
+_COLOURS = {"body": BODY_COLOUR, "parts": SHAPE_COLOUR}
+_IMU_SIZE = (0.036, 0.033, 0.009)  # of the VN-100, in m
+_SPOT_RADIUS = 0.03
 
 
-def robot_urdf() -> str:
-    """The robot as URDF text; joints are named as in /joint_states."""
-    root = ElementTree.Element("robot", name="cassie")
-    base = _add_link(root, BASE_LINK, robot.PELVIS)
-    _add_shape(base, robot.PELVIS.com, (0.0, 0.0, 0.0), "sphere", radius=_PELVIS_RADIUS)
-    for leg in LEGS:
-        for link in robot.leg_links(leg):
-            if link.name in LEG_JOINTS:
-                _add_leg_link(root, leg, link)
+def robot_urdf(meshes: str | None = None) -> str:
+    """The robot as URDF text.
+
+    Args:
+        meshes: URI of the folder of the meshes, as package://cassie_sim/meshes; None shows
+            collision shapes instead, and a spot where a link has none.
+    """
+    root = Element("robot", name="cassie")
+    for name, colour in _COLOURS.items():
+        material = SubElement(root, "material", name=name)
+        SubElement(material, "color", rgba=_text(colour))
+    _add_link(root, BASE_FRAME, robot.PELVIS, _pelvis_shapes(), meshes)
+    for frame in FRAMES:
+        if frame.link is None:
+            _add_imu(root, frame)
+        else:
+            _add_link(root, frame.name, frame.link, _leg_shapes(frame.link), meshes, frame.leg)
+        _add_joint(root, frame)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _add_leg_link(root: ElementTree.Element, leg: str, link: robot.Link) -> None:
-    name = f"{leg}_{link.name}"
-    element = _add_link(root, f"{name}_link", link)
-    if link.capsule is not None:
-        radius, start, end = link.capsule
-        _add_capsule(element, radius, np.array(start), np.array(end))
-    if link.name == "toe":
-        contacts = np.array(robot.FOOT_CONTACTS)
-        _add_capsule(element, robot.SOLE_RADIUS, contacts[0], contacts[1])
-    parent = BASE_LINK if link.parent == "pelvis" else f"{leg}_{link.parent}_link"
-    joint = ElementTree.SubElement(root, "joint", name=name, type="revolute")
-    ElementTree.SubElement(joint, "parent", link=parent)
-    ElementTree.SubElement(joint, "child", link=f"{name}_link")
-    ElementTree.SubElement(joint, "origin", _origin(link))
-    ElementTree.SubElement(joint, "axis", xyz="0 0 1")
-    low, high = link.joint.limits or (-math.pi, math.pi)
-    drive = robot.DRIVES.get(link.name)
+def _add_link(
+    root: Element,
+    name: str,
+    link: robot.Link,
+    shapes: list[Shape],
+    meshes: str | None,
+    leg: str = "",
+) -> None:
+    element = SubElement(root, "link", name=name)
+    inertial = SubElement(element, "inertial")
+    SubElement(inertial, "origin", _origin(link.com))
+    SubElement(inertial, "mass", value=f"{link.mass:.12g}")
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    figures = {key: f"{value:.12g}" for key, value in zip(names, link.inertia, strict=True)}
+    SubElement(inertial, "inertia", figures)
+    visible = shapes or [_sphere(_SPOT_RADIUS, link.com)]
+    if meshes is not None:
+        visible = [_mesh(link, meshes, leg)]
+    material = "body" if link.name in COLOURED else "parts"
+    for shape in visible:
+        visual = _add_shape(element, "visual", shape)
+        SubElement(visual, "material", name=material)
+    for shape in shapes:
+        _add_shape(element, "collision", shape)
+
+
+def _add_imu(root: Element, frame: LinkFrame) -> None:
+    """Its frame; its mass is the pelvis's."""
+    element = SubElement(root, "link", name=frame.name)
+    visual = _add_shape(element, "visual", (_origin(), "box", {"size": _text(_IMU_SIZE)}))
+    SubElement(visual, "material", name="parts")
+
+
+def _add_joint(root: Element, frame: LinkFrame) -> None:
+    kind = "fixed" if frame.axis is None else "revolute"
+    joint = SubElement(root, "joint", name=frame.joint, type=kind)
+    SubElement(joint, "parent", link=frame.parent)
+    SubElement(joint, "child", link=frame.name)
+    SubElement(joint, "origin", _origin(frame.position, frame.rotation))
+    if frame.axis is None or frame.link is None:
+        return
+    SubElement(joint, "axis", xyz=_text(frame.axis))
+    low, high = frame.link.joint.limits or (-math.pi, math.pi)
+    drive = robot.DRIVES.get(frame.link.name)
     effort = drive.torque_limit if drive else 0.0
     speed = drive.speed_limit if drive else 100.0
     limit = {"lower": low, "upper": high, "effort": effort, "velocity": speed}
-    ElementTree.SubElement(joint, "limit", {key: f"{value:.6g}" for key, value in limit.items()})
+    SubElement(joint, "limit", {key: f"{value:.6g}" for key, value in limit.items()})
 
 
-def _add_link(root: ElementTree.Element, name: str, link: robot.Link) -> ElementTree.Element:
-    element = ElementTree.SubElement(root, "link", name=name)
-    inertial = ElementTree.SubElement(element, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=_text(link.com), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=f"{link.mass:.9g}")
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    figures = {key: f"{value:.9g}" for key, value in zip(names, link.inertia, strict=True)}
-    ElementTree.SubElement(inertial, "inertia", figures)
-    return element
+def _add_shape(element: Element, role: str, shape: Shape) -> Element:
+    origin, tag, attributes = shape
+    added = SubElement(element, role)
+    SubElement(added, "origin", origin)
+    SubElement(SubElement(added, "geometry"), tag, attributes)
+    return added
 
 
-def _add_capsule(
-    element: ElementTree.Element, radius: float, start: np.ndarray, end: np.ndarray
-) -> None:
-    """A cylinder from start to end, whose own axis is z."""
-    along = end - start
-    length = float(np.linalg.norm(along))
-    pitch = math.acos(along[2] / length)
-    yaw = math.atan2(along[1], along[0])
-    middle = tuple(((start + end) / 2).tolist())
-    _add_shape(element, middle, (0.0, pitch, yaw), "cylinder", radius=radius, length=length)
+def _pelvis_shapes() -> list[Shape]:
+    radius, centre = robot.PELVIS_BALL
+    return [_sphere(radius, centre)]
 
 
-def _add_shape(
-    element: ElementTree.Element,
-    position: tuple[float, ...],
-    angles: tuple[float, float, float],
-    shape: str,
-    **sizes: float,
-) -> None:
-    visual = ElementTree.SubElement(element, "visual")
-    ElementTree.SubElement(visual, "origin", xyz=_text(position), rpy=_text(angles))
-    geometry = ElementTree.SubElement(visual, "geometry")
-    ElementTree.SubElement(geometry, shape, {key: f"{size:.6g}" for key, size in sizes.items()})
+def _leg_shapes(link: robot.Link) -> list[Shape]:
+    if link.name == "toe":  # only the ends of the sole touch the ground
+        return [_sphere(robot.SOLE_RADIUS, point) for point in robot.FOOT_CONTACTS]
+    return [] if link.capsule is None else _capsule(*link.capsule)
 
 
-def _origin(link: robot.Link) -> dict[str, str]:
-    """Pose of the link at joint angle zero, in its parent."""
-    x_axis = np.array(link.x_axis) / np.linalg.norm(link.x_axis)
-    z_axis = np.cross(x_axis, link.y_axis)
-    z_axis /= np.linalg.norm(z_axis)
-    pose = np.column_stack([x_axis, np.cross(z_axis, x_axis), z_axis])
-    # The table gives the pose at `joint.zero`; turn it back about the joint's axis.
-    cosine, sine = math.cos(link.joint.zero), math.sin(link.joint.zero)
-    rotation = pose @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return {"xyz": _text(link.position), "rpy": _text(_roll_pitch_yaw(rotation))}
+def _sphere(radius: float, centre: Iterable[float]) -> Shape:
+    return _origin(centre), "sphere", {"radius": f"{radius:.6g}"}
 
 
-def _roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
+def _capsule(radius: float, start: robot.Vector, end: robot.Vector) -> list[Shape]:
+    """A cylinder from start to end, whose own axis is z, and a sphere at each."""
+    a, b = np.array(start), np.array(end)
+    length = float(np.linalg.norm(b - a))
+    z_axis = (b - a) / length
+    x_axis = np.cross(np.eye(3)[np.argmin(np.abs(z_axis))], z_axis)
+    x_axis /= np.linalg.norm(x_axis)
+    turn = np.column_stack([x_axis, np.cross(z_axis, x_axis), z_axis])
+    sizes = {"radius": f"{radius:.6g}", "length": f"{length:.6g}"}
+    cylinder = _origin((a + b) / 2, turn), "cylinder", sizes
+    return [cylinder, _sphere(radius, start), _sphere(radius, end)]
+
+
+def _mesh(link: robot.Link, meshes: str, leg: str) -> Shape:
+    scale = [1.0, 1.0, 1.0]
+    if leg == "right":  # only the left meshes exist; the right ones are their mirror images
+        scale[link.mirror_axis] = -1.0
+    return _origin(), "mesh", {"filename": f"{meshes}/{link.mesh}.stl", "scale": _text(scale)}
+
+
+def _origin(
+    position: Iterable[float] = (0.0, 0.0, 0.0), rotation: FloatArray | None = None
+) -> dict[str, str]:
+    turned = np.eye(3) if rotation is None else rotation
+    return {"xyz": _text(position), "rpy": _text(_roll_pitch_yaw(turned))}
+
+
+def _roll_pitch_yaw(rotation: FloatArray) -> tuple[float, float, float]:
     """Angles of a rotation matrix, in rad; a pitch of 90 degrees, as at the hips, has yaw 0."""
     sine = max(-1.0, min(1.0, -float(rotation[2, 0])))
     if abs(sine) > 1.0 - 1e-12:
@@ -114,5 +162,5 @@ def _roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
     )
 
 
-def _text(values: tuple[float, ...]) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
+def _text(values: Iterable[float]) -> str:
+    return " ".join(f"{value + 0.0:.12g}" for value in values)  # no -0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -135,7 +136,16 @@ class Simulator(Node):
     def _describe_robot(self) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._description = self.create_publisher(String, "/robot_description", latched)
-        self._description.publish(String(data=robot_urdf()))
+        self._description.publish(String(data=robot_urdf(_installed_meshes())))
+
+
+def _installed_meshes() -> str | None:
+    """URI of the meshes' folder, or None where they were not there when this was built."""
+    try:
+        folder = Path(get_package_share_directory("cassie_sim"), "meshes")
+    except PackageNotFoundError:
+        return None
+    return "package://cassie_sim/meshes" if folder.is_dir() else None
 
 
 def main() -> None:
