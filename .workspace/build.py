@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 HERE = ROOT / ".workspace"
 VENV = ROOT / ".venv"
 PACKAGES = ("cassie_msgs", "cassie_gaits", "cassie_control", "cassie_sim", "cassie_teleop", "bags")
+TF2_MSGS = ".workspace/tf2_msgs"  # built where the environment has none
 VENV_INPUTS = [ROOT / "requirements.txt", HERE / "constraints.txt", HERE / "relocate_wheels.py"]
 # Edits of other Python files need no build: colcon links them into place. Those beside the messages
 # it copies, because the package is the message generator's.
@@ -94,8 +95,8 @@ def bring_up_workspace(venv_stamp: str) -> bool:
         return False
     if old[0] != venv_stamp:  # CMake caches of another environment are of no use
         shutil.rmtree(ROOT / "install", ignore_errors=True)
-        for package in PACKAGES:  # the rest of build/ are somebody's results
-            name = package if package.startswith("cassie_") else f"cassie_{package}"
+        for package in packages():  # the rest of build/ are somebody's results
+            name = "cassie_bags" if package == "bags" else Path(package).name
             shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
     record.unlink(missing_ok=True)
     print("make build: building the packages with colcon")
@@ -103,7 +104,7 @@ def bring_up_workspace(venv_stamp: str) -> bool:
     call(
         [
             *(python, "-m", "colcon", "--log-base", "build/log", "build", "--symlink-install"),
-            *("--base-paths", *PACKAGES),
+            *("--base-paths", *packages()),
             *("--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF"),
             *(f"-DPython3_EXECUTABLE={python}", f"-DPYTHON_EXECUTABLE={python}"),
             "--no-warn-unused-cli",
@@ -112,6 +113,12 @@ def bring_up_workspace(venv_stamp: str) -> bool:
     )
     record.write_text(f"{venv_stamp} {stamp}")
     return True
+
+
+def packages() -> tuple[str, ...]:
+    """Folders of the packages to build."""
+    in_environment = VENV / "share/ament_index/resource_index/packages/tf2_msgs"
+    return PACKAGES if in_environment.exists() else (TF2_MSGS, *PACKAGES)
 
 
 def compile_kernels(venv_stamp: str) -> None:
@@ -131,7 +138,7 @@ def compile_kernels(venv_stamp: str) -> None:
 
 def source_facts() -> Iterable[bytes]:
     """What the build depends on: the names of all files, and the content of some."""
-    for package in PACKAGES:
+    for package in packages():
         for path in sorted((ROOT / package).rglob("*")):
             if not path.is_file() or "__pycache__" in path.parts or ".egg-info" in str(path):
                 continue
@@ -148,7 +155,7 @@ def verify() -> None:
     Raises:
         BuildError: if they do not.
     """
-    script = '. ./env.sh && exec python3 -c "import rclpy, cassie_msgs.msg, cassie_msgs.layout"'
+    script = '. ./env.sh && exec python3 -c "import rclpy, tf2_msgs.msg, cassie_msgs.layout"'
     result = subprocess.run(["sh", "-c", script], cwd=ROOT, capture_output=True, text=True)
     if result.returncode != 0:
         last = (result.stderr.strip().splitlines() or ["no message"])[-1]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from ament_index_python.packages import get_package_share_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKSPACE = ROOT / ".workspace"
@@ -28,6 +30,27 @@ def test_a_new_environment_leaves_results_where_they_are(monkeypatch, tmp_path: 
     assert results.exists()
     assert not any(cache.exists() for cache in caches)
     assert not build.bring_up_workspace("new")
+
+
+def test_tf2_msgs_is_built_where_the_environment_has_none(monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(WORKSPACE)
+    build = import_module("build")
+    monkeypatch.setattr(build, "VENV", tmp_path)
+    assert build.packages() == (build.TF2_MSGS, *build.PACKAGES)
+    marker = tmp_path / "share/ament_index/resource_index/packages/tf2_msgs"
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    assert build.packages() == build.PACKAGES
+
+
+def test_its_message_is_that_of_ros() -> None:
+    """Nodes of a system ROS 2 Jazzy take it for theirs: the hash covers names and types."""
+    share = Path(get_package_share_directory("tf2_msgs"))
+    found = json.loads((share / "msg/TFMessage.json").read_text())["type_hashes"]
+    assert {
+        "type_name": "tf2_msgs/msg/TFMessage",
+        "hash_string": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    } in found
 
 
 @pytest.mark.skipif("avx2" not in CPU_INFO, reason="a processor without AVX2")

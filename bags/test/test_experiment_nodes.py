@@ -11,7 +11,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -20,8 +22,10 @@ from rosbags.highlevel import AnyReader
 
 from cassie_bags.continuity import differences, gaps
 from cassie_bags.errors import RunError
-from cassie_bags.recording import RECORDED_TOPICS, read_recording
+from cassie_bags.recording import RECORDED_TOPICS, read_recording, stamps_ns
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_gaits.link_frames import LinkPoses
+from cassie_msgs.layout import RobotState
 
 TEXT = """
 start: standing
@@ -89,6 +93,7 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     for key in ("phases", "peak_torque", "draw"):
         assert contents[0][key] == contents[2][key]
     _check_other_topics(folders[0] / "bag.mcap")
+    _check_transforms(folders[0] / "bag.mcap")
 
 
 def _check_other_topics(bag: Path) -> None:
@@ -98,6 +103,33 @@ def _check_other_topics(bag: Path) -> None:
         for topic in ("/clock", "/joint_states", "/imu/data", "/odom", "/diagnostics"):
             assert topics[topic].msgcount > 3
         assert topics["/robot_description"].msgcount == 1
+
+
+def _check_transforms(bag: Path) -> None:
+    """The frames on /tf and /tf_static are the URDF's, and where the state says."""
+    rows = read_recording(bag).rows(RobotState)
+    states = dict(zip(stamps_ns(rows).tolist(), rows["q"], strict=True))
+    links = LinkPoses()
+    with AnyReader([bag]) as reader:
+        found: dict[str, list] = {"/robot_description": [], "/tf_static": [], "/tf": []}
+        for connection, _, raw in reader.messages():
+            if connection.topic in found:
+                found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    ((description,), (fixed,), moving) = found.values()
+    frames = {entry.child_frame_id: entry.header.frame_id for entry in fixed.transforms}
+    frames |= {entry.child_frame_id: entry.header.frame_id for entry in moving[0].transforms}
+    joints = ElementTree.fromstring(description.data).iter("joint")
+    expected = {
+        joint.find("child").get("link"): joint.find("parent").get("link") for joint in joints
+    }
+    assert frames == expected | {"base_link": "odom"}
+    assert len(moving) > 200
+    for message in moving:
+        stamp = message.transforms[0].header.stamp
+        poses = links.at(states[stamp.sec * 10**9 + stamp.nanosec])
+        for entry, pose in zip(message.transforms, poses, strict=True):
+            t, r = entry.transform.translation, entry.transform.rotation
+            assert np.array_equal([t.x, t.y, t.z, r.x, r.y, r.z, r.w], pose)
 
 
 RIDE = """

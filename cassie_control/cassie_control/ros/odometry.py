@@ -1,30 +1,28 @@
-"""The estimate as ROS tools want it: /imu/data, /odom and /tf, decimated."""
+"""The estimate as ROS tools want it: /imu/data, /odom, /tf and /tf_static, decimated."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
+from cassie_control.ros.transforms import Transforms
+from cassie_gaits.link_frames import BASE_FRAME, IMU_FRAME, ODOM_FRAME
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.stencil import Stencil
 
 RATE = 100
-"""Highest rate of these topics, in robot time. In Hz."""
-
-ODOM_FRAME, BASE_FRAME, IMU_FRAME = "odom", "base_link", "imu_link"
+"""Highest rate of /imu/data and /odom, in robot time. In Hz."""
 
 # Variances of the IMU's own figures: rad^2, (rad/s)^2, (m/s^2)^2.
 _IMU_VARIANCE = (math.radians(0.35) ** 2, math.radians(0.1) ** 2, 0.04**2)
 
 
 class StandardTopics:
-    """Publishes samples and states on standard topics; /tf where tf2_msgs is installed."""
+    """Publishes samples and states on standard topics."""
 
     def __init__(self, node: Node, control_rate: int) -> None:
         qos = QoSProfile(depth=10)
@@ -34,10 +32,11 @@ class StandardTopics:
         self._odom = node.create_publisher(Odometry, "/odom", qos)
         self._imu_bytes = _imu_stencil()
         self._odom_bytes = _odom_stencil()
-        self._tf_type, self._tf = _transform_publisher(node, qos)
+        self._transforms = Transforms(node, control_rate)
 
     def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
-        """Publish, if it is this tick's turn."""
+        """Publish what it is this tick's turn for."""
+        self._transforms.publish(seq, state)
         if seq % self._period != self._offset:
             return
         stamp = state.stamp_ns
@@ -60,22 +59,6 @@ class StandardTopics:
                 _diagonal(covariance[6:9] + covariance[9:12]),
             )
         )
-        if self._tf is not None:
-            self._tf.publish(self._transform(stamp, (x, y, z), quaternion))
-
-    def _transform(
-        self,
-        stamp_ns: int,
-        position: tuple[float, float, float],
-        quaternion: tuple[float, float, float, float],
-    ) -> Any:
-        transform = TransformStamped(child_frame_id=BASE_FRAME)
-        transform.header.frame_id = ODOM_FRAME
-        transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-        t, r = transform.transform.translation, transform.transform.rotation
-        t.x, t.y, t.z = position
-        r.x, r.y, r.z, r.w = quaternion
-        return self._tf_type(transforms=[transform])
 
 
 def quaternion_of(yaw: float, pitch: float, roll: float) -> tuple[float, float, float, float]:
@@ -137,12 +120,3 @@ def _odom_stencil() -> Stencil:
             ("twist.covariance", 36),
         ],
     )
-
-
-def _transform_publisher(node: Node, qos: QoSProfile) -> tuple[Any, Any]:
-    try:
-        from tf2_msgs.msg import TFMessage
-    except ImportError:
-        node.get_logger().debug("no /tf: tf2_msgs is not installed")
-        return None, None
-    return TFMessage, node.create_publisher(TFMessage, "/tf", qos)
