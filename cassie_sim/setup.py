@@ -34,6 +34,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", ["config/cassie.rviz", "config/cassie.foxglove.json"]),
         (f"share/{NAME}/meshes", meshes()),
     ],
     zip_safe=False,
