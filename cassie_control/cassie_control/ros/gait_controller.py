@@ -26,7 +26,8 @@ from cassie_control.silence import Silence
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
-from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.about import About
+from cassie_msgs.ros.claim import ClaimConfig, claim
 from cassie_msgs.ros.fast_lane import (
     NEWEST_OF_ONE,
     LanePublisher,
@@ -195,9 +196,19 @@ class GaitControllerNode(Node):
         self._config = self._changed = config
 
 
+ABOUT = About(
+    package="cassie_control",
+    text="Answers each state with the set-points of the ten drives, in the mode that the "
+    "supervisor puts in force.",
+    reads=("/cassie/state", "/cassie/mode"),
+    writes=("/cassie/motor_command", "/cassie/controller_status", "/diagnostics"),
+    parameters=(GaitControllerConfig(), ControllerConfig(), ClaimConfig()),
+)
+
+
 def main() -> None:
     """Entry point of `ros2 run cassie_control gait_controller`."""
-    run("gait_controller", GaitControllerNode)
+    run("gait_controller", GaitControllerNode, ABOUT)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
-from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.about import About
+from cassie_msgs.ros.claim import ClaimConfig, claim
 from cassie_msgs.ros.fast_lane import EVERY, Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
@@ -136,9 +137,19 @@ class ModeSupervisorNode(Node):
         self._config = self._core.config = config
 
 
+ABOUT = About(
+    package="cassie_control",
+    text="Decides the robot's mode from its state and the operator's commands, limits the "
+    "set-points, and watches the other nodes.",
+    reads=("/cassie/state", "/cassie/operator_command", "/cassie/controller_status", "/clock"),
+    writes=("/cassie/mode", "/cassie/supervisor_status", "/diagnostics"),
+    parameters=(ModeSupervisorConfig(), SupervisorConfig(), ClaimConfig()),
+)
+
+
 def main() -> None:
     """Entry point of `ros2 run cassie_control mode_supervisor`."""
-    run("mode_supervisor", ModeSupervisorNode)
+    run("mode_supervisor", ModeSupervisorNode, ABOUT)
 
 
 if __name__ == "__main__":

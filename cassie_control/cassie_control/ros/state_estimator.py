@@ -21,7 +21,8 @@ from cassie_control.ros.common import (
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
 from cassie_msgs.layout import RobotState, Sensors
-from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.about import About
+from cassie_msgs.ros.claim import ClaimConfig, claim
 from cassie_msgs.ros.fast_lane import (
     NEWEST_OF_ONE,
     LanePublisher,
@@ -136,9 +137,18 @@ class StateEstimator(Node):
         self._config = self._core.config = config
 
 
+ABOUT = About(
+    package="cassie_control",
+    text="Answers each sensor sample with an estimate of the robot's state.",
+    reads=("/cassie/sensors",),
+    writes=("/cassie/state", "/imu/data", "/odom", "/tf", "/tf_static", "/diagnostics"),
+    parameters=(LaneConfig(), EstimatorConfig(), ClaimConfig()),
+)
+
+
 def main() -> None:
     """Entry point of `ros2 run cassie_control state_estimator`."""
-    run("state_estimator", StateEstimator)
+    run("state_estimator", StateEstimator, ABOUT)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.about import About
+from cassie_msgs.ros.claim import ClaimConfig, claim
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
@@ -148,9 +149,27 @@ def _installed_meshes() -> str | None:
     return "package://cassie_sim/meshes" if folder.is_dir() else None
 
 
+ABOUT = About(
+    package="cassie_sim",
+    text="Cassie in MuJoCo behind the topics of the real robot. Hanging in the gantry it waits for "
+    "power; the services reset, pause, push, hang up and let down.",
+    reads=("/cassie/motor_command", "/cassie/operator_command"),
+    writes=(
+        "/cassie/sensors",
+        "/cassie/ground_truth",
+        "/clock",
+        "/joint_states",
+        "/robot_description",
+        "/diagnostics",
+    ),
+    services=("/cassie/reset", "/cassie/pause", "/cassie/step", "/cassie/push", "/cassie/gantry"),
+    parameters=(SimulatorConfig(), ClaimConfig()),
+)
+
+
 def main() -> None:
     """Entry point of `ros2 run cassie_sim simulator`."""
-    run("simulator", Simulator)
+    run("simulator", Simulator, ABOUT)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
 from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.about import About
 from cassie_msgs.tunables import tunable
 from cassie_teleop.joystick import Joystick, JoystickError
 
@@ -62,6 +63,14 @@ class JoystickNode(Node):
         self._diagnostics.set("device", diagnostics.OK, f"reading {self._joystick.name}")
 
 
+ABOUT = About(
+    package="cassie_teleop",
+    text="Publishes a radio or gamepad of this computer on /joy.",
+    writes=("/joy", "/diagnostics"),
+    parameters=(Config(),),
+)
+
+
 def main() -> None:
     """Run the node."""
-    process.run("joystick", JoystickNode)
+    process.run("joystick", JoystickNode, ABOUT)

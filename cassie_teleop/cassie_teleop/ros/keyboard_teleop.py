@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros import parameters, process
+from cassie_msgs.ros.about import About
 from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import HELP, Keyboard, Status, status_line
 from cassie_teleop.radio import without_link
@@ -98,6 +99,15 @@ class KeyboardTeleop(Node):
         return Status(status.mode, status.readiness, list(status.faults), age)
 
 
+ABOUT = About(
+    package="cassie_teleop",
+    text="Drives the robot with the keys of a terminal; the keys are listed on the screen.",
+    reads=("/cassie/supervisor_status",),
+    writes=("/cassie/operator_command",),
+    parameters=(Config(),),
+)
+
+
 def main() -> None:
     """Run the node."""
-    process.run("keyboard_teleop", KeyboardTeleop)
+    process.run("keyboard_teleop", KeyboardTeleop, ABOUT)

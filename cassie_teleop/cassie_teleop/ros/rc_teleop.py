@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
 from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import NEWEST
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.device import read_device
@@ -93,6 +94,15 @@ def device_path(name: str) -> Path:
     return path
 
 
+ABOUT = About(
+    package="cassie_teleop",
+    text="Drives the robot with the channels of a radio or gamepad, which come on /joy.",
+    reads=("/joy",),
+    writes=("/cassie/operator_command", "/diagnostics"),
+    parameters=(Config(),),
+)
+
+
 def main() -> None:
     """Run the node."""
-    process.run("rc_teleop", RcTeleop)
+    process.run("rc_teleop", RcTeleop, ABOUT)

@@ -12,6 +12,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import (
     EVERY,
     Doze,
@@ -118,6 +119,15 @@ class ScriptedOperatorNode(Node):
             self._waiter.wait(min(left, _SILENCE))
 
 
+ABOUT = About(
+    package="cassie_teleop",
+    text="Drives the robot by a script on the robot's clock, in step with the loop.",
+    reads=("/cassie/state", "/cassie/ground_truth"),
+    writes=("/cassie/operator_command", "/diagnostics"),
+    parameters=(Config(),),
+)
+
+
 def main() -> None:
     """Run the node."""
-    process.run("scripted_operator", ScriptedOperatorNode)
+    process.run("scripted_operator", ScriptedOperatorNode, ABOUT)

@@ -18,7 +18,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
+from cassie_msgs.ros.about import About, help_text
 from cassie_msgs.ros.parameters import refuse_unknown
 from cassie_msgs.ros.transport import use_loopback
 
@@ -58,8 +60,11 @@ class Stop:
             wake()
 
 
-def run(name: str, build: Callable[[Stop], Any]) -> None:
+def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> None:
     """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
+
+    With `about`, `--help` prints what the node is and ends, and an argument that is not ROS's is
+    refused; without, arguments are the caller's.
 
     `build(stop)` makes the node, an rclpy `Node`, or several as an object with `nodes`. Their
     parameters, services and timers are served by an executor in another thread. If it has a
@@ -70,6 +75,8 @@ def run(name: str, build: Callable[[Stop], Any]) -> None:
     Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
     ValueError or OSError, such as for a wrong parameter; 1 if something broke.
     """
+    if about is not None:
+        _read_arguments(name, about)
     stop = Stop()
     _follow_signals(stop)
     try:
@@ -79,6 +86,17 @@ def run(name: str, build: Callable[[Stop], Any]) -> None:
             rclpy.try_shutdown()
     sys.stdout.flush()
     sys.exit(status)
+
+
+def _read_arguments(name: str, about: About) -> None:
+    """Answer `--help`, and refuse what nobody would read."""
+    words = remove_ros_args(sys.argv)[1:]
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(help_text(name, about))
+        sys.exit(0)
+    if words:
+        print(f"{name}: error: unknown argument {words[0]!r}: see --help", file=sys.stderr)
+        sys.exit(2)
 
 
 def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
