@@ -92,6 +92,7 @@ def _read_arguments(name: str, about: About) -> None:
     """Answer `--help`, and refuse what nobody would read."""
     words = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(sys.argv[1:]):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may close before the end
         print(help_text(name, about))
         sys.exit(0)
     if words:
