@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from cassie_bags.experiment_file import Experiment
@@ -98,8 +99,16 @@ def table(outcome: Outcome) -> str:
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
-    lines.append("passed" if outcome.passed else "FAILED")
+    lines.append(_verdict(outcome))
     return "\n".join(lines)
+
+
+def _verdict(outcome: Outcome) -> str:
+    """Whether it passed, and where the pictures are."""
+    count = len(outcome.failures)
+    verdict = "passed" if outcome.passed else f"FAILED: {count} not as expected"
+    pictures = [path for path in outcome.files.values() if path.endswith((".png", ".gif", ".mp4"))]
+    return f"{verdict}; pictures in {Path(pictures[0]).parent}" if pictures else verdict
 
 
 def _drawn(experiment: Experiment) -> str:

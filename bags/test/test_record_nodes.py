@@ -152,7 +152,7 @@ def test_a_replay_publishes_every_message_with_its_type(
     start_recorder(processes, copy)
     replay = executable("cassie_bags", "replay")
     started = time.monotonic()
-    processes.start("replay", [replay, bag, "--rate", "4", "--wait", str(PATIENCE)])
+    processes.start("replay", [replay, bag, "--commands", "--rate", "4", "--wait", str(PATIENCE)])
     wait_until(lambda: not processes.running("replay"))
     assert time.monotonic() - started >= 0.5
     processes.check("replay")
@@ -161,6 +161,43 @@ def test_a_replay_publishes_every_message_with_its_type(
     with AnyReader([copy]) as reader:
         assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
         assert reader.topics["/clock"].msgcount > 10
+
+
+def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node, tmp_path: Path):
+    from test_bag import write_bag
+
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    received: dict[str, list[bytes]] = {"RobotState": [], "MotorCommand": [], "Mode": []}
+    for name, topic in (
+        ("RobotState", "/cassie/state"),
+        ("MotorCommand", "/cassie/motor_command"),
+        ("Mode", "/cassie/mode"),
+    ):
+        kind = message_class(f"cassie_msgs/msg/{name}")
+        node.create_subscription(kind, topic, received[name].append, 10, raw=True)
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "--loop", "--rate", "5"])
+    wait_until(lambda: spin(node) and len(received["RobotState"]) > 300)
+    processes.stop("replay")
+    assert not received["MotorCommand"] and not received["Mode"]
+
+
+def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    from test_bag import write_bag
+
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    publisher = node.create_publisher(
+        message_class("cassie_msgs/msg/Sensors"), "/cassie/sensors", 1
+    )
+    processes.start("replay", [executable("cassie_bags", "replay"), bag])
+    wait_until(lambda: spin(node) and not processes.running("replay"))
+    words = processes.log("replay").read_text()
+    assert words.startswith("replay: error: /cassie/sensors is written by ")
+    assert "ROS_DOMAIN_ID=" in words and len(words.splitlines()) == 1
+    node.destroy_publisher(publisher)
 
 
 def test_a_replay_of_some_topics_plays_these_again_and_again(

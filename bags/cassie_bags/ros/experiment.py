@@ -53,7 +53,8 @@ def main() -> int:
         print(f"experiment: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
     print(table(outcome), file=sys.stderr)
-    print(json_line(outcome), flush=True)
+    if arguments.json or not sys.stdout.isatty():
+        print(json_line(outcome), flush=True)
     return PASSED if outcome.passed else NOT_AS_EXPECTED
 
 
@@ -133,7 +134,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="experiment",
         description="Run an experiment file with all nodes as processes. Prints a table on stderr "
-        "and one line of JSON on stdout.",
+        "and, where stdout is no terminal, one line of JSON on stdout.",
         epilog="Exit codes: 0 as expected, 1 not as expected, 2 wrong file or arguments, "
         "3 the run did not come to its end, 130 stopped.",
     )
@@ -158,6 +159,9 @@ def _arguments() -> argparse.Namespace:
         "--in-process",
         action="store_true",
         help="the same cores in one process, without ROS, as fast as it goes",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="one line of JSON on stdout, also on a terminal"
     )
     parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
     return parser.parse_args()

@@ -21,7 +21,10 @@ from cassie_bags.errors import BagError
 from cassie_bags.robot_clock import CLOCK_TOPIC
 from cassie_bags.ros.argument_types import number
 from cassie_bags.ros.recorded_topic import message_class
+from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand
+from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.fast_lane import WRITER
+from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
 from cassie_msgs.ros.process import Stop, run
 
 CLOCK_PERIOD = 10_000_000
@@ -31,6 +34,10 @@ _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
+COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
+"""Topics by which a robot is moved: played only where that is asked for."""
+
+_DISCOVERY = 1.0  # s of wall time in which nodes that run already are found
 _ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
 _LOOK = 0.02  # s between two looks whether somebody listens
 
@@ -44,7 +51,8 @@ class Replay(Node):
         self._rate: float = arguments.rate
         self._loop_forever: bool = arguments.loop
         self._patience: float = arguments.wait
-        self._messages = self._load(arguments.file, arguments.topics)
+        self._messages = self._load(arguments.file, arguments.topics, arguments.commands)
+        self._refuse_beside_writers()
         self._clock = self.create_publisher(Clock, CLOCK_TOPIC, 10)
 
     def loop(self) -> None:
@@ -66,12 +74,23 @@ class Replay(Node):
                     pass
             self.get_logger().info(f"{len(self._messages)} messages replayed")
 
-    def _load(self, path: Path, topics: Sequence[str]) -> list[tuple[int, Any, bytes]]:
+    def _load(
+        self, path: Path, topics: Sequence[str], commands: bool
+    ) -> list[tuple[int, Any, bytes]]:
         """Messages in order of robot time, each with its publisher.
 
+        Args:
+            path: The bag.
+            topics: Those to play; all if none is named.
+            commands: Whether topics that move a robot may be played.
+
         Raises:
-            BagError: if the file is no bag, or has none of the topics asked for.
+            BagError: if the file is no bag, has none of the topics asked for, or one of them moves
+                a robot and that was not asked for.
         """
+        moving = sorted(COMMAND_TOPICS.intersection(topics))
+        if moving and not commands:
+            raise BagError(f"{moving[0]} moves a robot that listens: play it with --commands")
         index = BagIndex()
         found = list(read_messages(path, topics or None, index))
         if not index.complete:
@@ -81,6 +100,8 @@ class Replay(Node):
         for topic in topics:
             if topic not in names:
                 raise BagError(f"{path} has no message on {topic}")
+        if not commands:
+            names = [name for name in names if name not in COMMAND_TOPICS]
         if not names:
             raise BagError(f"{path} has no messages")
         self._publishers_by_topic = {
@@ -97,6 +118,25 @@ class Replay(Node):
             if topic in self._publishers_by_topic
         ]
         return sorted(messages, key=lambda entry: entry[0])
+
+    def _refuse_beside_writers(self) -> None:
+        """Hold that no other node writes what is to be played.
+
+        Raises:
+            BagError: naming the topic and the node.
+        """
+        own = {topic: identity(each) for topic, each in self._publishers_by_topic.items()}
+        deadline = time.monotonic() + _DISCOVERY
+        while True:
+            for topic, gid in own.items():
+                others = {name for writer, name in writers(self, topic).items() if writer != gid}
+                if others := others - {UNKNOWN}:
+                    raise BagError(
+                        f"{topic} is written by {', '.join(sorted(others))}: end it, or play into "
+                        f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()}"
+                    )
+            if time.monotonic() > deadline or self._stop.wait(_LOOK):
+                return
 
     def _await_listeners(self) -> bool:
         """Wait until each topic has a subscriber, as long as asked for; False if stopped."""
@@ -142,6 +182,11 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("file", type=Path)
     parser.add_argument("--rate", type=_rate, default=1.0, help="robot time per wall time")
     parser.add_argument("--topics", nargs="+", default=[], help="only these")
+    parser.add_argument(
+        "--commands",
+        action="store_true",
+        help="also what moves a robot that listens: motor commands, modes, operator commands",
+    )
     parser.add_argument("--loop", action="store_true", help="again and again")
     parser.add_argument(
         "--wait", type=_patience, default=0.0, help="wait up to so many seconds for subscribers"
