@@ -37,7 +37,7 @@ _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
 """Topics by which a robot is moved: played only where that is asked for."""
 
-_DISCOVERY = 1.0  # s of wall time in which nodes that run already are found
+_DISCOVERY = 1.5  # s of wall time in which nodes that run already are found
 _ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
 _LOOK = 0.02  # s between two looks whether somebody listens
 
