@@ -2,8 +2,9 @@
 
 On one lane whatever starts nodes, in turn, as some of them have to keep pace with the wall clock;
 beside it, with what these leave of the processors, whatever computes, of which the first lane takes
-its part when it has nothing else to do. What a suite prints comes in one piece when it is over; the
-last line says whether all passed.
+its part when it has nothing else to do. What a suite prints comes in one piece when it is over. A
+suite of tests of which none has passed counts as failed. The last two lines give the number of
+tests and say whether all passed.
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+import xml.etree.ElementTree as ET
 from collections import deque
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,11 +45,34 @@ Suites = deque[tuple[str, tuple[str, ...]]]
 """Names and commands that are still to be run; after lint the longest first."""
 
 
+@dataclass(frozen=True)
+class Count:
+    """Number of tests that passed and failed."""
+
+    passed: int = 0
+    failed: int = 0
+
+    def __add__(self, other: Count) -> Count:
+        return Count(self.passed + other.passed, self.failed + other.failed)
+
+
+def count(file: Path) -> Count:
+    """Number of tests in a file of JUnit XML; none without a file that can be read."""
+    total = Count()
+    with contextlib.suppress(OSError, ET.ParseError):
+        for suite in ET.parse(file).getroot().iter("testsuite"):
+            number = {key: int(suite.get(key, 0)) for key in ("errors", "failures", "skipped")}
+            failed = number["errors"] + number["failures"]
+            total += Count(int(suite.get("tests", 0)) - failed - number["skipped"], failed)
+    return total
+
+
 class Lane(threading.Thread):
     """Runs suites one after the other.
 
     Attributes:
         failed: Names of those that did not pass.
+        tests: Number of tests in those that ended.
 
     Args:
         own: Suites that this lane runs.
@@ -60,6 +87,7 @@ class Lane(threading.Thread):
         self._process: subprocess.Popen[str] | None = None
         self._stopped = False
         self.failed: list[str] = []
+        self.tests = Count()
 
     def run(self) -> None:
         """Run everything."""
@@ -73,22 +101,31 @@ class Lane(threading.Thread):
 
     def _run_suite(self, name: str, command: tuple[str, ...], *, polite: bool) -> None:
         started = time.monotonic()
-        self._process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-            preexec_fn=_give_way if polite else None,
-        )
-        text, _ = self._process.communicate()
+        has_tests = "pytest" in command
+        with tempfile.TemporaryDirectory() as folder:
+            results = Path(folder, "results.xml")
+            self._process = subprocess.Popen(
+                (*command, f"--junit-xml={results}") if has_tests else command,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+                preexec_fn=_give_way if polite else None,
+            )
+            text, _ = self._process.communicate()
+            tests = count(results)
         status, took = self._process.returncode, time.monotonic() - started
+        word = "passed"
         if status:
+            word = f"FAILED with status {status}"
+        elif has_tests and not tests.passed:
+            word = "FAILED: no test has passed"
+        if word != "passed":
             self.failed.append(name)
-        word = f"FAILED with status {status}" if status else "passed"
+        self.tests += tests
         with self._print:
             print(f"== {name}: {word} ({took:.0f} s)\n{text.rstrip()}", flush=True)
 
@@ -125,6 +162,8 @@ def main() -> int:
         return 130
     took = f"({time.monotonic() - started:.0f} s)"
     failed = [name for lane in lanes for name in lane.failed]
+    tests = sum((lane.tests for lane in lanes), Count())
+    print(f"{tests.passed} passed, {tests.failed} failed")
     if failed:
         print(f"make test: FAILED in {', '.join(failed)} {took}")
         return 1
