@@ -7,6 +7,8 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,17 @@ def test_files_that_readmes_name_exist() -> None:
     for readme in READMES:
         for target in re.findall(r"\]\((?!http)([^)#]+)\)", readme.read_text(encoding="utf-8")):
             assert (readme.parent / target).exists(), f"{readme.name} names {target}"
+
+
+def test_modules_that_readmes_name_exist() -> None:
+    seen = 0
+    for readme in READMES:
+        for name in re.findall(r"`(cassie_\w+(?:\.\w+)+)`", readme.read_text(encoding="utf-8")):
+            parent, _, last = name.rpartition(".")
+            found = find_spec(parent) and (find_spec(name) or hasattr(import_module(parent), last))
+            assert found, f"{readme} names {name}"
+            seen += 1
+    assert seen > 10
 
 
 def test_commands_that_readmes_name_have_these_options() -> None:
