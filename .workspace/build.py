@@ -105,7 +105,7 @@ def bring_up_workspace(venv_stamp: str) -> bool:
         [
             *(python, "-m", "colcon", "--log-base", "build/log", "build", "--symlink-install"),
             *("--base-paths", *packages()),
-            *("--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF"),
+            *("--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=ON"),
             *(f"-DPython3_EXECUTABLE={python}", f"-DPYTHON_EXECUTABLE={python}"),
             "--no-warn-unused-cli",
         ],

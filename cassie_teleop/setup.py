@@ -10,6 +10,9 @@ setup(
     name=NAME,
     version="0.1.0",
     description="Driving Cassie by radio, gamepad, keyboard or script",
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    url="https://example.org/cassie-ros2",
     license="Apache-2.0",
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
@@ -17,10 +20,17 @@ setup(
     package_data={NAME: ["**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "README.md"]),
         (f"share/{NAME}/config", sorted(map(str, Path("config").glob("*.yaml")))),
     ],
     zip_safe=False,
+    python_requires=">=3.10",
+    install_requires=[
+        "numpy",
+        "pygame",
+        "PyYAML",
+    ],
+    extras_require={"test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
             "rc_teleop = cassie_teleop.ros.rc_teleop:main",
