@@ -1,7 +1,7 @@
 # Cassie for ROS 2. `make demo` and `make test` work from a fresh clone.
 SHELL := /bin/bash
 .DEFAULT_GOAL := build
-.PHONY: build test demo bench experiments sweeps lint format clean distclean help
+.PHONY: build test demo bench experiments sweeps lint format dist clean distclean help
 
 build: ## environment and workspace; does nothing where nothing changed
 	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
@@ -26,6 +26,9 @@ lint: build ## ruff, and mypy (strict on the cores)
 
 format: build ## let ruff lay out the code
 	@.venv/bin/ruff check --fix-only --quiet . && .venv/bin/ruff format .
+
+dist: build ## a release in build/dist: source tarball and wheels, of the present commit
+	@. ./env.sh && python3 .workspace/dist.py
 
 clean: ## remove what was built, and all results in build; keep the environment
 	rm -rf build install log

@@ -1,5 +1,6 @@
 # A shell in which `ros2 run <package> <executable>` works:   source env.sh
-# Reads the workspace that `make build` made. Without .venv it falls back on a system ROS 2.
+# Reads the workspace that `make build` made, or the virtual environment in which the wheels of
+# `make dist` are installed. Without either it falls back on a system ROS 2.
 
 if [ -n "${BASH_SOURCE:-}" ]; then
     _cassie_root=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -9,8 +10,16 @@ else
     _cassie_root=$(pwd) # a plain sh does not say which file it reads
 fi
 
+_cassie_venv=
 if [ -f "$_cassie_root/.venv/made_from" ] && [ -f "$_cassie_root/install/local_setup.sh" ]; then
     _cassie_venv=$_cassie_root/.venv
+    _cassie_bin=$_cassie_root/.workspace/bin
+elif [ -f "$_cassie_root/bin/ros2" ]; then # this is share/cassie_msgs of a virtual environment
+    _cassie_venv=$(cd "$_cassie_root/../.." && pwd)
+    _cassie_bin=$_cassie_root/bin
+fi
+
+if [ -n "$_cassie_venv" ]; then
     # Nothing of another ROS may shine through.
     unset PYTHONPATH PYTHONHOME COLCON_PREFIX_PATH COLCON_CURRENT_PREFIX
     export AMENT_PREFIX_PATH="$_cassie_venv" CMAKE_PREFIX_PATH="$_cassie_venv"
@@ -30,20 +39,24 @@ if [ -f "$_cassie_root/.venv/made_from" ] && [ -f "$_cassie_root/install/local_s
     done
     # Ahead of everything, and not once more in a shell that sources this again.
     case ":$PATH:" in
-    *":$_cassie_root/.workspace/bin:$_cassie_venv/bin:"*) ;;
-    *) export PATH="$_cassie_root/.workspace/bin:$_cassie_venv/bin:$PATH" ;;
+    *":$_cassie_bin:$_cassie_venv/bin:"*) ;;
+    *) export PATH="$_cassie_bin:$_cassie_venv/bin:$PATH" ;;
     esac
-    . "$_cassie_root/install/local_setup.sh"
+    if [ -d "$_cassie_root/.workspace" ]; then
+        . "$_cassie_root/install/local_setup.sh"
+    fi
 elif [ "${ROS_DISTRO:-}" = jazzy ] && [ -f "$_cassie_root/install/local_setup.sh" ]; then
     . "$_cassie_root/install/local_setup.sh"
 else
     echo "env.sh: nothing is built in $_cassie_root yet: run make build there first" >&2
-    unset _cassie_root
+    unset _cassie_root _cassie_venv
     return 1 2>/dev/null || exit 1
 fi
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
-export ROS_LOG_DIR="${ROS_LOG_DIR:-$_cassie_root/build/ros_log}"
+if [ -d "$_cassie_root/.workspace" ]; then
+    export ROS_LOG_DIR="${ROS_LOG_DIR:-$_cassie_root/build/ros_log}"
+fi
 # The matrices here are small: more than one thread costs time and the order of sums.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
 # OpenBLAS then sums in the same order on processors with AVX2 and FMA, whatever else they can: the
@@ -52,4 +65,4 @@ if grep -qs '^flags.* avx2 ' /proc/cpuinfo && grep -qs '^flags.* fma ' /proc/cpu
     export OPENBLAS_CORETYPE="${OPENBLAS_CORETYPE:-Haswell}"
     export NPY_DISABLE_CPU_FEATURES="${NPY_DISABLE_CPU_FEATURES:-X86_V4 AVX512_ICL AVX512_SPR}"
 fi
-unset _cassie_root _cassie_venv _cassie_libs _cassie_glfw
+unset _cassie_root _cassie_venv _cassie_bin _cassie_libs _cassie_glfw

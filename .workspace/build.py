@@ -100,19 +100,29 @@ def bring_up_workspace(venv_stamp: str) -> bool:
             shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
     record.unlink(missing_ok=True)
     print("make build: building the packages with colcon")
+    build_packages(ROOT, "--symlink-install")
+    record.write_text(f"{venv_stamp} {stamp}")
+    return True
+
+
+def build_packages(folder: Path, *options: str) -> None:
+    """Build the packages in a folder with colcon.
+
+    Raises:
+        BuildError: if that fails.
+    """
     python = str(VENV / "bin/python")
     call(
         [
-            *(python, "-m", "colcon", "--log-base", "build/log", "build", "--symlink-install"),
+            *(python, "-m", "colcon", "--log-base", "build/log", "build", *options),
             *("--base-paths", *packages()),
             *("--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=ON"),
             *(f"-DPython3_EXECUTABLE={python}", f"-DPYTHON_EXECUTABLE={python}"),
             "--no-warn-unused-cli",
         ],
         environment(),
+        folder,
     )
-    record.write_text(f"{venv_stamp} {stamp}")
-    return True
 
 
 def packages() -> tuple[str, ...]:
@@ -181,13 +191,13 @@ def environment() -> dict[str, str]:
     return env
 
 
-def call(command: list[str], env: dict[str, str]) -> None:
-    """Run a command in the root folder.
+def call(command: list[str], env: dict[str, str], folder: Path = ROOT) -> None:
+    """Run a command in a folder.
 
     Raises:
         BuildError: if it fails; its own output has said why.
     """
-    result = subprocess.run(command, cwd=ROOT, env=env)
+    result = subprocess.run(command, cwd=folder, env=env)
     if result.returncode != 0:
         shown = " ".join(Path(part).name if part.startswith("/") else part for part in command)
         raise BuildError(f"this failed, its output is above: {shown}")
