@@ -17,12 +17,11 @@ import yaml
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.expectations import Expectation, read_expectation
-from cassie_bags.yaml_file import apply_changes, parse_yaml, read_yaml
+from cassie_bags.yaml_file import apply_changes, flat, parse_mapping, read_mapping
 from cassie_gaits.errors import CassieError
 from cassie_msgs.tunables import (
     ParameterError,
     as_mapping,
-    flatten,
     replace_checked,
     unknown_name,
 )
@@ -94,7 +93,7 @@ def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
-    content = read_yaml(path)
+    content = read_mapping(path)
     apply_changes(content, changes)
     if seed is not None:
         content["seed"] = seed
@@ -107,7 +106,7 @@ def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = 
 
 def parse_experiment(text: str, name: str) -> Experiment:
     """An experiment from text; `name` stands for the file in messages."""
-    return read_experiment(parse_yaml(text, name))
+    return read_experiment(parse_mapping(text, name))
 
 
 def read_experiment(content: Mapping[str, Any]) -> Experiment:
@@ -120,7 +119,7 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         if key not in KEYS:
             raise ExperimentError(unknown_name(str(key), KEYS, "key"))
     drawn = _typed(content, "drawn", bool, False)
-    overrides = flatten(_section(content, "draw"))
+    overrides = flat(_section(content, "draw"), "draw")
     scenario_part = {key: content[key] for key in _SCENARIO_KEYS if content.get(key) is not None}
     scenario_part["gantry"] = [_gantry(entry, i) for i, entry in _entries(content, "gantry")]
     for key in ("pushes", "faults"):
@@ -140,7 +139,7 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         draw=overrides,
         operator=operator,
         gait_library=_typed(content, "gait_library", str, None),
-        parameters={node: flatten(_section(content, node)) for node in NODES},
+        parameters={node: flat(_section(content, node), node) for node in NODES},
         expect=read_expectation(content.get("expect")),
         expect_section=_section(content, "expect"),
         about=_typed(content, "about", str, ""),
@@ -190,8 +189,14 @@ def as_content(experiment: Experiment) -> dict[str, Any]:
 
 def to_yaml(experiment: Experiment) -> str:
     """The text of a file for this experiment. Numbers keep every bit."""
-    text: str = yaml.safe_dump(as_content(experiment), sort_keys=False, width=100)
+    text: str = yaml.dump(as_content(experiment), Dumper=_Dumper, sort_keys=False, width=100)
     return text
+
+
+class _Dumper(yaml.SafeDumper):
+    def ignore_aliases(self, data: object) -> bool:
+        """Write what stands in two places twice: aliases are not read."""
+        return True
 
 
 def _gantry(entry: object, index: int) -> dict[str, Any]:

@@ -1,126 +1,144 @@
-"""YAML read strictly, and changes to it from a command line."""
+"""Experiments' YAML, and changes to it from a command line."""
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from cassie_bags.errors import ExperimentError
-from cassie_msgs.tunables import flatten
+from cassie_msgs.strict_yaml import YamlError, parse_yaml, read_yaml
+from cassie_msgs.tunables import ParameterError, flatten
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """Safe YAML that refuses a key given twice and knows 1e3 as a number."""
-
-
-def _mapping(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen: set[Any] = set()
-    for key_node, _ in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if isinstance(key, (dict, list)):
-            raise yaml.MarkedYAMLError(problem="a key is no word", problem_mark=key_node.start_mark)
-        if key in seen:
-            raise yaml.MarkedYAMLError(
-                problem=f"key {key} is given twice", problem_mark=key_node.start_mark
-            )
-        seen.add(key)
-    loader.flatten_mapping(node)
-    return dict(loader.construct_pairs(node, deep=True))
-
-
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-
-
-def read_yaml(path: Path) -> dict[str, Any]:
+def read_mapping(path: Path) -> dict[str, Any]:
     """A YAML file that holds a mapping.
 
     Raises:
-        ExperimentError: if it cannot be read, is not YAML, gives a key twice or is no mapping.
+        ExperimentError: if it cannot be read, is no strict YAML or is no mapping.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ExperimentError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ExperimentError(f"{path} is not a text file") from None
-    return parse_yaml(text, str(path))
+    return _mapping(_in_words(read_yaml, path), str(path))
 
 
-def parse_yaml(text: str, name: str) -> dict[str, Any]:
-    """Like `read_yaml`, from text; `name` stands for the file in messages."""
-    content = _load(text, name)
-    if not isinstance(content, dict):
-        raise ExperimentError(f"{name} holds no mapping of keys to values")
-    return content
+def parse_mapping(text: str, name: str) -> dict[str, Any]:
+    """Like `read_mapping`, from text; `name` stands for the file in messages."""
+    return _mapping(_in_words(parse_yaml, text, name), name)
 
 
 def apply_changes(content: dict[str, Any], changes: Iterable[str]) -> None:
     """Apply `key=value` words in place; dots lead into mappings, numbers into lists.
 
     Args:
-        content: As `read_yaml` gives it.
+        content: As `read_mapping` gives it.
         changes: For example `controller.kp_knee=300` or `operator.3.vx=0.6`; or `@file.yaml`,
-            whose values are put in the same way.
+            whose values are put in the same way. Of two for one key the later holds.
 
     Raises:
         ExperimentError: if a change has no `=`, or leads nowhere; if a file cannot be read.
     """
     for change in changes:
-        if change.startswith("@"):
-            for name, entry in flatten(read_yaml(Path(change[1:]))).items():
-                _set(content, name.split("."), entry, change)
-            continue
-        key, equals, value = change.partition("=")
-        if not equals or not key:
-            raise ExperimentError(f"--set {change}: expected key=value")
-        _set(content, key.split("."), _load(value, f"--set {change}"), change)
+        for name, value in _values(change).items():
+            _set(content, name.split("."), value, change)
+
+
+def consistent(changes: Iterable[str]) -> tuple[str, ...]:
+    """Changes from one command line, which give no key two values.
+
+    A `key=value` may replace what a file before it says.
+
+    Raises:
+        ExperimentError: naming the key and both changes; and as `apply_changes`.
+    """
+    given: dict[str, tuple[Any, str]] = {}
+    words = tuple(changes)
+    for change in words:
+        values = _values(change)
+        named = flat(values, f"--set {change}")
+        for known, (before, earlier) in given.items():
+            replaced = any(f"{known}.".startswith(f"{key}.") for key in values)
+            may_replace = earlier.startswith("@") and not change.startswith("@")
+            if replaced and not may_replace and (known not in named or named[known] != before):
+                raise ExperimentError(f"{known} is given twice: {earlier} and {change}")
+        given |= {name: (value, change) for name, value in named.items()}
+    return words
 
 
 def spelled_out(changes: Iterable[str]) -> tuple[str, ...]:
     """Changes without files: their values as `key=value`, for workers that have not those files.
 
     Raises:
-        ExperimentError: if a file cannot be read.
+        ExperimentError: if a file cannot be read; and as `consistent`.
     """
     words: list[str] = []
-    for change in changes:
+    for change in consistent(changes):
         if change.startswith("@"):
-            found = flatten(read_yaml(Path(change[1:])))
-            words += [f"{name}={json.dumps(entry)}" for name, entry in found.items()]
+            words += [f"{name}={json.dumps(entry)}" for name, entry in _values(change).items()]
         else:
             words.append(change)
     return tuple(words)
 
 
-def _load(text: str, name: str) -> Any:
+def flat(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Nested mappings as one with dotted names.
+
+    Raises:
+        ExperimentError: if two spellings of one name are given; `name` stands for the file.
+    """
     try:
-        return yaml.load(text, _StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f":{mark.line + 1}" if mark is not None else ""
-        raise ExperimentError(f"{name}{line}: {error.problem}") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise ExperimentError(f"{name}: {' '.join(str(error).split())}") from None
+        return flatten(content)
+    except ParameterError as error:
+        raise ExperimentError(f"{name}: {error}") from None
+
+
+def _values(change: str) -> dict[str, Any]:
+    """Dotted names and values of a change."""
+    if change.startswith("@"):
+        return flat(read_mapping(Path(change[1:])), change)
+    key, equals, value = change.partition("=")
+    if not equals or not key:
+        raise ExperimentError(f"--set {change}: expected key=value")
+    return {key: _in_words(parse_yaml, value, f"--set {change}")}
+
+
+def _in_words(read: Callable[..., Any], *arguments: Any) -> Any:
+    try:
+        return read(*arguments)
+    except YamlError as error:
+        raise ExperimentError(str(error)) from None
+
+
+def _mapping(content: Any, name: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise ExperimentError(f"{name} holds no mapping of keys to values")
+    return content
 
 
 def _set(content: dict[str, Any], path: list[str], value: Any, change: str) -> None:
     place: Any = content
-    for depth, word in enumerate(path[:-1]):
-        if isinstance(place, dict) and place.get(word) is None:
-            place[word] = {}
-        key = _key(place, word, ".".join(path[:depth]), change)
+    depth = 0
+    while True:
+        words = _spelling(place, path[depth:])
+        key = _key(place, ".".join(path[depth : depth + words]), ".".join(path[:depth]), change)
+        depth += words
+        if depth == len(path):
+            break
+        if isinstance(place, dict) and place.get(key) is None:
+            place[key] = {}
         place = place[key]
-    place[_key(place, path[-1], ".".join(path[:-1]), change)] = value
+    if isinstance(place, dict):  # what it replaces may also be spelled with dots
+        for name in [name for name in place if str(name).startswith(f"{key}.")]:
+            del place[name]
+    place[key] = value
+
+
+def _spelling(place: Any, path: list[str]) -> int:
+    """Words of a path that are one key here: `walk.law: x` says the same as `walk: {law: x}`."""
+    if isinstance(place, dict):
+        for words in range(len(path), 1, -1):
+            if ".".join(path[:words]) in place:
+                return words
+    return 1
 
 
 def _key(place: Any, word: str, where: str, change: str) -> Any:

@@ -104,6 +104,8 @@ def test_the_file_a_run_leaves_gives_the_same_run(file: Path, tmp_path: Path):
         (["--set", "scene=flatt"], "did you mean flat"),
         (["--set", "controller.walk.laww=paper"], "controller: unknown parameter walk.laww"),
         (["--set", "gait_library=none.json"], "none.json"),
+        (["--set", "seed=3", "--set", "seed=4"], "seed is given twice: seed=3 and seed=4"),
+        (["--set", "simulator.start=gantry"], "simulator.start follows from other keys"),
     ],
 )
 def test_a_wrong_file_exits_with_2_and_one_line(file: Path, words: list[str], reason: str):

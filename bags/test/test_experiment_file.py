@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from cassie_bags.cores import check_parameters
 from cassie_bags.errors import ExperimentError
 from cassie_bags.experiment_file import Experiment, load_experiment, parse_experiment, to_yaml
 from cassie_bags.phases import phases_of_steps
 from cassie_bags.resolve import delayed, resolve
+from cassie_bags.yaml_file import consistent
 from cassie_sim.scenario import Draw
 
 TEXT = """
@@ -135,11 +137,71 @@ def test_a_change_that_leads_nowhere_is_refused(file: Path, change: str, reason:
         ("duration: 1\nexpect: {fel: true}", "did you mean fell"),
         ("duration: 1\nseed: 2\ndraw: {mass: 7.0}", "mass = 7 is outside"),
         ("duration: 1\nseed: 2\ndraw: {weight: 1.0}", "unknown parameter weight"),
+        (
+            "duration: 1\ncontroller: {walk: {law: paper}, walk.law: ours}",
+            "controller: walk.law is given twice: 'paper' and 'ours'",
+        ),
+        ("duration: 1\noperator:\n- {t: 0, vx: 1, vx: 2}", "try.yaml:3: key vx is given twice"),
+        ("duration: 1\nmodel: &m {mass: 1.0}\ndraw: *m", "try.yaml:3: aliases"),
     ],
 )
 def test_a_wrong_file_is_refused_with_key_value_and_range(text: str, reason: str):
     with pytest.raises(ExperimentError, match=reason):
         resolve(read(text))
+
+
+@pytest.mark.parametrize("key", ["start: standing", "seed: 3", "scene: slope", "duration: 5.0"])
+def test_what_a_key_says_is_not_said_again_to_the_simulator(key: str):
+    name, _, value = key.partition(": ")
+    given = {"duration": "2.0"} | {name: value}
+    text = "\n".join(f"{name}: {value}" for name, value in given.items())
+    with pytest.raises(ExperimentError, match=f"simulator.{name} follows from other keys"):
+        check_parameters(read(f"{text}\nsimulator: {{{key}}}"))
+
+
+@pytest.mark.parametrize(
+    ("controller", "change", "law"),
+    [
+        ("{walk.law: paper}", "walk.law=pendulum", "pendulum"),
+        ("{walk: {joints: {kp_knee: 1.0}}, walk.law: paper}", "walk.law=pendulum", "pendulum"),
+        ("{walk: {law: paper}}", "walk.law=pendulum", "pendulum"),
+        ("{walk.law: paper}", "walk={law: pendulum}", "pendulum"),
+        ("{walk.law: paper}", "walk={}", None),
+    ],
+)
+def test_a_change_replaces_either_spelling_of_a_parameter(
+    tmp_path: Path, controller: str, change: str, law: str | None
+):
+    path = tmp_path / "try.yaml"
+    path.write_text(f"duration: 1.0\ncontroller: {controller}")
+    found = load_experiment(path, [f"controller.{change}"]).parameters["controller"]
+    assert found.get("walk.law") == law
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ["duration=3", "duration=4"],
+        ["controller.walk.law=paper", "controller={walk.law: ours}"],
+        ["controller.walk.law=paper", "controller.walk={}"],
+        ["controller.walk.law=ours", "@FILE"],
+        ["@FILE", "@OTHER"],
+        ["operator.1.vx=0.5", "operator=[]"],
+    ],
+)
+def test_changes_that_contradict_each_other_are_refused(tmp_path: Path, changes: list[str]):
+    for name, law in (("FILE", "paper"), ("OTHER", "ours")):
+        (tmp_path / name).write_text(f"controller: {{walk: {{law: {law}}}}}")
+    words = [change.replace("@", f"@{tmp_path}/") for change in changes]
+    with pytest.raises(ExperimentError, match=r"is given twice: .* and "):
+        consistent(words)
+
+
+def test_changes_that_agree_or_go_beyond_a_file_are_taken(tmp_path: Path):
+    (tmp_path / "FILE").write_text("controller: {walk: {law: paper}}")
+    consistent(["duration=3", "duration=3.0", "controller.walk.law=paper"])
+    consistent([f"@{tmp_path}/FILE", "controller.walk.law=ours"])
+    consistent(["operator=[{t: 0}]", "operator.0.vx=0.5", "operator.1.vx=0.6"])
 
 
 @pytest.mark.parametrize("word", ["off", "'off'"])

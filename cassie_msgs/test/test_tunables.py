@@ -9,6 +9,7 @@ from cassie_msgs.tunables import (
     as_mapping,
     check,
     entries,
+    flatten,
     from_mapping,
     names,
     replace_checked,
@@ -69,9 +70,16 @@ def test_entries_carry_dotted_names_and_units():
 )
 def test_bad_values_are_refused_by_name(change, message):
     with pytest.raises(ParameterError, match=message):
-        from_mapping(Config, GOOD | change)
+        from_mapping(Config, flatten(GOOD) | change)
     with pytest.raises(ParameterError, match=message):
         replace_checked(from_mapping(Config, GOOD), **change)
+
+
+@pytest.mark.parametrize("value", [300, 301])
+def test_a_figure_given_nested_and_with_dots_is_refused(value):
+    given = {**GOOD, "gains.kp_knee": value}
+    with pytest.raises(ParameterError, match=f"gains.kp_knee is given twice: 300 and {value}"):
+        from_mapping(Config, given)
 
 
 def test_a_figure_without_default_must_be_given():

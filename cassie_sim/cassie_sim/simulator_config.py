@@ -7,8 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from cassie_msgs.strict_yaml import YamlError, parse_yaml, read_yaml
 from cassie_msgs.tunables import ParameterError, tunable, unknown_name
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import STARTS, Draw, Scenario, gantry_order
@@ -33,7 +32,7 @@ _OTHER_KEYS = (
 )
 """Keys of an experiment that other nodes read."""
 
-_SHOWN = 60  # characters of a wrong text that a message shows
+_SHOWN = 60  # characters of a wrong content that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +106,7 @@ def scenario_of(config: SimulatorConfig) -> Scenario:
     return Scenario.from_mapping(
         {
             "scene": config.scene,
-            "scene_parameters": _mapping(config.scene_parameters, "scene_parameters"),
+            "scene_parameters": _scene_parameters(config.scene_parameters),
             "start": config.start,
             "draw": _drawn(config.seed),
         }
@@ -123,12 +122,9 @@ def load_scenario(path: Path) -> Scenario:
         ParameterError: if the file cannot be read, a key is unknown or a value does not fit.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"scenario = {path} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ParameterError(f"scenario = {path} is not a text file") from None
-    content = _mapping(text, f"scenario {path}")
+        content = _mapping(read_yaml(path), f"scenario {path}")
+    except YamlError as error:
+        raise ParameterError(f"scenario: {error}") from None
     for key in content:
         if key not in _SCENARIO_KEYS + _OTHER_KEYS:
             known = _SCENARIO_KEYS + _OTHER_KEYS
@@ -147,25 +143,28 @@ def load_scenario(path: Path) -> Scenario:
     return Scenario.from_mapping(mapping)
 
 
+def _scene_parameters(text: str) -> dict[str, Any]:
+    try:
+        return _mapping(parse_yaml(text, "scene_parameters"), "scene_parameters")
+    except YamlError as error:
+        raise ParameterError(str(error)) from None
+
+
 def _drawn(seed: int) -> Mapping[str, Any]:
     """Draws of a seed as a mapping; none for 0, the nominal robot."""
     draw = Draw.from_seed(seed) if seed else Draw()
     return {entry.name: getattr(draw, entry.name) for entry in fields(Draw)}
 
 
-def _mapping(text: str, what: str) -> dict[str, Any]:
-    try:
-        content = yaml.safe_load(text) if text else {}
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise ParameterError(f"{what} is not YAML: {reason}") from None
+def _mapping(content: Any, what: str) -> dict[str, Any]:
     if content is None:
         return {}
     if not isinstance(content, dict):
-        raise ParameterError(f"{what} = {_shown(text)} is not a mapping of names to values")
+        raise ParameterError(f"{what} = {_shown(content)} is not a mapping of names to values")
     return content
 
 
-def _shown(text: str) -> str:
-    """The beginning of a text that may be a whole file."""
+def _shown(content: Any) -> str:
+    """The beginning of what may be a whole file."""
+    text = content if isinstance(content, str) else str(content)
     return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."

@@ -61,7 +61,7 @@ def test_the_gantry_is_ordered_as_experiments_write_it(tmp_path: Path) -> None:
         ("- 1", "not a mapping"),
         (100 * "words ", r"(words ){10}'\.\.\. is not a mapping"),
         ("seed: five", "seed = 'five' is not a whole number of 0 or more"),
-        ("{", "not YAML"),
+        ("{", r"e\.yaml:1: expected the node content"),
         ("pushes: [{t: 1}]", "force"),
     ],
 )
@@ -73,7 +73,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, text: str, words: str) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="cannot be read"):
+    with pytest.raises(ParameterError, match="cannot read"):
         load_scenario(tmp_path / "none.yaml")
     (tmp_path / "picture.yaml").write_bytes(b"\xd0\x00")
     with pytest.raises(ParameterError, match=r"picture.yaml is not a text file"):

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
-
+from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import entries, from_mapping, names, tunable, unknown_name
 from cassie_teleop.wish import MODES, Wish
 
@@ -62,13 +61,13 @@ def read_device(path: Path) -> Device:
     """Read and check a device file.
 
     Raises:
-        OSError: if it cannot be opened.
-        DeviceError: naming file, key and what is expected.
+        DeviceError: if it cannot be read or is no strict YAML; naming file, key and what is
+            expected.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DeviceError(f"{path} is no YAML: {error}") from None
+        content = read_yaml(path)
+    except YamlError as error:
+        raise DeviceError(str(error)) from None
     if not isinstance(content, Mapping):
         raise DeviceError(f"{path}: expected keys {', '.join(_KEYS)}")
     try:

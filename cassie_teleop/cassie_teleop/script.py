@@ -21,10 +21,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.operators import write_sender
+from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import names, replace_checked, unknown_name
 from cassie_teleop.rider import Rider
 from cassie_teleop.rider_config import read_rider
@@ -43,13 +42,12 @@ def read_script(path: Path) -> tuple[list[Mapping[str, Any]], Mapping[str, Any] 
     """Steps of a script file, and its rider if it has one.
 
     Raises:
-        OSError: if it cannot be opened.
-        ScriptError: if it is no YAML, or holds no list of steps.
+        ScriptError: if it cannot be read, is no strict YAML, or holds no list of steps.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ScriptError(f"script {path} is no YAML: {error}") from None
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ScriptError(f"script: {error}") from None
     rider = None
     if isinstance(content, Mapping) and "operator" in content:
         rider = content.get("rider")

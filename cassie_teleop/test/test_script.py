@@ -77,7 +77,11 @@ def test_files_hold_a_list_or_one_under_operator(tmp_path):
     alone = read_script(path)
     path.write_text("scene: flat\noperator:\n- {t: 0, power: true}\n")
     assert read_script(path) == alone == ([{"t": 0, "power": True}], None)
-    for text, message in [("a: 1", "expected a list"), ("- [", "no YAML"), ("", "expected a list")]:
+    for text, message in [
+        ("a: 1", "expected a list"),
+        ("- [", "yaml:1:"),
+        ("", "expected a list"),
+    ]:
         path.write_text(text)
         with pytest.raises(ScriptError, match=message):
             read_script(path)

@@ -26,6 +26,7 @@ from cassie_bags.report import Outcome, json_line, table
 from cassie_bags.resolve import resolve, write_resolved
 from cassie_bags.track import make_track
 from cassie_bags.workers import ctrl_c_at_the_end
+from cassie_bags.yaml_file import consistent
 
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -36,7 +37,8 @@ def main() -> int:
     arguments = _arguments()
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        experiment = resolve(load_experiment(arguments.file, arguments.set, arguments.seed))
+        changes = consistent(arguments.set)
+        experiment = resolve(load_experiment(arguments.file, changes, arguments.seed))
         check_parameters(experiment)
         outcome = run_experiment(
             experiment, arguments.out, in_process=arguments.in_process, stack=arguments.stack

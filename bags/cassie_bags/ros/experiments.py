@@ -24,6 +24,7 @@ from cassie_bags.resolve import resolve
 from cassie_bags.ros.argument_types import count
 from cassie_bags.ros.experiment import keep, run_experiment
 from cassie_bags.workers import ThisProcess, Workers, workers
+from cassie_bags.yaml_file import consistent
 
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -99,12 +100,13 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
     for file in files:
         if stems.count(file.stem) > 1:
             raise ExperimentError(f"two files are called {file.stem}: they would share a folder")
+    changes = consistent(arguments.set)
     seeds: Iterable[int | None] = range(1, arguments.seeds + 1) if arguments.seeds else (None,)
     return [
         Task(
             file,
             seed,
-            tuple(arguments.set),
+            changes,
             arguments.out / (file.stem if seed is None else f"{file.stem}_{seed}"),
             not arguments.dds,
             arguments.video,

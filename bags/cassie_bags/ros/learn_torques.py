@@ -28,6 +28,7 @@ from cassie_bags.ros.argument_types import positive, seconds
 from cassie_bags.sweeps.course import Budget, walk
 from cassie_bags.trial import experiment_of, run_trial
 from cassie_bags.workers import Workers, workers
+from cassie_bags.yaml_file import consistent
 from cassie_control.controller.learned_torques import (
     SPEEDS,
     LearnedTorques,
@@ -98,7 +99,7 @@ def table(found: Sequence[Comparison]) -> str:
 
 def _begin(arguments: argparse.Namespace) -> LearnedTorques:
     """Where learning begins; what cannot run is refused here."""
-    experiment = experiment_of(walk(Budget(changes=tuple(arguments.set)), 1, (0.0, 1.0)))
+    experiment = experiment_of(walk(Budget(changes=consistent(arguments.set)), 1, (0.0, 1.0)))
     load_learned(experiment)
     if arguments.begin is not None:
         return load_torques(arguments.begin)

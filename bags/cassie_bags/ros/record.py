@@ -22,7 +22,7 @@ from cassie_bags.provenance import versions
 from cassie_bags.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.robot_clock import RobotClock
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
-from cassie_bags.yaml_file import read_yaml
+from cassie_bags.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 
@@ -166,7 +166,7 @@ class Recorder(Node):
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     if path is None:
         return {"cassie_versions": versions()}
-    content = read_yaml(path)
+    content = read_mapping(path)
     for name, record in content.items():
         if not isinstance(record, dict):
             raise BagError(f"{path}: {name} = {record!r} is not a mapping of names to values")

@@ -13,7 +13,7 @@ import numpy as np
 from cassie_bags.errors import ExperimentError
 from cassie_bags.sweeps.course import Budget, push, reached_at, step_time, walk
 from cassie_bags.trial import Figures, Trial
-from cassie_bags.yaml_file import read_yaml
+from cassie_bags.yaml_file import read_mapping
 from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
 
 DEFAULT = Path(__file__).with_name("objective.yaml")
@@ -116,7 +116,7 @@ def load_objective(path: Path = DEFAULT) -> Objective:
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
-    content = read_yaml(path)
+    content = read_mapping(path)
     for key in content:
         if key not in _KEYS:
             raise ExperimentError(f"{path}: {unknown_name(str(key), _KEYS, 'key')}")

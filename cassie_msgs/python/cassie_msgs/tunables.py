@@ -169,13 +169,18 @@ def from_mapping(cls: type[ConfigT], mapping: Mapping[str, Any]) -> ConfigT:
 
 
 def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested mappings as one with dotted names."""
+    """Nested mappings as one with dotted names.
+
+    Raises:
+        ParameterError: if a name is given twice, nested and with dots.
+    """
     flat: dict[str, Any] = {}
     for name, value in mapping.items():
-        if isinstance(value, Mapping):
-            flat |= flatten(value, f"{prefix}{name}.")
-        else:
-            flat[f"{prefix}{name}"] = value
+        nested = isinstance(value, Mapping)
+        part = flatten(value, f"{prefix}{name}.") if nested else {f"{prefix}{name}": value}
+        for twice in flat.keys() & part.keys():
+            raise ParameterError(f"{twice} is given twice: {flat[twice]!r} and {part[twice]!r}")
+        flat |= part
     return flat
 
 

@@ -1,0 +1,122 @@
+"""YAML read strictly, with bounded memory: the one reader of every file that people write.
+
+Stricter than YAML itself: a key may be given once, and there are no aliases (`*name`) or merge keys
+(`<<`), by which a small file can stand for one of any size. `1e3` is a number.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+MOST_BYTES = 4 * 2**20
+"""Of a file."""
+
+MOST_NODES = 100_000
+"""Keys, values, lists and mappings of a file."""
+
+
+_LONGEST = 200  # characters of a reason
+
+
+class YamlError(ValueError):
+    """A file cannot be read, or is not strict YAML. The message names file, line and reason."""
+
+
+class _StrictLoader(yaml.SafeLoader):
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.nodes = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        if self.check_event(yaml.AliasEvent):
+            raise _refusal("aliases (*name) are not read: write the value out", mark)
+        self.nodes += 1
+        if self.nodes > MOST_NODES:
+            raise _refusal(f"it holds more than {MOST_NODES} keys and values", mark)
+        node: yaml.Node | None = super().compose_node(parent, index)
+        return node
+
+
+def _mapping(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    content: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        if key_node.tag == "tag:yaml.org,2002:merge":
+            raise _refusal(
+                "merge keys (<<) are not read: write the values out", key_node.start_mark
+            )
+        if not isinstance(key_node, yaml.ScalarNode):
+            raise _refusal("a key is no word", key_node.start_mark)
+        key = loader.construct_object(key_node)
+        if key in content:
+            raise _refusal(f"key {key} is given twice", key_node.start_mark)
+        content[key] = loader.construct_object(value_node, deep=True)
+    return content
+
+
+def _refusal(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+
+
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+
+def read_yaml(path: Path) -> Any:
+    """What a YAML file holds.
+
+    Raises:
+        YamlError: if it cannot be read, is a folder, device, pipe or socket, is larger than
+            `MOST_BYTES` or no text; and as `parse_yaml`.
+    """
+    try:
+        text = _bounded(path).decode("utf-8")
+    except OSError as error:
+        raise YamlError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise YamlError(f"{path} is not a text file") from None
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, name: str) -> Any:
+    """What a text in YAML holds; `name` stands for the file in messages.
+
+    Raises:
+        YamlError: if it is not YAML, gives a key twice, has an alias or a merge key, or holds more
+            than `MOST_NODES` or something nested too deeply.
+    """
+    try:
+        return yaml.load(text, _StrictLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f":{mark.line + 1}" if mark is not None else ""
+        reason = f"{line}: {error.problem or error.context}"
+    except RecursionError:
+        reason = ": it is nested too deeply"
+    except (yaml.YAMLError, ValueError) as error:
+        reason = f": {' '.join(str(error).split())}"
+    raise YamlError(f"{name}{reason[:_LONGEST]}")
+
+
+def _bounded(path: Path) -> bytes:
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is no regular file")
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise OSError(errno.EFBIG, f"it is larger than {MOST_BYTES / 2**20:g} MiB")
+    return content
