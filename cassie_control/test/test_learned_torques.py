@@ -109,7 +109,7 @@ def test_beside_a_library_without_them_nothing_is_learned(tmp_path):
         (lambda d: d.pop("speeds"), "speeds"),
         (lambda d: d.update(speeds=[1.0, 0.5]), "speed 0.5 follows 1, expected to rise"),
         (lambda d: d["torques"][0].pop(), "no lists of numbers of equal lengths"),
-        (lambda d: d["torques"][0][2].__setitem__(3, float("nan")), "not finite"),
+        (lambda d: d["torques"][0][2].__setitem__(3, float("nan")), "it holds NaN"),
         (lambda d: d["torques"][1][9].__setitem__(0, 46.0), "swing_toe gets 46 Nm, at most 45 Nm"),
         (lambda d: d["torques"][1][9].__setitem__(0, "a"), "no lists of numbers"),
         (lambda d: d.update(joints=["knee"]), "joints are"),

@@ -47,6 +47,9 @@ STANCES = ("right_stance", "left_stance")
 MOST_COEFFICIENTS = 64
 """Of a polynomial of torque or passive motion."""
 
+MOST_POINTS = 10_000
+"""Of a grid of speeds; the dense library's has 1421."""
+
 KINDS = ("optimized", "provisional", "imported")
 
 _CHANGE_SIGN = ("torso_roll", "stance_hip_yaw", "swing_leg_roll", "swing_hip_yaw")
@@ -99,6 +102,13 @@ class Gait:
         object.__setattr__(self, "solver", MappingProxyType(dict(self.solver)))
         if self.certificate is not None:
             object.__setattr__(self, "certificate", MappingProxyType(dict(self.certificate)))
+
+    @property
+    def speeds(self) -> str:
+        """Its speeds, for messages."""
+        if self.vy == 0.0 and self.yaw_rate == 0.0:
+            return f"{self.vx:g} m/s"
+        return f"{self.vx:g}, {self.vy:g} m/s, {self.yaw_rate:g} rad/s"
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Read-only mappings do not travel between processes.
@@ -165,6 +175,11 @@ class GaitLibrary:
         for before, after in pairwise(points):
             if not after > before:
                 raise GaitLibraryError(f"{after} follows {before}, expected rising speeds")
+        size = math.prod(len(set(axis)) for axis in zip(*points, strict=True))
+        if size > MOST_POINTS:
+            raise GaitLibraryError(
+                f"the speeds span a grid of {size} points, expected at most {MOST_POINTS}"
+            )
         rows = [[*gait.coefficients.ravel(), 1.0 / gait.step_time] for gait in self.gaits]
         object.__setattr__(self, "_grid", GaitGrid(np.array(points), np.array(rows)))
         object.__setattr__(self, "_row", np.zeros(len(rows[0])))

@@ -1,6 +1,7 @@
 """The gait library's file: JSON, written whole or not at all, refused unless it is right.
 
     {"schema_version": 1, "kind": "optimized", "robot": "cassie", "model_hash": "...",
+     "sha256": null or "...",
      "provenance": {"tool": "...", "version": "...", "date": "2025-01-31", "settings": {...}},
      "outputs": ["torso_roll", ...],
      "gaits": [{"vx": 0.5, "vy": 0.0, "yaw_rate": 0.0, "step_time": 0.4,
@@ -11,6 +12,10 @@
 
 Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives. A file whose
 name ends in .gz is compressed.
+
+`load_certified` refuses a library in which any number, key or name differs from what was certified:
+`sha256` of the file and of each certificate are described in `certificate.seal`, and so is what
+they are not good for. `check_gaits FILE --certify` checks a file and seals it.
 """
 
 from __future__ import annotations
@@ -21,20 +26,25 @@ import json
 import os
 import reprlib
 import tempfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.certificate.seal import flaw, gait_sha256, library_sha256
+from cassie_gaits.errors import CassieError, GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
+from cassie_gaits.json_file import check_free, read_json
 from cassie_gaits.model_hash import model_hash
 
 SCHEMA_VERSION = 1
 
-_TOP = {"schema_version", "kind", "robot", "model_hash", "provenance", "outputs", "gaits"}
+_TOP = {"schema_version", "kind", "robot", "model_hash", "sha256"} | {
+    "provenance",
+    "outputs",
+    "gaits",
+}
 _PROVENANCE = {"tool", "version", "date", "settings"}
 _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"} | {
     "solver",
@@ -42,6 +52,9 @@ _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"}
     "passive",
 }
 
+_NUMBERS = {int, float}
+_PERMISSION = "(allow_uncertified is false)"
+_LONGEST = 200  # of names
 
 PACKAGED = {"optimized": "optimized.json", "dense": "dense.json.gz"}
 """Libraries that come with this package: the seven straight gaits, and the grid of 1419."""
@@ -60,56 +73,56 @@ def library_path(name: str) -> Path:
 
 
 def load_library(path: str | Path) -> GaitLibrary:
-    """Read a gait library.
+    """Read a gait library, certified or not.
 
     Raises:
-        GaitLibraryError: if the file is missing, damaged or of another schema; one line with
-            the file's name and the reason.
+        GaitLibraryError: if the file is missing, no regular file, too large, damaged or of another
+            schema; one line with the file's name and the reason.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode("utf-8")
-        return _library(json.loads(text, parse_constant=_refuse_constant), path)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        reason = f"it is damaged or half written: {error}"
-    except OSError as error:
-        reason = error.strerror or str(error)
-    except UnicodeDecodeError:
-        reason = "it is not UTF-8 text"
-    except json.JSONDecodeError as error:
-        reason = f"line {error.lineno} column {error.colno}: {error.msg}"
-    except RecursionError:
-        reason = "it is nested too deeply"
-    except ValueError as error:  # ours, and integers with too many digits
-        reason = str(error)
-    raise GaitLibraryError(f"gait library {path}: {reason}")
+    with _named(path):
+        return _library(read_json(path), path)
 
 
 def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> GaitLibrary:
-    """Read a library to walk with: made for this robot, and every gait certified.
+    """Read a library to walk with: made for this robot, and every gait certified as it is.
 
     Args:
         path: File to read.
-        allow_uncertified: Whether gaits without a certificate, provisional or imported, will do.
+        allow_uncertified: Whether gaits without a certificate, provisional, imported or changed,
+            will do.
 
     Raises:
-        GaitLibraryError: as `load_library`, and if the library is for another model or a gait is
-            not certified; one line that says which.
+        GaitLibraryError: as `load_library`, and if the library is for another model, or anything
+            in it differs from what was certified; one line that says what and in which gait.
     """
-    library = load_library(path)
-    expected = model_hash()
-    if library.model_hash != expected:
-        raise GaitLibraryError(
-            f"gait library {path}: it is for model {library.model_hash}, this robot is {expected}"
-        )
-    for gait in library.gaits:
-        if not allow_uncertified and (gait.certificate or {}).get("met") is not True:
+    path = Path(path)
+    with _named(path):
+        document = read_json(path)
+        library = _library(document, path)
+        expected = model_hash()
+        if library.model_hash != expected:
             raise GaitLibraryError(
-                f"gait library {path}: the {library.kind} gait of {gait.vx:g} m/s is not "
-                "certified (allow_uncertified is false)"
+                f"it is for model {library.model_hash}, this robot is {expected}"
             )
+        if not allow_uncertified:
+            _hold_certified(library, document)
     return library
+
+
+def _hold_certified(library: GaitLibrary, document: object) -> None:
+    hashes = [gait_sha256(gait) for gait in library.gaits]
+    for i, (gait, sha256) in enumerate(zip(library.gaits, hashes, strict=True)):
+        if why := flaw(gait, sha256):
+            raise GaitLibraryError(
+                f"gaits[{i}]: the {library.kind} gait of {gait.speeds} {why} {_PERMISSION}"
+            )
+    found = document.get("sha256") if isinstance(document, dict) else None
+    if found != library_sha256(_head(library), hashes):
+        raise GaitLibraryError(
+            "its head (kind, robot, provenance, sha256) or its set of gaits differs from what was "
+            f"certified {_PERMISSION}"
+        )
 
 
 def save_library(library: GaitLibrary, path: str | Path) -> None:
@@ -140,7 +153,19 @@ def save_library(library: GaitLibrary, path: str | Path) -> None:
 
 
 def _text(library: GaitLibrary, indent: int | None) -> str:
+    head = _head(library)
     document = {
+        **head,
+        "sha256": library_sha256(head, [gait_sha256(gait) for gait in library.gaits]),
+        "gaits": [gait_document(gait) for gait in library.gaits],
+    }
+    tight = (",", ":") if indent is None else None
+    return json.dumps(document, indent=indent, separators=tight, allow_nan=False) + "\n"
+
+
+def _head(library: GaitLibrary) -> dict[str, Any]:
+    """Everything in the file but its hash and its gaits."""
+    return {
         "schema_version": SCHEMA_VERSION,
         "kind": library.kind,
         "robot": library.robot,
@@ -152,10 +177,7 @@ def _text(library: GaitLibrary, indent: int | None) -> str:
             "settings": dict(library.provenance.settings),
         },
         "outputs": list(OUTPUTS),
-        "gaits": [gait_document(gait) for gait in library.gaits],
     }
-    tight = (",", ":") if indent is None else None
-    return json.dumps(document, indent=indent, separators=tight, allow_nan=False) + "\n"
 
 
 def gait_document(gait: Gait) -> dict[str, Any]:
@@ -185,7 +207,7 @@ def _library(document: object, path: Path) -> GaitLibrary:
             raise GaitLibraryError(
                 f"schema_version is {reprlib.repr(version)}, expected {SCHEMA_VERSION}"
             )
-    top = _object(document, "the file", _TOP)
+    top = _object({"sha256": None, **_object(document, "the file")}, "the file", _TOP)
     if top["outputs"] != list(OUTPUTS):
         raise GaitLibraryError(
             f"outputs are {reprlib.repr(top['outputs'])}, expected {list(OUTPUTS)}"
@@ -202,7 +224,7 @@ def _library(document: object, path: Path) -> GaitLibrary:
             _string(provenance, "tool"),
             _string(provenance, "version"),
             _string(provenance, "date"),
-            _object(provenance["settings"], "provenance.settings"),
+            _free(provenance["settings"], "provenance.settings"),
         ),
         path=path,
     )
@@ -225,12 +247,21 @@ def gait_of(document: object, name: str) -> Gait:
             coefficients=_matrices(entry["coefficients"], "coefficients"),
             torques=None if entry["torques"] is None else _matrices(entry["torques"], "torques"),
             cost=None if entry["cost"] is None else _number(entry, "cost"),
-            solver=_object(entry["solver"], "solver"),
-            certificate=None if certificate is None else _object(certificate, "certificate"),
+            solver=_free(entry["solver"], "solver"),
+            certificate=None if certificate is None else _free(certificate, "certificate"),
             passive=None if entry["passive"] is None else _matrices(entry["passive"], "passive"),
         )
-    except GaitLibraryError as error:
+    except CassieError as error:
         raise GaitLibraryError(f"{name}: {error}") from None
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Put the file's name into every message."""
+    try:
+        yield
+    except CassieError as error:
+        raise GaitLibraryError(f"gait library {path}: {error}") from None
 
 
 def _object(value: object, name: str, keys: set[str] | None = None) -> Mapping[str, Any]:
@@ -238,15 +269,28 @@ def _object(value: object, name: str, keys: set[str] | None = None) -> Mapping[s
         raise GaitLibraryError(f"{name} is no JSON object")
     if keys is not None and set(value) != keys:
         missing, unknown = sorted(keys - set(value)), sorted(set(value) - keys)
-        problem = f"lacks {', '.join(missing)}" if missing else f"has unknown {', '.join(unknown)}"
+        problem = f"lacks {', '.join(missing)}" if missing else f"has unknown {_shown(unknown)}"
         raise GaitLibraryError(f"{name} {problem}")
     return value
 
 
+def _free(value: object, name: str) -> Mapping[str, Any]:
+    """An object with keys of any names."""
+    check_free(value, name)
+    return _object(value, name)
+
+
+def _shown(names: list[str]) -> str:
+    """The first of some names, which may be anything."""
+    return reprlib.repr(names[0]) + (f" and {len(names) - 1} more" if names[1:] else "")
+
+
 def _string(entry: Mapping[str, Any], key: str) -> str:
     value = entry[key]
-    if not isinstance(value, str) or not value:
+    if not isinstance(value, str) or not value or not value.isprintable():
         raise GaitLibraryError(f"{key} is {reprlib.repr(value)}, expected text")
+    if len(value) > _LONGEST:
+        raise GaitLibraryError(f"{key} has {len(value)} characters, expected at most {_LONGEST}")
     return value
 
 
@@ -264,15 +308,11 @@ def _matrices(value: object, name: str) -> np.ndarray[Any, np.dtype[np.float64]]
     stances = _object(value, name, set(STANCES))
     for stance in STANCES:
         rows = stances[stance]
-        if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+        if not isinstance(rows, list) or not {*map(type, rows)} <= {list}:
             raise GaitLibraryError(f"{name}.{stance} is no list of rows")
-        if not all(type(item) in (int, float) for row in rows for item in row):
+        if not set().union(*(map(type, row) for row in rows)) <= _NUMBERS:
             raise GaitLibraryError(f"{name}.{stance} holds something that is not a number")
     try:
         return np.array([stances[stance] for stance in STANCES], dtype=np.float64)
     except (ValueError, OverflowError):
         raise GaitLibraryError(f"{name} have rows of unequal length") from None
-
-
-def _refuse_constant(name: str) -> float:
-    raise GaitLibraryError(f"it holds {name}, which is not a number")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.certificate import states
-from cassie_gaits.certificate.certify import mirror_image
+from cassie_gaits.certificate.certify import mirror_image, motion_that_may_break, terms
 from cassie_gaits.certificate.rollout import Step, integrate
 from cassie_gaits.certificate.table import foot_places
 from cassie_gaits.certificate.walker import Walker, rigid_velocity, walker
@@ -78,19 +78,20 @@ def motion(gait: Gait) -> Motion:
     """Integrate a gait.
 
     Raises:
-        GaitLibraryError: if the gait has no torques or no passive motion, or breaks down.
+        GaitLibraryError: if the gait has no torques, passive motion or request, or its motion
+            breaks off.
     """
     if gait.torques is None or gait.passive is None:
         raise GaitLibraryError("the gait has no torques or no passive motion")
-    asked = gait.solver.get("request", {})
-    symmetric, slope = bool(asked.get("symmetric", True)), float(asked.get("slope", 0.0))
-    equations = walker(symmetric=symmetric, slope=slope)
-    step = integrate(equations, gait, 0)
-    powers = _powers(step)
-    if symmetric and mirror_image(gait):
-        second = powers
-    else:
-        second = _powers(integrate(equations, gait, 1))
+    asked = terms(gait)
+    with motion_that_may_break():
+        equations = walker(symmetric=asked.symmetric, slope=asked.slope)
+        step = integrate(equations, gait, 0)
+        powers = _powers(step)
+        if asked.symmetric and mirror_image(gait):
+            second = powers
+        else:
+            second = _powers(integrate(equations, gait, 1))
     seconds = gait.step_time / (len(step.phases) - 1)
     way = 2.0 * gait.step_time * float(np.hypot(gait.vx, gait.vy))
     forces = step.forces

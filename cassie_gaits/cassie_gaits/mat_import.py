@@ -26,6 +26,7 @@ import numpy.typing as npt
 from cassie_gaits import bezier, virtual_leg
 from cassie_gaits.errors import CassieError, GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
+from cassie_gaits.json_file import read_bounded
 from cassie_gaits.model_hash import model_hash
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,7 +67,7 @@ def _content(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        raw = path.read_bytes()
+        raw = read_bounded(path)
     except OSError as error:
         raise GaitLibraryError(error.strerror or str(error)) from None
     try:

@@ -78,6 +78,12 @@ def test_speeds_that_do_not_rise_are_refused(speeds):
         library(*(gait(speed) for speed in speeds))
 
 
+def test_speeds_that_span_a_huge_grid_are_refused():
+    gaits = [Gait(0.1 * i, 0.1 * i, 0.1 * i, 0.4, np.zeros((2, 9, 6))) for i in range(22)]
+    with pytest.raises(GaitLibraryError, match="a grid of 10648 points, expected at most 10000"):
+        library(*gaits)
+
+
 def test_unknown_kind_and_empty_library_are_refused():
     with pytest.raises(GaitLibraryError, match="kind is 'guessed'"):
         library(gait(0.0), kind="guessed")

@@ -99,7 +99,7 @@ def _set(document, keys, value):
         (["kind"], "guessed", "kind is 'guessed'"),
         (["model_hash"], "", "model_hash"),
         (["robot"], 7, "robot is 7"),
-        (["extra"], 1, "unknown extra"),
+        (["extra"], 1, "unknown 'extra'"),
         (["outputs", 0], "roll", "outputs are"),
         (["provenance"], [], "provenance is no JSON object"),
         (["provenance", "date"], None, "date is None"),

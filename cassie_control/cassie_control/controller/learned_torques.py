@@ -24,8 +24,10 @@ import numpy.typing as npt
 
 from cassie_control.errors import ControlError
 from cassie_gaits import robot
+from cassie_gaits.errors import CassieError
 from cassie_gaits.gait_library import Provenance
 from cassie_gaits.gait_library_file import library_path
+from cassie_gaits.json_file import check_free, read_json
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.names import LEG_DRIVES
 
@@ -123,23 +125,13 @@ def load_torques(path: str | Path) -> LearnedTorques:
     """Read learned torques.
 
     Raises:
-        LearnedTorquesError: if the file is missing, damaged, of another schema or for another
-            robot; one line with the file's name and the reason.
+        LearnedTorquesError: if the file is missing, no regular file, too large, damaged, of another
+            schema or for another robot; one line with the file's name and the reason.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        return _table(json.loads(text))
-    except OSError as error:
-        reason = error.strerror or str(error)
-    except UnicodeDecodeError:
-        reason = "it is not UTF-8 text"
-    except json.JSONDecodeError as error:
-        reason = f"line {error.lineno} column {error.colno}: {error.msg}"
-    except RecursionError:
-        reason = "it is nested too deeply"
-    except ValueError as error:
-        reason = str(error)
-    raise LearnedTorquesError(f"learned torques {path}: {reason}")
+        return _table(read_json(Path(path)))
+    except CassieError as error:
+        raise LearnedTorquesError(f"learned torques {path}: {error}") from None
 
 
 def save_torques(learned: LearnedTorques, path: str | Path) -> None:
@@ -181,7 +173,7 @@ def _table(document: object) -> LearnedTorques:
             f"schema_version is {reprlib.repr(version)}, expected {SCHEMA_VERSION}"
         )
     if set(top) != _KEYS:
-        wrong = ", ".join(sorted(set(top) ^ _KEYS))
+        wrong = reprlib.repr(sorted(set(top) ^ _KEYS))
         raise LearnedTorquesError(f"the file lacks or has too much: {wrong}")
     if top["joints"] != list(JOINTS):
         raise LearnedTorquesError(f"joints are {reprlib.repr(top['joints'])}, expected {JOINTS}")
@@ -191,6 +183,7 @@ def _table(document: object) -> LearnedTorques:
         )
     origin = _object(top["provenance"], "provenance")
     settings = _object(origin.get("settings", {}), "provenance.settings")
+    check_free(settings, "provenance.settings")
     tool, version, date = (origin.get(key) for key in ("tool", "version", "date"))
     if not (isinstance(tool, str) and isinstance(version, str) and isinstance(date, str)):
         raise LearnedTorquesError("provenance lacks tool, version or date")

@@ -54,7 +54,7 @@ class GaitControllerConfig(LaneConfig):
     )
     allow_uncertified: bool = tunable(
         False,
-        description="Whether gaits without a certificate, as imported ones, will do",
+        description="Whether gaits without a valid certificate, imported or changed, will do",
         live=False,
     )
     learned_torques_file: str = tunable(

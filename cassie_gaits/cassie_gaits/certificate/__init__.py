@@ -7,4 +7,5 @@ Shares no code with `cassie_gaits.optimize`, and reads nothing but the file.
     rollout    a step, integrated
     table      what is required of a gait, and how far it is inside
     certify    all of it for a gait
+    seal       what ties a certificate to gait, model and checker
 """

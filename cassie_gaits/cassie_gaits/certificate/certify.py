@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import reprlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +17,7 @@ from cassie_gaits.certificate.rollout import POINTS, Step, integrate
 from cassie_gaits.certificate.table import Row, row, speed_rows, step_rows, travel
 from cassie_gaits.certificate.walker import Walker
 from cassie_gaits.certificate.walker import walker as equations
-from cassie_gaits.errors import GaitLibraryError
+from cassie_gaits.errors import GaitLibraryError, KinematicsError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,28 +58,83 @@ class Certificate:
         }
 
 
+@dataclass(frozen=True)
+class Terms:
+    """What a gait was made for: the terms of its request that the table and the model need.
+
+    Attributes:
+        clearance: Least height of the swing foot at mid-step. In m.
+        slope: Rise of the ground ahead. In rad.
+        symmetric: Whether the pelvis counts as symmetric.
+    """
+
+    clearance: float
+    slope: float
+    symmetric: bool
+
+
+def terms(gait: Gait) -> Terms:
+    """Read the terms from the gait.
+
+    Raises:
+        GaitLibraryError: if one is missing or is not what it should be.
+    """
+    request = gait.solver.get("request")
+    if not isinstance(request, Mapping):
+        raise GaitLibraryError("the gait does not say its clearance, slope and symmetry")
+    symmetric = request.get("symmetric")
+    if not isinstance(symmetric, bool):
+        shown = reprlib.repr(symmetric)
+        raise GaitLibraryError(f"its request's symmetric is {shown}, expected true or false")
+    return Terms(
+        _asked(request, "clearance", 0.0, 1.0), _asked(request, "slope", -1.0, 1.0), symmetric
+    )
+
+
+def _asked(request: Mapping[str, Any], name: str, low: float, high: float) -> float:
+    value = request.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        shown = reprlib.repr(value)
+        raise GaitLibraryError(f"its request's {name} is {shown}, expected {low:g} .. {high:g}")
+    return float(value)
+
+
+@contextlib.contextmanager
+def motion_that_may_break() -> Iterator[None]:
+    """Turn what a motion far from any gait's raises into one kind of error.
+
+    Raises:
+        GaitLibraryError: if the motion leaves the model's range, or an equation has no solution.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except KinematicsError as error:
+        reason = " ".join(str(error).split())
+        raise GaitLibraryError(f"its motion leaves the robot's range: {reason}") from None
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise GaitLibraryError(f"its motion has no solution: {error}") from None
+
+
 def certify(gait: Gait) -> Certificate:
     """Check a gait.
 
     Raises:
-        GaitLibraryError: if there is nothing to check: no torques, no passive motion, no request.
+        GaitLibraryError: if there is nothing to check (no torques, no passive motion, no request),
+            or if the gait's motion breaks off before its end.
     """
     if gait.torques is None or gait.passive is None:
         raise GaitLibraryError("the gait has no torques or no passive motion to check")
-    try:
-        asked = gait.solver["request"]
-        clearance, slope = float(asked["clearance"]), float(asked["slope"])
-        symmetric = bool(asked["symmetric"])
-    except (KeyError, TypeError, ValueError):
-        raise GaitLibraryError("the gait does not say its clearance, slope and symmetry") from None
-    walker = equations(symmetric=symmetric, slope=slope)
-    mirrored = symmetric and mirror_image(gait)
-    steps = [integrate(walker, gait, domain) for domain in ((0,) if mirrored else (0, 1))]
-    rows = [_step(walker, gait, step, clearance) for step in steps]
-    worse = [min(pair, key=lambda entry: entry.margin) for pair in zip(*rows, strict=True)]
-    first = travel(walker, steps[0])
-    second = (first[0], -first[1], -first[2]) if mirrored else travel(walker, steps[1])
-    return Certificate((*worse, *speed_rows(gait, first, second)), mirrored)
+    asked = terms(gait)
+    with motion_that_may_break():
+        walker = equations(symmetric=asked.symmetric, slope=asked.slope)
+        mirrored = asked.symmetric and mirror_image(gait)
+        steps = [integrate(walker, gait, domain) for domain in ((0,) if mirrored else (0, 1))]
+        rows = [_step(walker, gait, step, asked.clearance) for step in steps]
+        worse = [min(pair, key=lambda entry: entry.margin) for pair in zip(*rows, strict=True)]
+        first = travel(walker, steps[0])
+        second = (first[0], -first[1], -first[2]) if mirrored else travel(walker, steps[1])
+        return Certificate((*worse, *speed_rows(gait, first, second)), mirrored)
 
 
 def mirror_image(gait: Gait) -> bool:

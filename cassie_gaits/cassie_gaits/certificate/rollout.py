@@ -21,6 +21,9 @@ POINTS = 401
 
 _FITTED = 40
 
+MOST_EVALUATIONS = 5000
+"""Of the equations of motion in a step; a gait takes 300, a wild one hours."""
+
 
 @dataclass(frozen=True, eq=False)
 class Step:
@@ -53,13 +56,19 @@ def integrate(walker: Walker, gait: Gait, domain: int) -> Step:
     """Integrate a step from its first state.
 
     Raises:
-        GaitLibraryError: if the integration breaks off.
+        GaitLibraryError: if the integration breaks off, or takes `MOST_EVALUATIONS`.
     """
     leg, time = states.legs(domain)[0], gait.step_time
     rigid = [int(row) for row in np.flatnonzero(RIGID.any(axis=1) & (RIGID.max(axis=1) > 0.5))]
     start_q, start_v = states.state(walker, gait, domain, 0.0)
 
+    left = MOST_EVALUATIONS
+
     def rate(t: float, x: FloatArray) -> FloatArray:
+        nonlocal left
+        left -= 1
+        if not left:
+            raise GaitLibraryError(f"integration is not at its end at {t:.3g} of {time:g} s")
         q, v = _expand(x, start_q, rigid)
         motion = walker.motion(q, v, states.torques(gait, domain, t / time), leg)
         return np.concatenate([v[rigid], motion.acceleration[rigid]])

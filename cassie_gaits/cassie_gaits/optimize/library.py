@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from cassie_gaits.certificate.certify import Certificate, certify
+from cassie_gaits.certificate.seal import sealed
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.optimize.conflicts import Conflict, conflict
@@ -163,8 +164,7 @@ def _checked(work: _Work, executor: Executor, future: Future[Certificate]) -> Re
     except GaitLibraryError as error:
         return Result(outcome.request, None, outcome, f"not certified: {error}")
     if outcome.gait is not None and certificate.met:
-        gait = replace(outcome.gait, certificate=certificate.as_document())
-        return Result(outcome.request, gait, outcome)
+        return Result(outcome.request, sealed(outcome.gait, certificate.as_document()), outcome)
     missed = ", ".join(
         f"{row.name} is {row.worst:.4g} {row.unit}, allowed {row.low:.4g} .. {row.high:.4g}"
         for row in certificate.rows

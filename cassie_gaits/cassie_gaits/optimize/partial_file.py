@@ -1,7 +1,7 @@
 """What a run has found so far: a line of JSON a gait, so that a run that was killed can go on.
 
-The first line says for which robot; each other line holds a request and its gait, or the reason
-why there is none. A last line that was cut off counts as not written.
+The first line says for which robot; each other line holds a request and its gait, certified, or the
+reason why there is none. A last line that was cut off counts as not written.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from cassie_gaits.certificate.seal import flaw, gait_sha256
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import gait_document, gait_of
+from cassie_gaits.json_file import JsonError, check_free, parse_json, read_bounded
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.optimize.request import Request, as_document
 
@@ -50,11 +52,12 @@ class PartialFile:
         """What an earlier run found of what is wanted.
 
         Raises:
-            GaitLibraryError: if the file is for another robot or damaged before its last line.
+            GaitLibraryError: if the file is for another robot or damaged before its last line, or
+                a gait in it differs from what was certified.
         """
         if not self.path.exists():
             return {}
-        lines = self.path.read_text(encoding="utf-8", errors="replace").split("\n")
+        lines = self._text().split("\n")
         documents = [_parsed(line, i, self.path) for i, line in enumerate(lines[:-1])]
         if not documents or documents[0].get("model_hash") != model_hash():
             raise GaitLibraryError(f"{self.path} is for another model of the robot")
@@ -66,6 +69,12 @@ class PartialFile:
                 found[request] = _result(document, self.path)
         return found
 
+    def _text(self) -> str:
+        try:
+            return read_bounded(self.path).decode("utf-8", errors="replace")
+        except OSError as error:
+            raise GaitLibraryError(f"{self.path}: {error.strerror}") from None
+
 
 def _line(request: Request, result: Gait | str) -> str:
     content = {"reason": result} if isinstance(result, str) else {"gait": gait_document(result)}
@@ -75,12 +84,13 @@ def _line(request: Request, result: Gait | str) -> str:
 
 def _parsed(line: str, index: int, path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(line)
-    except ValueError:
-        document = None
-    if not isinstance(document, dict):
-        raise GaitLibraryError(f"{path}: line {index + 1} is damaged")
-    return document
+        document = parse_json(line)
+        if isinstance(document, dict):
+            check_free(document.get("request"), "request")
+            return document
+    except JsonError:
+        pass
+    raise GaitLibraryError(f"{path}: line {index + 1} is damaged")
 
 
 def _key(document: object) -> str:
@@ -92,4 +102,10 @@ def _key(document: object) -> str:
 def _result(document: dict[str, Any], path: Path) -> Gait | str:
     if "reason" in document:
         return str(document["reason"])
-    return gait_of(document.get("gait"), str(path))
+    gait = gait_of(document.get("gait"), str(path))
+    why = flaw(gait, gait_sha256(gait))
+    if not why and gait.solver.get("request") != document["request"]:
+        why = "is the answer to another request"
+    if why:
+        raise GaitLibraryError(f"{path}: the gait of {gait.speeds} {why}; begin without --resume")
+    return gait

@@ -1,8 +1,9 @@
 """`ros2 run cassie_gaits check_gaits FILE`: certify a gait library independently of its maker.
 
 Every gait is integrated on the 20-DoF model under its own torques, and every row of the table is
-looked at on 401 points. Exit status: 0 when all is met, 1 on any miss, 2 for a file that cannot be
-read.
+looked at on 401 points. Then the certificates in the file are held against its content; --certify
+writes new ones where all is met. Exit status: 0 when all is met and the file's certificates hold, 1
+when not, 2 for a file that cannot be read or written.
 """
 
 from __future__ import annotations
@@ -10,12 +11,21 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from cassie_gaits.certificate.certify import Certificate, certify
+from cassie_gaits.certificate.seal import sealed
 from cassie_gaits.certificate.table import Row
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
-from cassie_gaits.gait_library_file import PACKAGED, library_path, load_library
+from cassie_gaits.gait_library_file import (
+    PACKAGED,
+    library_path,
+    load_certified,
+    load_library,
+    save_library,
+)
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.processes import local_processes
 
@@ -29,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     named = f"library to check: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=library_path, metavar="FILE", help=named)
     parser.add_argument("--jobs", type=int, default=2, help="local processes")
+    parser.add_argument("--certify", action="store_true", help="write certificates into the file")
     options = parser.parse_args(given)
     try:
         library = load_library(options.file)
@@ -36,7 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise GaitLibraryError(f"gait library {options.file}: it is for another model")
         if options.jobs < 1:
             raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
-        return _check(library.gaits, options.jobs)
+        certified = _check(library.gaits, options.jobs)
+        if len(certified) < len(library.gaits):
+            return 1
+        if options.certify:
+            save_library(replace(library, gaits=tuple(certified)), options.file)
+            print(f"certificates written: {options.file}")
+        return _hold_file(options.file)
     except GaitLibraryError as error:
         print(f"check_gaits: error: {error}", file=sys.stderr)
         return 2
@@ -45,8 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _check(gaits: Sequence[Gait], jobs: int) -> int:
-    missed = 0
+def _check(gaits: Sequence[Gait], jobs: int) -> list[Gait]:
+    """Check and print each gait; gives those that meet everything, with new certificates."""
+    certified = []
     with local_processes(jobs) as pool:
         futures = [pool.submit(certify, gait) for gait in gaits]
         for gait, future in zip(gaits, futures, strict=True):
@@ -55,12 +73,23 @@ def _check(gaits: Sequence[Gait], jobs: int) -> int:
                 certificate = future.result()
             except GaitLibraryError as error:
                 print(f"{name}: cannot be checked: {error}")
-                missed += 1
                 continue
-            missed += not certificate.met
             print(_table(name, certificate), flush=True)
-    print(f"{len(gaits) - missed} of {len(gaits)} gaits certified")
-    return 1 if missed else 0
+            if certificate.met:
+                certified.append(sealed(gait, certificate.as_document()))
+    print(f"{len(certified)} of {len(gaits)} gaits certified")
+    return certified
+
+
+def _hold_file(path: Path) -> int:
+    """Say whether the file can be walked on as it is."""
+    try:
+        load_certified(path)
+    except GaitLibraryError as error:
+        print(f"the certificates in the file do not hold: {error}")
+        return 1
+    print("the certificates in the file hold")
+    return 0
 
 
 def _table(name: str, certificate: Certificate) -> str:

@@ -60,7 +60,7 @@ def _draw(gaits: Sequence[Gait], folder: Path) -> None:
     for i, gait in enumerate(straight):
         print(f"\r{i + 1} of {len(straight)} gaits", end="", file=sys.stderr, flush=True)
         if gait.torques is not None and gait.passive is not None:
-            motions.append(motion(gait))
+            motions.append(_motion(gait))
     print(file=sys.stderr)
     if motions:
         picked = np.unique(np.linspace(0, len(motions) - 1, MOST_STRIPS).round().astype(int))
@@ -78,6 +78,13 @@ def _draw(gaits: Sequence[Gait], folder: Path) -> None:
         grid_pictures.draw_grid(gaits, folder / "grid.png")
         grid_pictures.draw_slices(gaits, folder)
     print(f"pictures: {folder}")
+
+
+def _motion(gait: Gait) -> Motion:
+    try:
+        return motion(gait)
+    except GaitLibraryError as error:
+        raise GaitLibraryError(f"the gait of {gait.speeds}: {error}") from None
 
 
 def table(motions: Sequence[Motion]) -> str:
