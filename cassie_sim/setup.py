@@ -50,7 +50,6 @@ setup(
         "mujoco",
         "numba",
         "numpy",
-        "PyYAML",
         "scipy",
     ],
     extras_require={"test": ["pytest", "pytest-timeout"]},

@@ -28,7 +28,6 @@ setup(
     install_requires=[
         "numpy",
         "pygame",
-        "PyYAML",
     ],
     extras_require={"test": ["pytest", "pytest-timeout"]},
     entry_points={
