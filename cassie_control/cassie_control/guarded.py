@@ -205,9 +205,7 @@ class GuardedSupervisor:
 
 
 def _answering(answer: SampleT, question: Sample) -> SampleT:
-    answer.seq[...] = question.seq
-    answer.episode[...] = question.episode
-    answer.stamp_ns = question.stamp_ns
+    answer.answer(question)
     return answer
 
 

@@ -94,3 +94,26 @@ def test_floats_are_all_float64_fields_in_order(kind: type[Sample]) -> None:
     ]
     np.testing.assert_array_equal(np.concatenate(fields), sample.floats)
     assert all(int(getattr(sample, name)) == 0 for name in ("sec", "nanosec", "episode", "seq"))
+
+
+def test_an_answer_takes_stamp_episode_and_seq_of_the_question():
+    question, answer = Sensors(), RobotState()
+    question.stamp_ns = 5_000_000_007
+    question.episode[...], question.seq[...] = 3, 9
+    answer.q[:] = 1.0
+    answer.answer(question)
+    assert (answer.stamp_ns, int(answer.episode), int(answer.seq)) == (5_000_000_007, 3, 9)
+    assert (answer.q == 1.0).all()
+
+
+def test_the_tail_that_two_messages_share_is_copied_and_another_one_refused():
+    sensors, state = Sensors(), RobotState()
+    names = ("missed_ticks", "late_ticks", "wall_paced", "operator_lease")
+    for number, name in enumerate(names):
+        getattr(sensors, name)[...] = 7 + number
+    state.sensor_faults[...] = 5
+    state.copy_tail(sensors, "missed_ticks")
+    assert [int(getattr(state, name)) for name in names] == [7, 8, 9, 10]
+    assert state.sensor_faults == 5
+    with pytest.raises(LayoutError, match="differ from longest_delay on"):
+        state.copy_tail(sensors, "longest_delay")

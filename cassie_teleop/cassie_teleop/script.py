@@ -146,9 +146,7 @@ class ScriptedOperator:
         command = self.command(state.stamp_ns * 1e-9)
         if self.rider is not None:
             self._ride(self.rider, state.stamp_ns, command)
-        command.stamp_ns = state.stamp_ns
-        command.episode[...] = state.episode
-        command.seq[...] = state.seq
+        command.answer(state)
         command.effective_seq[...] = int(state.seq) + PERIOD
         return command
 

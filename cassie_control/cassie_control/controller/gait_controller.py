@@ -126,9 +126,7 @@ class GaitController:
         if self.latency.observe(state):
             self._allow_for(self.latency.latency)
         command = self._command
-        command.seq[...] = state.seq
-        command.episode[...] = state.episode
-        command.stamp_ns = state.stamp_ns
+        command.answer(state)
         self._since += self._period
         self._choose(wanted, float(mode.height))
         self._act(mode)
@@ -250,9 +248,7 @@ class GaitController:
     def status(self) -> ControllerStatus:
         """What the last step did; reused. Filled in when asked for, which is not every tick."""
         status, walking, state, mode = self._status, self.walking, self._state, self._mode
-        status.seq[...] = state.seq
-        status.episode[...] = state.episode
-        status.stamp_ns = state.stamp_ns
+        status.answer(state)
         status.mode_seq[...] = mode.effective_seq
         status.mode[...] = mode.mode
         walks = self.activity is Activity.WALKING

@@ -148,18 +148,13 @@ class LegEstimator:
 
 def _pass_on(sensors: Sensors, state: RobotState) -> None:
     """What the state repeats of the sample."""
-    state.seq[...] = sensors.seq
-    state.episode[...] = sensors.episode
-    state.stamp_ns = sensors.stamp_ns
+    state.answer(sensors)
     state.power[...] = sensors.power
     state.drive_torque[:] = sensors.drive_torque
     charge = sensors.battery[1]
     state.battery_charge[...] = charge if 0.0 <= charge <= 1.0 else -1.0
     state.longest_delay[...] = sensors.longest_delay
-    state.missed_ticks[...] = sensors.missed_ticks
-    state.late_ticks[...] = sensors.late_ticks
-    state.wall_paced[...] = sensors.wall_paced
-    state.operator_lease[...] = sensors.operator_lease
+    state.copy_tail(sensors, "missed_ticks")
 
 
 def _check(sensors: Sensors) -> None:

@@ -308,9 +308,7 @@ class ModeSupervisor:
 
     def _answer(self, state: RobotState) -> Mode:
         mode = self._mode
-        mode.seq[...] = state.seq
-        mode.episode[...] = state.episode
-        mode.stamp_ns = state.stamp_ns
+        mode.answer(state)
         mode.effective_seq[...] = int(state.seq) + PERIOD_TICKS
         mode.mode[...] = int(self._current)
         mode.transition[...] = min(1.0, self._since)

@@ -13,6 +13,7 @@ Source:
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -142,6 +143,27 @@ class Sample:
         if type(other) is not type(self):
             raise LayoutError(f"{self.TYPE} cannot take over a {other.TYPE}")
         self._memory[:] = other._memory
+
+    def answer(self, question: Sample) -> None:
+        """Take over stamp, episode and seq of the sample that this one answers."""
+        self._memory[_STAMP_OFFSET : _HEADER.size] = question._memory[_STAMP_OFFSET : _HEADER.size]
+
+    def copy_tail(self, other: Sample, first: str) -> None:
+        """Take over the last fields, from `first` on, of a message that ends with the same ones.
+
+        Raises:
+            LayoutError: if it does not.
+        """
+        start, source = self._tail(first), other._tail(first)
+        if self.SIZE - start != other.SIZE - source:
+            raise LayoutError(f"{self.TYPE} and {other.TYPE} differ from {first} on")
+        self._memory[start:] = other._memory[source:]
+
+    @classmethod
+    @cache
+    def _tail(cls, first: str) -> int:
+        """Where a field begins. In bytes."""
+        return int(dict(cls.DTYPE.fields or {})[first][1])
 
     @property
     def stamp_ns(self) -> int:
