@@ -20,7 +20,7 @@ setup(
     package_data={NAME: ["**/*.json", "**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml", "README.md"]),
+        (f"share/{NAME}", ["package.xml", "README.md", "fingerprints.yaml"]),
         (f"share/{NAME}/experiments", sorted(map(str, Path("experiments").glob("*.yaml")))),
     ],
     zip_safe=False,
@@ -46,6 +46,7 @@ setup(
             "experiment = cassie_bags.ros.experiment:main",
             "experiments = cassie_bags.ros.experiments:main",
             "estimators = cassie_bags.ros.estimators:main",
+            "fingerprint = cassie_bags.cli.fingerprint:main",
             "faults = cassie_bags.ros.faults:main",
             "failsafes = cassie_bags.ros.failsafes:main",
             "learn_torques = cassie_bags.ros.learn_torques:main",

@@ -82,6 +82,26 @@ class Experiment:
     rider: Mapping[str, Any] | None = None
 
 
+def packaged_folder() -> Path:
+    """Where the package's experiments are: beside its sources, or where it was installed."""
+    here = Path(__file__).resolve()
+    sources, prefix = here.parents[1], here.parents[4]
+    return sources if (sources / "experiments").is_dir() else prefix / "share" / "cassie_bags"
+
+
+def packaged_experiments() -> list[Path]:
+    """Files of the package's experiments, sorted by name.
+
+    Raises:
+        ExperimentError: if there is none.
+    """
+    folder = packaged_folder() / "experiments"
+    files = sorted(folder.glob("*.yaml"))
+    if not files:
+        raise ExperimentError(f"there is no experiment in {folder}")
+    return files
+
+
 def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = None) -> Experiment:
     """An experiment from its file.
 

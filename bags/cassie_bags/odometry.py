@@ -18,6 +18,9 @@ from cassie_bags.errors import BagError
 TYPE = "nav_msgs/msg/Odometry"
 IMU_TYPE = "sensor_msgs/msg/Imu"
 
+ODOMETRY_FIELDS = ("sec", "nanosec", "position", "orientation", "linear", "angular")
+IMU_FIELDS = ("sec", "nanosec", "angular", "force")
+
 _HEADER = 4  # encapsulation
 _LARGEST = 1024  # of a message with empty names, generously
 
@@ -47,7 +50,7 @@ def odometry_dtype(raw: bytes) -> np.dtype[Any]:
         raise BagError(f"{len(raw)} bytes are no {TYPE} of {size} bytes")
     return np.dtype(
         {
-            "names": ["sec", "nanosec", "position", "orientation", "linear", "angular"],
+            "names": ODOMETRY_FIELDS,
             "formats": ["<i4", "<u4", ("<f8", 3), ("<f8", 4), ("<f8", 3), ("<f8", 3)],
             "offsets": [4, 8, pose, pose + 24, twist, twist + 24],
             "itemsize": size,
@@ -75,7 +78,7 @@ def imu_dtype(raw: bytes) -> np.dtype[Any]:
         raise BagError(f"{len(raw)} bytes are no {IMU_TYPE} of {size} bytes")
     return np.dtype(
         {
-            "names": ["sec", "nanosec", "angular", "force"],
+            "names": IMU_FIELDS,
             "formats": ["<i4", "<u4", ("<f8", 3), ("<f8", 3)],
             "offsets": [4, 8, angular, force],
             "itemsize": size,

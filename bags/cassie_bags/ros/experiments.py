@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from cassie_bags.cores import check_parameters
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.experiment_file import Experiment, load_experiment
+from cassie_bags.experiment_file import Experiment, load_experiment, packaged_experiments
 from cassie_bags.html_report import Entry, page
 from cassie_bags.provenance import versions
 from cassie_bags.report import json_line, table
@@ -30,9 +30,6 @@ PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 NOT_RUN = "the run did not come to its end"
-
-HERE = Path(__file__).parents[2] / "experiments"
-"""Experiments beside the sources."""
 
 
 @dataclass(frozen=True)
@@ -93,9 +90,7 @@ def _experiment(task: Task) -> Experiment:
 
 
 def _tasks(arguments: argparse.Namespace) -> list[Task]:
-    files = arguments.files or sorted(_installed().glob("*.yaml"))
-    if not files:
-        raise ExperimentError(f"there is no experiment in {_installed()}")
+    files = arguments.files or packaged_experiments()
     stems = [file.stem for file in files]
     for file in files:
         if stems.count(file.stem) > 1:
@@ -114,15 +109,6 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
         for file in files
         for seed in seeds
     ]
-
-
-def _installed() -> Path:
-    """The package's experiments: beside the sources, or where colcon put them."""
-    if HERE.is_dir():
-        return HERE
-    from ament_index_python.packages import get_package_share_directory
-
-    return Path(get_package_share_directory("cassie_bags")) / "experiments"
 
 
 def _run(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:

@@ -1,0 +1,315 @@
+"""Fingerprints of runs: whether a change left every trajectory as it was, to the last bit.
+
+A fingerprint has a SHA-256 of each topic of a run, taken second by second and within a second
+field by field. It also keeps the first two hexadecimal digits of this hash after each second, its
+marks. They tell when a run begins to differ, and they suffice to check its first part alone.
+
+Bits depend on the libraries and on the vector instructions of the processor. The file of
+fingerprints names both. Elsewhere the estimated pose stands for the bits, within `TOLERANCES`.
+A difference of one bit soon makes an encoder count differently, by up to 0.0003 rad. In the first
+steps it can move a touchdown by ticks and joints by 0.2 rad. This was found with arithmetic
+without FMA and with another order of sums, over all experiments.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from cassie_bags.cores import check_parameters, make_loop, simulator_config, tick_count
+from cassie_bags.errors import ExperimentError
+from cassie_bags.experiment_file import load_experiment, packaged_folder
+from cassie_bags.in_process import Store, run
+from cassie_bags.odometry import IMU_FIELDS, ODOMETRY_FIELDS
+from cassie_bags.recording import (
+    GROUND_TRUTH_TOPIC,
+    LANE_TOPICS,
+    SEGWAY_IMU_TOPIC,
+    SEGWAY_TRUTH_TOPIC,
+    Recording,
+    Rows,
+    read_recording,
+    stamps_ns,
+)
+from cassie_bags.resolve import resolve
+from cassie_msgs.layout import RobotState
+
+ROBOTS = (0, 1, 2)
+"""Seeds of the robots that each experiment is run with."""
+
+FAST: Mapping[str, tuple[int, float]] = {
+    "waxed_floor": (1, 12.0),
+    "sand_court": (2, 8.0),
+    "segway_push": (1, 12.0),
+    "standing_tilting": (2, 13.0),
+}
+"""What is checked quickly: robot and length (s) by experiment; with all modes and a Segway."""
+
+START = 5.0
+"""Length of the part that is compared where bits may differ. In s."""
+
+TOLERANCES: Mapping[float, float] = {0.1: 1e-3, 0.2: 1e-3, 1.0: 0.02, 2.0: 0.02, START: 0.5}
+"""Greatest difference of the estimated pose there (m and rad), by robot time (s)."""
+
+_LEFT_OUT = {"sender", "battery_charge", "longest_delay", "missed_ticks", "late_ticks"}
+"""Fields that tell of the computers, the operator's name and a gauge, not of the motion."""
+
+_MARK = 2  # hexadecimal digits
+_SECOND = 1_000_000_000  # in ns
+_PACKAGES = ("mujoco", "numpy", "numba", "llvmlite", "pin", "scipy")
+_VARIABLES = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS")
+
+Fields = Mapping[str, Sequence[str]]
+"""Names of fields by topic."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a fingerprint is taken of.
+
+    Attributes:
+        file: The experiment's.
+        robot: Seed.
+        seconds: How much of it is run; None for all.
+        bag: A bag of this run, which is read in place of running it; or None.
+    """
+
+    file: Path
+    robot: int
+    seconds: float | None = None
+    bag: Path | None = None
+
+
+@dataclass(frozen=True)
+class TopicPrint:
+    """Number of messages of a topic, the hash of its fields, and the marks of this hash."""
+
+    messages: int
+    sha256: str
+    marks: str
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """Prints by topic, and the estimated pose q (20 values in m and rad) by time in s."""
+
+    topics: Mapping[str, TopicPrint]
+    pose: Mapping[float, Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Fingerprints:
+    """Content of a file of fingerprints.
+
+    Attributes:
+        environment: Versions and processor's features with which they were taken.
+        fields: That were hashed. What a later version adds to a message is not looked at.
+        runs: By name of the experiment's file and by robot.
+    """
+
+    environment: Mapping[str, str]
+    fields: Fields
+    runs: Mapping[str, Mapping[int, Fingerprint]]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a topic of a run differs from its fingerprint, in words, with the time if it is known."""
+
+    experiment: str
+    robot: int
+    topic: str
+    what: str
+
+
+def default_path() -> Path:
+    """File of the package's fingerprints."""
+    return packaged_folder() / "fingerprints.yaml"
+
+
+def load(path: Path) -> Fingerprints:
+    """Read a file of fingerprints.
+
+    Raises:
+        ExperimentError: if it cannot be read or is no such file.
+    """
+    try:
+        content = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        runs = {
+            name: {robot: _fingerprint(entry) for robot, entry in robots.items()}
+            for name, robots in content["runs"].items()
+        }
+        return Fingerprints(content["environment"], content["fields"], runs)
+    except OSError as error:
+        raise ExperimentError(f"cannot read {path}: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError):
+        raise ExperimentError(f"{path} is no file of fingerprints") from None
+
+
+def save(prints: Fingerprints, path: Path) -> None:
+    """Write a file of fingerprints.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    text = yaml.safe_dump(asdict(prints), default_flow_style=None, width=100, sort_keys=False)
+    path.write_text(text, encoding="utf-8")
+
+
+def environment() -> dict[str, str]:
+    """What the last bit of a result depends on besides this project's code."""
+    found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
+    used = np.show_config(mode="dicts")["SIMD Extensions"]
+    found["vector instructions"] = " ".join([*used["baseline"], *used["found"]])
+    found |= {name: os.environ.get(name, "not set") for name in _VARIABLES}
+    found["python"] = platform.python_version()
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def fields_to_hash() -> dict[str, list[str]]:
+    """Fields that new fingerprints are made of, in the order of their messages."""
+    fields: dict[str, Sequence[str]] = {
+        topic: kind.DTYPE.names or () for topic, kind in LANE_TOPICS.items()
+    }
+    fields |= {GROUND_TRUTH_TOPIC: ODOMETRY_FIELDS, SEGWAY_TRUTH_TOPIC: ODOMETRY_FIELDS}
+    fields[SEGWAY_IMU_TOPIC] = IMU_FIELDS
+    return {
+        topic: [name for name in names if name not in _LEFT_OUT] for topic, names in fields.items()
+    }
+
+
+def record(what: Run) -> Recording:
+    """Run it in one process, or read its bag.
+
+    Raises:
+        CassieError: if the experiment or the bag cannot be used, or the bag is of another robot.
+    """
+    if what.bag is not None:
+        recording = read_recording(what.bag)
+        robot = recording.metadata.get("cassie_experiment", {}).get("seed")
+        if robot != str(what.robot):
+            raise ExperimentError(f"{what.bag} is of robot {robot}, expected {what.robot}")
+        return recording
+    experiment = resolve(load_experiment(what.file, seed=what.robot))
+    check_parameters(experiment)
+    ticks = tick_count(experiment)
+    if what.seconds is not None:
+        # With the tick that ends the last second, which has its pose.
+        ticks = min(ticks, round(what.seconds * simulator_config(experiment).control_rate) + 1)
+    store = Store()
+    return store.recording(run(make_loop(experiment, store), range(ticks)))
+
+
+def take(what: Run, fields: Fields) -> Fingerprint:
+    """The fingerprint of a run; of topics without messages there is none.
+
+    Raises:
+        CassieError: as `record`.
+    """
+    recording = record(what)
+    rows = {**recording.lane, **recording.beside}
+    topics = {topic: _topic_print(rows[topic], fields[topic]) for topic in fields if topic in rows}
+    return Fingerprint(
+        {topic: found for topic, found in topics.items() if found.messages},
+        _poses(recording.rows(RobotState)),
+    )
+
+
+def differences(
+    what: Run, expected: Fingerprint, found: Fingerprint, *, exactly: bool
+) -> list[Difference]:
+    """How a run differs from its fingerprint.
+
+    Args:
+        what: The run.
+        expected: Its fingerprint.
+        found: The fingerprint that it has now.
+        exactly: To the last bit; else the pose to `TOLERANCES`.
+    """
+    if exactly:
+        told = {
+            topic: _reason(expected.topics.get(topic), found.topics.get(topic), what.seconds)
+            for topic in sorted({*expected.topics, *found.topics})
+        }
+    else:
+        told = {RobotState.TOPIC: _pose_reason(expected.pose, found.pose)}
+    return [
+        Difference(what.file.stem, what.robot, topic, reason)
+        for topic, reason in told.items()
+        if reason
+    ]
+
+
+def _fingerprint(entry: Mapping[str, Any]) -> Fingerprint:
+    topics = {topic: TopicPrint(**found) for topic, found in entry["topics"].items()}
+    pose = {float(time): [float(x) for x in q] for time, q in entry["pose"].items()}
+    return Fingerprint(topics, pose)
+
+
+def _topic_print(rows: Rows, fields: Sequence[str]) -> TopicPrint:
+    digest, marks = hashlib.sha256(), []
+    times = stamps_ns(rows)
+    seconds = int(times[-1]) // _SECOND + 1 if len(times) else 0
+    ends = np.searchsorted(times, _SECOND * np.arange(seconds + 1))
+    names = [name for name in fields if name in (rows.dtype.names or ())]
+    for k in range(seconds):
+        for name in names:
+            digest.update(np.ascontiguousarray(rows[name][ends[k] : ends[k + 1]]).data)
+        marks.append(digest.hexdigest()[:_MARK])
+    return TopicPrint(len(rows), digest.hexdigest(), "".join(marks))
+
+
+def _poses(state: Rows) -> dict[float, list[float]]:
+    """The estimated pose at the times of `TOLERANCES`."""
+    times = stamps_ns(state)
+    poses = {}
+    for time, tolerance in TOLERANCES.items():
+        decimals = 2 - round(math.log10(tolerance))
+        for q in state["q"][times == round(time * _SECOND)]:
+            poses[time] = q.round(decimals).tolist()
+    return poses
+
+
+def _reason(expected: TopicPrint | None, found: TopicPrint | None, seconds: float | None) -> str:
+    """How messages of a topic differ, in words; empty if they do not."""
+    if expected is None or found is None:
+        return "there was none" if expected is None else "there is none"
+    one, other = expected.marks, found.marks
+    if seconds is not None:  # the last mark may be of a part of a second
+        one, other = one[: _MARK * int(seconds)], other[: _MARK * int(seconds)]
+    for k in range(min(len(one), len(other)) // _MARK):
+        if one[_MARK * k : _MARK * (k + 1)] != other[_MARK * k : _MARK * (k + 1)]:
+            return f"differs between {k} and {k + 1} s"
+    if seconds is None and found.messages != expected.messages:
+        return f"has {found.messages} messages, not {expected.messages}"
+    if len(one) != len(other):
+        return f"ends after {len(other) // _MARK} s, not {len(one) // _MARK}"
+    return "differs" if seconds is None and found.sha256 != expected.sha256 else ""
+
+
+def _pose_reason(
+    expected: Mapping[float, Sequence[float]], found: Mapping[float, Sequence[float]]
+) -> str:
+    """How the estimated poses differ, in words; empty if they are within the tolerances."""
+    for time, q in expected.items():
+        if time not in found:
+            return f"has no sample at {time:g} s"
+        if not np.allclose(found[time], q, rtol=0.0, atol=TOLERANCES[time], equal_nan=True):
+            apart = np.abs(np.subtract(found[time], q)).max()
+            return f"q differs by {apart:.1e} at {time:g} s"
+    return ""
