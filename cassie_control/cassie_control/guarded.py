@@ -11,7 +11,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from cassie_control.errors import ControlError
+from cassie_control.errors import ControlError, SensorError
+from cassie_control.estimator.channels import no_estimate
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_control.supervisor.status import SupervisorStatus, damped
 from cassie_gaits.errors import CassieError
@@ -101,6 +102,8 @@ class GuardedEstimator:
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)
             self._invalid.power[...] = sensors.power
+            missing = error.missing if isinstance(error, SensorError) else 0
+            self._invalid.sensor_faults[...] = missing
             return _answering(self._invalid, sensors)
         self.problem = ""
         return state
@@ -192,7 +195,8 @@ class GuardedSupervisor:
         try:
             if not np.isfinite(state.q.sum() + state.v.sum()):
                 # It must not enter the core's filters.
-                raise ControlError("the state is not finite")
+                missing = int(state.sensor_faults)
+                raise ControlError(no_estimate(missing) if missing else "the state is not finite")
             mode = self.core.step(state, operator, controller_lost)
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)

@@ -84,6 +84,13 @@ class LegEstimator:
         self._state.floats[:] = 0.0
         self._scale[:] = (0.0, 1.0, FIRST_TIME)
 
+    def restart(self) -> None:
+        """Begin anew with the next sample, at rest; place and counted turns are kept."""
+        x, y, yaw = self._state.q[[0, 1, 3]]
+        self.reset()
+        if math.isfinite(x + y + yaw):
+            self._state.q[[0, 1, 3]] = x, y, yaw
+
     def coast(self, blind: bool) -> None:
         """Whether to go on without the accelerometer, which then only tells gravity."""
 

@@ -26,3 +26,15 @@ JOINT_POSITION, JOINT_VELOCITY, DRIVE_TORQUE = 27, 33, 39
 def names(mask: int) -> tuple[str, ...]:
     """Names of the channels whose bits are set: "drive_position.3 (left_knee)"."""
     return tuple(f"{name} ({part})" for k, (name, part) in enumerate(CHANNELS) if mask >> k & 1)
+
+
+def no_estimate(missing: int) -> str:
+    """That there is no estimate, and what to do about it.
+
+    Args:
+        missing: Channels without which there is none, a bit each.
+    """
+    return (
+        f"no estimate without {', '.join(names(missing))}: switch the power off and hang it up or "
+        "let it lie still for 1 s; sensors are then learned anew"
+    )

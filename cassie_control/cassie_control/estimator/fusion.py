@@ -185,8 +185,8 @@ def read_pelvis(
     position: FloatArray,
     velocity: FloatArray,
     covariance: FloatArray,
-) -> None:
-    """The pelvis's origin from the filter's IMU.
+) -> bool:
+    """The pelvis's origin from the filter's IMU; False where the filter has diverged.
 
     Args:
         filters: State. Shape (1,).
@@ -222,6 +222,11 @@ def read_pelvis(
     covariance[3] = P[2, 2]
     covariance[4] = s * s * P[0, 0] + c * c * P[1, 1] - 2.0 * s * c * P[0, 1]
     covariance[5] = c * c * P[0, 0] + s * s * P[1, 1] + 2.0 * s * c * P[0, 1]
+    total = R.sum() + state.points.sum() + state.accelerometer_bias.sum()
+    sound = math.isfinite(total + state.ground)
+    for k in range(len(P)):
+        sound = sound and 0.0 < P[k, k] < math.inf  # NaN compares false
+    return sound
 
 
 @compiled

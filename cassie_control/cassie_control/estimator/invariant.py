@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.errors import SensorError
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.filter_kernels import filter_step
@@ -120,7 +121,7 @@ class InvariantEstimator(LegEstimator):
             self._soles,
             state.contact_probability,
         )
-        read_pelvis(
+        sound = read_pelvis(
             self._filter,
             self._noise,
             self._imu,
@@ -133,6 +134,9 @@ class InvariantEstimator(LegEstimator):
             self._velocity,
             state.covariance,
         )
+        if not sound:
+            self.restart()
+            raise SensorError("the filter has diverged: the estimate begins anew")
 
     def _start(self) -> None:
         """Begin at rest with the IMU's orientation, the lower sole on the ground."""
@@ -141,6 +145,7 @@ class InvariantEstimator(LegEstimator):
         start["rotation"] = self._attitude
         start["points"][1] = self._attitude @ self._imu
         start["points"][1, 2] += self._first_height()
+        start["points"][1, :2] += self._position[:2]
         for i in range(2):
             start["points"][2 + i] = start["points"][1] + self._attitude @ self._arms[i]
             start["soles"][i] = self._attitude @ self._soles[i]

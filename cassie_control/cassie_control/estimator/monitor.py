@@ -13,7 +13,7 @@ from cassie_control.estimator.acceleration_kernels import expect_acceleration
 from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.delay_kernels import DELAYS, KEPT_TICKS, RESPONSE_TICKS
-from cassie_control.estimator.monitor_kernels import inspect
+from cassie_control.estimator.monitor_kernels import BELIEVED, RESTED, inspect
 from cassie_control.estimator.monitor_records import LIMITS_TYPE, WATCH_TYPE
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
@@ -25,6 +25,7 @@ BoolArray = npt.NDArray[np.bool_]
 _MARGIN = 0.2  # rad beyond the stops
 _JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
 _RESPONDED = 8  # times what is kept of its answer to a step: all of it
+_GAP = 0.02  # s, without an estimate, after which what it was tells nothing
 _DRIVE, _JOINT, _IMU = slice(0, 10), slice(10, 16), slice(16, 19)
 _TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
 
@@ -50,6 +51,7 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
                 normal["high"][first + k] = high + _MARGIN
     # Speeds that nothing on the robot reaches, and what healthy sensors keep, with a margin.
     normal["speed"] = 50.0
+    normal["still"][:16], normal["still"][_IMU] = 1.0, 0.1  # legs may swing while it hangs
     normal["jump"][:] = 0.02
     normal["apart"][_DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
     normal["apart"][_JOINT], normal["apart"][_IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
@@ -122,6 +124,11 @@ class SensorMonitor:
     with gravity alone, a torque that is no number as 0. Where both of a pair fail there is nothing
     to go on with, except for the toes, which have two encoders each.
 
+    A violent fall can make good sensors contradict each other, and what a channel is replaced by
+    drifts off meanwhile. So once the robot has hung or lain still without power for `REST_TIME`, a
+    channel is believed again that has changed its bits since the power went off and that nothing
+    else speaks against: all but dead ones, which seem to be right at rest.
+
     Args:
         period: Between samples. In s.
         attitude_delay: Of the IMU's orientation. In s.
@@ -143,6 +150,8 @@ class SensorMonitor:
         """Channels that are not believed, see `channels`."""
         self.lost = 0
         """Those of them without which there is no estimate."""
+        self.rested = False
+        """Whether it has come to rest without power: to be cleared by who begins anew."""
 
     def reset(self) -> None:
         """Believe everything."""
@@ -150,11 +159,13 @@ class SensorMonitor:
         self._trusted[:] = math.nan  # nothing to go on with yet
         self._seq = -1
         self.mask = self.lost = 0
+        self.rested = False
 
     def _start_over(self) -> None:
         """Samples are missing: compare from this one on; what is not believed stays so."""
         watch = self._watch[0]
-        kept = ("bad", "bad_acceleration", "bad_torque", "trusted", "orientation")
+        beliefs = ("bad", "bad_acceleration", "bad_torque", "trusted", "orientation")
+        kept = (*beliefs, "life", "rest", "used", "moved")
         values = [watch[name].copy() for name in kept]
         self._watch[:] = np.zeros(1, WATCH_TYPE)
         for name, value in zip(kept, values, strict=True):
@@ -181,7 +192,10 @@ class SensorMonitor:
         self._seq = seq
         if sensors is not self._sensors:
             self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
-        if inspect(self._sample, self._watch, self._limits, expected, force):
+        found = inspect(self._sample, self._watch, self._limits, expected, force)
+        if found & RESTED:
+            self.rested = True
+        if found & BELIEVED:
             self.mask = self.lost = 0
             return sensors
         return self._repair(sensors, rotation)
@@ -232,6 +246,9 @@ def _bits(flags: BoolArray) -> int:
 class MonitoredEstimator:
     """An estimator that gets what the monitor lets through.
 
+    It begins anew where nothing could be estimated for more than `_GAP`, and once the robot has
+    come to rest without power: after a fall, or when it was lifted, attitude and height are off.
+
     Args:
         core: The estimator.
         period: Between samples. In s.
@@ -239,6 +256,10 @@ class MonitoredEstimator:
 
     def __init__(self, core: LegEstimator, period: float) -> None:
         self.core = core
+        self._longest_gap = round(_GAP / period)
+        self._unanswered = 0  # samples in a row
+        self.starts = 0
+        """How often it has begun anew since the reset."""
         self._names: tuple[str, ...] = ()
         self._named = 0
         self._expected, self._force = np.zeros(3), 0.0
@@ -267,6 +288,7 @@ class MonitoredEstimator:
         """Start afresh."""
         self._monitor.reset()
         self._expected[:], self._force = 0.0, 0.0
+        self._unanswered = self.starts = 0
         self.core.reset()
 
     def step(self, sensors: Sensors) -> RobotState:
@@ -280,10 +302,16 @@ class MonitoredEstimator:
         """
         monitor, core = self._monitor, self.core
         sample = monitor.step(sensors, core.rotation, self._expected, self._force)
+        self._unanswered += 1
         if monitor.lost:
-            raise SensorError(f"no estimate without {', '.join(channels.names(monitor.lost))}")
+            raise SensorError(channels.no_estimate(monitor.lost), monitor.lost)
+        if monitor.rested or self._unanswered > self._longest_gap:
+            monitor.rested = False
+            self.starts += 1
+            core.restart()
         core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
         state = core.step(sample)
+        self._unanswered = 0
         expect_acceleration(sample.drive_torque, state.foot_force, core.feet, self._expected)
         left, right = state.foot_force.tolist()
         self._force = left + right

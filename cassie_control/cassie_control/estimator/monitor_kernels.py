@@ -10,11 +10,21 @@ import numpy.typing as npt
 
 from cassie_control.estimator.acceleration_kernels import look_at_acceleration
 from cassie_control.estimator.delay_kernels import P, V
-from cassie_control.estimator.pair_kernels import APART_TIME, IMU, PAIRS, go_on, look_at_pair
+from cassie_control.estimator.pair_kernels import (
+    APART_TIME,
+    IMU,
+    PAIRS,
+    REST_TIME,
+    go_on,
+    look_at_pair,
+)
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
+
+BELIEVED, RESTED = 1, 2
+"""What `inspect` finds: all of the sample can be believed; it has come to rest without power."""
 
 
 @compiled
@@ -53,7 +63,9 @@ def arrange(
         return False
     if watch.ticks == 0:
         for k in range(4):
-            p[k] = watch.orientation[k] = q[k]
+            p[k] = q[k]
+            if watch.bad[P, IMU] <= 0.0:
+                watch.orientation[k] = q[k]
     sign = 2.0 if q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3] > 0.0 else -2.0
     x = p[3] * q[0] - p[0] * q[3] - p[1] * q[2] + p[2] * q[1]
     y = p[3] * q[1] - p[1] * q[3] - p[2] * q[0] + p[0] * q[2]
@@ -73,8 +85,13 @@ def inspect(
     limits: RecordArray,
     expected: FloatArray,
     force: float,
-) -> bool:
-    """Take in a sample and `look`; whether all of it can be believed.
+) -> int:
+    """Take in a sample and `look`.
+
+    Returns:
+        `BELIEVED` if all of it can be believed, plus `RESTED` at the moment from which on the
+        robot has rested without power for `REST_TIME`, and at which a channel is believed again
+        later in that rest.
 
     Args:
         samples: Numbers of Sensors, see `float_records`. Shape (1,).
@@ -93,9 +110,32 @@ def inspect(
         watches,
     )
     _look_at_torques(sample.drive_torque, watch, limits[0])
+    _rest(watch, limits[0], sample.power)
     look(watches, limits, expected, force)
-    good: bool = watch.bad.max() <= 0.0 and watch.bad_acceleration.max() <= 0.0
-    return good and watch.bad_torque.max() <= 0.0
+    found = 0
+    if watch.bad.max() <= 0.0 and watch.bad_acceleration.max() <= 0.0:
+        found = BELIEVED if watch.bad_torque.max() <= 0.0 else 0
+    if watch.moved > 0 and watch.rest >= REST_TIME:
+        watch.moved = 0
+        found += RESTED
+    return found
+
+
+@compiled
+def _rest(watch: Any, limit: Any, power: float) -> None:
+    """For how long it has had no power and hung or lain still, as far as its sensors tell."""
+    still = power < 0.5
+    watch.powered = 0 if still else 1
+    if not still:
+        watch.used = 1
+    else:
+        for i in range(PAIRS):
+            if watch.bad[V, i] <= 0.0 and not abs(watch.velocity[i]) < limit.still[i]:
+                still = False
+    if still:
+        watch.rest += limit.period
+    else:
+        watch.rest, watch.moved = 0.0, watch.used
 
 
 @compiled
@@ -125,12 +165,13 @@ def look(
     watch, limit = watches[0], limits[0]
     if watch.ticks == 0:
         for i in range(PAIRS):
-            watch.last_position[i] = watch.position[i]
-            watch.last_velocity[:, i] = watch.velocity[i]
-            if watch.bad[P, i] == 0.0 and math.isfinite(watch.position[i]):
-                watch.trusted[P, i] = watch.position[i]
-            if watch.bad[V, i] == 0.0 and math.isfinite(watch.velocity[i]):
-                watch.trusted[V, i] = watch.velocity[i]
+            p, v = watch.position[i], watch.velocity[i]
+            watch.last_position[i] = p if math.isfinite(p) else 0.0
+            watch.last_velocity[:, i] = v if math.isfinite(v) else 0.0
+            if watch.bad[P, i] == 0.0 and math.isfinite(p):
+                watch.trusted[P, i] = p
+            if watch.bad[V, i] == 0.0 and math.isfinite(v):
+                watch.trusted[V, i] = v
         watch.acceleration[1:] = watch.acceleration[0]
     for k in range(3):
         rate = watch.velocity[IMU + k]
@@ -167,6 +208,7 @@ def _turn(watch: Any, limit: Any, bad: bool) -> None:
     q[1] = b + w * y + c * x - a * z
     q[2] = c + w * z + a * y - b * x
     q[3] = w - a * x - b * y - c * z
-    scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    scale = 1.0 / math.sqrt(square) if square > 0.0 else 0.0  # 0 before the first orientation
     for k in range(4):
         q[k] *= scale

@@ -40,6 +40,7 @@ WATCH_TYPE = np.dtype(
         ("peak", float, PAIRS),  # rad/s, fading
         ("spikes", float, (2, PAIRS)),  # of the velocity, fading counts of clear and of small ones
         ("bad", float, (2, PAIRS)),  # s, for which position or velocity is not believed yet
+        ("life", int, (2, PAIRS)),  # 0 believed, 1 not, 2 not but its bits change without power
         ("trusted", float, (2, PAIRS)),  # position (rad) and velocity (rad/s) to go on with
         ("orientation", float, 4),  # to go on with, x y z w
         ("acceleration", float, (3, 3)),  # measured, newest first, m/s^2
@@ -53,6 +54,10 @@ WATCH_TYPE = np.dtype(
         ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
         ("bad_torque", float, 10),  # s
+        ("rest", float),  # s, for which it has hung or lain still without power
+        ("powered", int),  # whether it has power
+        ("used", int),  # whether it has had power since the start
+        ("moved", int),  # whether, once used, it has moved since the estimate began anew
     ]
 )
 """What the monitor remembers."""
@@ -63,6 +68,7 @@ LIMITS_TYPE = np.dtype(
         ("low", float, PAIRS),  # rad
         ("high", float, PAIRS),
         ("speed", float, PAIRS),  # rad/s
+        ("still", float, PAIRS),  # rad/s, below which it counts as still
         ("jump", float, PAIRS),  # rad in one tick
         ("apart", float, PAIRS),  # rad
         ("apart_at_speed", float, PAIRS),  # s

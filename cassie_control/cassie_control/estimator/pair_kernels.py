@@ -36,6 +36,8 @@ _UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
 _SEEN_SPEED = 0.5  # rad/s, as which faster motion counts that a velocity does not see
 _WRONG_SPEED = 0.5  # rad/s
 _NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
+REST_TIME = 1.0
+"""At rest without power, after which all is learned anew. In s."""
 
 
 @compiled
@@ -199,21 +201,53 @@ def _guess(watch: Any, i: int) -> int:
 def go_on(watch: Any, limit: Any, i: int) -> None:
     """Replace what is bad: a position by the integrated velocity, a velocity by differences."""
     dt = limit.period
+    if watch.bad[P, i] > 0.0 and watch.bad[V, i] > 0.0:
+        # Without a position to go on from, a velocity alone is of no use.
+        watch.bad[V, i] = max(watch.bad[P, i], watch.bad[V, i])
     bad_p, bad_v = watch.bad[P, i] > 0.0, watch.bad[V, i] > 0.0
+    for kind in range(2):
+        _look_for_life(watch, i, kind)
     if bad_v:
         follow = 1.0 - math.exp(-dt / 0.004)
         rate = watch.steps[0, i] / dt
         if not bad_p:
-            watch.trusted[V, i] += follow * (rate - watch.trusted[V, i])
+            last = watch.trusted[V, i] if math.isfinite(watch.trusted[V, i]) else rate
+            watch.trusted[V, i] = last + follow * (rate - last)
         frozen = watch.same[V, i] >= _STUCK_TICKS and abs(rate) > 0.1
-        if frozen or not abs(watch.velocity[i] - watch.trusted[V, i]) < _WRONG_SPEED:
-            watch.bad[V, i] = limit.hold
+        wrong = frozen or abs(watch.velocity[i] - watch.trusted[V, i]) >= _WRONG_SPEED
+        _hold(watch, limit, i, V, wrong)
     else:
         watch.trusted[V, i] = watch.velocity[i]
     if bad_p:
         near = _NOT_AGAIN if watch.same[P, i] < _FROZEN_TICKS else _UNSEEN_VELOCITY
         watch.trusted[P, i] += dt * watch.trusted[V, i] if bad_v else watch.turns[0, i]
-        if not abs(watch.position[i] - watch.trusted[P, i]) < near:
-            watch.bad[P, i] = limit.hold
+        wrong = abs(watch.position[i] - watch.trusted[P, i]) >= near  # not where that is NaN
+        _hold(watch, limit, i, P, wrong)
     else:
         watch.trusted[P, i] = watch.position[i]
+
+
+@compiled
+def _look_for_life(watch: Any, i: int, kind: int) -> None:
+    """Whether a channel that is not believed changes its bits as a limp robot moves."""
+    if watch.bad[kind, i] > 0.0:
+        if watch.life[kind, i] == 0:
+            watch.life[kind, i] = 1
+        elif watch.same[kind, i] == 0 and watch.powered == 0:
+            watch.life[kind, i] = 2
+    elif watch.life[kind, i] > 0:
+        watch.life[kind, i] = 0
+        watch.moved = watch.used  # the estimate begins anew with it
+
+
+@compiled
+def _hold(watch: Any, limit: Any, i: int, kind: int, wrong: bool) -> None:
+    """Go on not believing a channel that differs from what it is replaced by.
+
+    After a fall the replacement may be far off, for good. So at rest without power a channel that
+    is alive counts as right unless something else speaks against it.
+    """
+    if watch.rest > 0.0 and watch.life[kind, i] == 2:
+        watch.bad[kind, i] = min(watch.bad[kind, i], REST_TIME)
+    elif wrong:
+        watch.bad[kind, i] = limit.hold

@@ -35,6 +35,10 @@ from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 
+_NOT_BELIEVED = (
+    "not believed: replaced as far as others tell it, learned anew at rest without power"
+)
+
 
 class StateEstimator(Node):
     """Answers each sensor sample with a state; a repeated sample with the same state again.
@@ -69,6 +73,7 @@ class StateEstimator(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._told: tuple[str, ...] = ()
+        self._starts = 0
         self._reply = b""
         self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
 
@@ -116,6 +121,8 @@ class StateEstimator(Node):
             return  # nothing that would bury the reason
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
+        if self._core.starts != self._starts:
+            self._tell_start()
         if self._core.faults != self._told:
             self._tell(self._core.faults)
         self._standard.publish(seq, sample, state)
@@ -126,11 +133,16 @@ class StateEstimator(Node):
             if channel not in faults:
                 self._conditions.set(channel, "")
         for channel in faults:
-            self._conditions.set(channel, "not believed: replaced as far as others tell it")
+            self._conditions.set(channel, _NOT_BELIEVED)
         self._told = faults
+
+    def _tell_start(self) -> None:
+        self._starts = self._core.starts
+        self.get_logger().info("the estimate begins anew")
 
     def _begin(self, episode: int) -> None:
         self._estimator.reset()
+        self._starts = 0
         self.get_logger().info(f"episode {episode}")
 
     def _set_config(self, config: EstimatorConfig) -> None:
