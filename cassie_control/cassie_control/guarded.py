@@ -104,6 +104,7 @@ class GuardedEstimator:
             self._invalid.power[...] = sensors.power
             missing = error.missing if isinstance(error, SensorError) else 0
             self._invalid.sensor_faults[...] = missing
+            self._invalid.copy_tail(sensors, "missed_ticks")
             return _answering(self._invalid, sensors)
         self.problem = ""
         return state

@@ -135,3 +135,17 @@ def test_a_state_of_nan_damps_and_does_not_reach_the_supervisors_filters() -> No
     assert supervisor.step(_state(20), None).mode == RobotMode.STAND
     assert supervisor.problem == ""
     assert supervisor.status.mode is RobotMode.STAND
+
+
+def test_a_state_that_cannot_be_estimated_still_tells_pace_and_lease() -> None:
+    class Estimator:
+        def reset(self) -> None: ...
+
+        def step(self, sensors: Sensors) -> RobotState:
+            raise ZeroDivisionError("division by zero")
+
+    sensors = Sensors()
+    sensors.wall_paced[...], sensors.operator_lease[...], sensors.missed_ticks[...] = 1, 77, 5
+    state = GuardedEstimator(Estimator()).step(sensors)
+    assert np.isnan(state.q).all()
+    assert (state.wall_paced, state.operator_lease, state.missed_ticks) == (1, 77, 5)
