@@ -90,11 +90,17 @@ def _wants_arming(run: WallPaced, state: str) -> None:
 
 
 def _recovers(run: WallPaced) -> None:
-    """Power off, hung up, let down and switched on again it stands."""
+    """Power off, hung up until the fault is over, let down and switched on again it stands."""
     run.person.changes |= {"power": False, "mode": RobotMode.STAND, "vx": 0.0}
     run.run(0.1, upright=False)
     run.hang_up()
     run.run(3.0, upright=False)
+    run.until(
+        lambda: "learned anew" not in str(run.faults),
+        20.0,
+        "sensors to be learned anew",
+        upright=False,
+    )
     run.person.changes |= {"power": True, "emergency_stop": False, "height": 0.9}
     run.until(lambda: run.mode is RobotMode.STAND, 4.0, "stand in the gantry", upright=False)
     run.let_down()
