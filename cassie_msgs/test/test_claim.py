@@ -11,10 +11,10 @@ from cassie_msgs.ros import claim
 
 HOLDER = """
 import rclpy, sys
-from cassie_msgs.ros.claim import claim
+from cassie_msgs.ros.claim import Claim
 rclpy.init(args=sys.argv)
 node = rclpy.create_node("first")
-claim(node, "simulator")
+Claim(node, "simulator").take()
 print("holds", flush=True)
 sys.stdin.read()
 """
@@ -39,19 +39,19 @@ def test_a_second_one_is_refused_and_told_a_domain_that_is_free(node, holder):
     with pytest.raises(
         claim.SecondNodeError, match=f"another simulator runs in ROS domain {domain}"
     ):
-        claim.claim(node, "simulator")
+        claim.Claim(node, "simulator").take()
     free = claim.free_domain()
     assert free != int(domain) and free not in claim.RUN_DOMAINS
 
 
 def test_another_kind_is_not(node, holder):
-    claim.claim(node, "gait_controller")
+    claim.Claim(node, "gait_controller").take()
 
 
 def test_the_claim_ends_with_a_process_that_is_killed(node, holder):
     holder.send_signal(signal.SIGKILL)
     holder.wait()
-    claim.claim(node, "simulator")
+    claim.Claim(node, "simulator").take()
 
 
 def test_runs_choose_domains_that_nobody_has(holder, monkeypatch):

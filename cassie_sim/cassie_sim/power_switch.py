@@ -12,6 +12,8 @@ PERIOD = 10
 PATIENCE = 0.3
 """Wall time that a scripted operator has to answer once it takes part. In s."""
 
+_SCRIPT_AGE = 0.5  # s of wall time without a word, after which another script may play
+
 
 class PowerSwitch:
     """Switches at once for a person, at `effective_seq` for a script.
@@ -37,7 +39,7 @@ class PowerSwitch:
         self._start_patience = start_patience
         self._planned: dict[int, bool] = {}
         self._wanted = False
-        self._script = b""
+        self._script, self._heard = b"", 0.0
         self.operators = Operators(scripted=scripted)
         self.lost = False
         self.refused = ""
@@ -71,7 +73,7 @@ class PowerSwitch:
             self.refused = self.operators.refused
         elif not self._scripted:
             self.refused = "it is scripted, and no script is expected (scripted_operator)"
-        elif self._script and writer != self._script and not self.lost:
+        elif self._other_plays(writer, now):
             self.refused = "another script plays already"
         elif int(command.episode) == episode:
             effective = int(command.effective_seq)
@@ -80,8 +82,13 @@ class PowerSwitch:
             self.refused = outside("effective_seq", effective, 0, tick + PERIOD)
             if not self.refused:
                 self._planned[effective] = bool(command.power)
-                self._script = writer
+                self._script, self._heard = writer, now
                 self.lost = False
+
+    def _other_plays(self, writer: bytes, now: float) -> bool:
+        """Whether a script other than this one plays; it does until it has been silent a while."""
+        silent = self.lost or now - self._heard > _SCRIPT_AGE
+        return self._script not in (b"", writer) and not silent
 
     def awaits(self, tick: int) -> bool:
         """Whether this tick may not run before the script has answered."""

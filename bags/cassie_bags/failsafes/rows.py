@@ -91,7 +91,7 @@ def _wants_arming(run: WallPaced, state: str) -> None:
 
 def _recovers(run: WallPaced) -> None:
     """Power off, hung up until the fault is over, let down and switched on again it stands."""
-    run.person.changes |= {"power": False, "mode": RobotMode.STAND, "vx": 0.0}
+    run.person.changes |= {"power": False, "mode": RobotMode.STAND, "vx": 0.0, "yaw_rate": 0.0}
     run.run(0.1, upright=False)
     run.hang_up()
     run.run(3.0, upright=False)

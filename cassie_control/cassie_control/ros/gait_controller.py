@@ -27,7 +27,7 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.claim import ClaimConfig, claim
+from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.fast_lane import (
     NEWEST_OF_ONE,
     LanePublisher,
@@ -74,7 +74,7 @@ class GaitControllerNode(Node):
 
     def __init__(self, stop: Stop, states: LocalTopic[RobotState] | None = None) -> None:
         super().__init__("gait_controller")
-        claim(self, "gait_controller")
+        self.claim = Claim(self, "gait_controller")
         self._lane = declare(self, GaitControllerConfig())
         self._config = declare(self, ControllerConfig())
         library = self._load(self._lane.gait_library)

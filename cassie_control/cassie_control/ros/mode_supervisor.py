@@ -16,7 +16,7 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.claim import ClaimConfig, claim
+from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.fast_lane import EVERY, Doze, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
@@ -39,7 +39,7 @@ class ModeSupervisorNode(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("mode_supervisor")
-        claim(self, "mode_supervisor")
+        self.claim = Claim(self, "mode_supervisor")
         self._lane = declare(self, ModeSupervisorConfig())
         self._config = declare(self, SupervisorConfig())
         self._core = ModeSupervisor(self._config, self._lane.period)

@@ -22,7 +22,7 @@ from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.claim import ClaimConfig, claim
+from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.fast_lane import (
     NEWEST_OF_ONE,
     LanePublisher,
@@ -50,7 +50,7 @@ class StateEstimator(Node):
 
     def __init__(self, stop: Stop, hand_on: LocalTopic[RobotState] | None = None) -> None:
         super().__init__("state_estimator")
-        claim(self, "state_estimator")
+        self.claim = Claim(self, "state_estimator")
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
         self._core = make_monitored(self._config, self._lane.period)

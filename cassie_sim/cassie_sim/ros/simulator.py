@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.claim import ClaimConfig, claim
+from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
@@ -35,7 +35,7 @@ class Simulator(Node):
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("simulator")
-        claim(self, "simulator")
+        self.claim = Claim(self, "simulator")
         self._config = declare(self, SimulatorConfig())
         scenario = scenario_of(self._config)
         plant = self._make_plant(scenario)

@@ -46,25 +46,33 @@ class ClaimConfig:
     )
 
 
-def claim(node: Node, role: str) -> None:
-    """Hold that this is the only node of its kind in its domain on this machine.
+class Claim:
+    """A node's claim to be the only one of its kind in its domain on this machine.
 
-    The claim ends with the process.
+    `process.run` takes the claim of a node's attribute `claim` once its parameters are checked.
 
     Args:
         node: The node; gets the parameter `allow_second`.
         role: Its kind, such as "simulator".
-
-    Raises:
-        SecondNodeError: if another one runs; the message names a domain that is free.
     """
-    if declare(node, ClaimConfig()).allow_second:
-        return
-    domain = node.context.get_domain_id()
-    if _lock(domain, role) is None:
+
+    def __init__(self, node: Node, role: str) -> None:
+        self._role = role
+        self._domain = node.context.get_domain_id()
+        self._allow_second = declare(node, ClaimConfig()).allow_second
+
+    def take(self) -> None:
+        """Take the claim; it ends with the process.
+
+        Raises:
+            SecondNodeError: if another one runs; the message names a domain that is free.
+        """
+        if self._allow_second or _lock(self._domain, self._role) is not None:
+            return
         raise SecondNodeError(
-            f"another {role} runs in ROS domain {domain}: stop it, or start this one with "
-            f"ROS_DOMAIN_ID={free_domain()}, which is free (-p allow_second:=true starts it here)"
+            f"another {self._role} runs in ROS domain {self._domain}: stop it, or start this one "
+            f"with ROS_DOMAIN_ID={free_domain()}, which is free (-p allow_second:=true starts it "
+            "here)"
         )
 
 

@@ -70,7 +70,7 @@ def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> 
     parameters, services and timers are served by an executor in another thread. If it has a
     method `loop()`, that runs on the main thread and should return soon after
     `stop.requested`; if it has `close()`, that is called at the end, when nothing else is
-    published any more.
+    published any more. A node that may run once in a domain has a `claim.Claim` as `claim`.
 
     Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
     ValueError or OSError, such as for a wrong parameter; 1 if something broke.
@@ -107,6 +107,9 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
         node = build(stop)
         nodes = tuple(getattr(node, "nodes", (node,)))
         refuse_unknown(*nodes)
+        for each in nodes:
+            if claim := getattr(each, "claim", None):
+                claim.take()
     except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
         print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
