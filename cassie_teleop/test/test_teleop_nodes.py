@@ -153,10 +153,10 @@ def test_scripted_operator_answers_every_tenth_state_and_repeats_from_the_cache(
     assert first.scripted and first.effective_seq == 20 and first.vx == 0.0 and first.power
     second = commands.until(lambda c: c.seq == 20, meanwhile=lambda: publish(1, 20))
     assert second.vx == 0.5 and second.mode == RobotMode.WALK and second.stamp_ns == 40_000_000
-    for seq in range(21, 30):
-        publish(1, seq)
     again = commands.until(lambda c: c.seq == 20, meanwhile=lambda: publish(1, 20))
     assert again.to_bytes() == second.to_bytes()
+    for seq in range(21, 30):
+        publish(1, seq)
     fresh = commands.until(lambda c: c.episode == 2, meanwhile=lambda: publish(2, 0))
     assert fresh.vx == 0.0 and fresh.power
     assert {int(c.seq) % 10 for c in commands.all} == {0}
