@@ -5,6 +5,7 @@ The nodes and the run in one process both use these, so that they agree on bad i
 
 from __future__ import annotations
 
+import math
 import traceback
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -194,7 +195,7 @@ class GuardedSupervisor:
     ) -> Mode:
         """The mode for the ticks from `effective_seq` on; reused by the next step."""
         try:
-            if not np.isfinite(state.q.sum() + state.v.sum()):
+            if not math.isfinite(state.q.dot(state.q) + state.v.dot(state.v)):
                 # It must not enter the core's filters.
                 missing = int(state.sensor_faults)
                 raise ControlError(no_estimate(missing) if missing else "the state is not finite")

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cassie_gaits.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 Axis = list[float]
 
 _AHEAD = 3.0
@@ -17,16 +18,16 @@ _AHEAD = 3.0
 
 
 @compiled
-def _read(
+def read_row(
     axes: FloatArray,
-    lengths: npt.NDArray[np.int64],
+    lengths: IntArray,
     rows: FloatArray,
     x: float,
     y: float,
     z: float,
     out: FloatArray,
 ) -> None:
-    """Interpolate; `axes` has a row an axis, filled up with infinity."""
+    """Interpolate; the first three are `GaitGrid.table`, the others as `GaitGrid.read` has them."""
     at = (x, y, z)
     shares = np.zeros(3)
     first = 0
@@ -66,24 +67,26 @@ class GaitGrid:
     Attributes:
         axes: Values of each coordinate on the grid, rising.
         holes: Number of grid points without a row.
+        table: What `read_row` takes: the axes, one a row, filled up with infinity; how many points
+            each has; and the rows.
     """
 
     def __init__(self, points: FloatArray, rows: FloatArray) -> None:
         self.axes: tuple[Axis, ...] = tuple(np.unique(points[:, i]).tolist() for i in range(3))
         self._lengths = np.array([len(axis) for axis in self.axes])
-        self._axes = np.full((3, int(self._lengths.max())), np.inf)
+        axes = np.full((3, int(self._lengths.max())), np.inf)
         for i, axis in enumerate(self.axes):
-            self._axes[i, : len(axis)] = axis
+            axes[i, : len(axis)] = axis
         owner = np.full(self._lengths, -1)
         for i, point in enumerate(points.tolist()):
             owner[tuple(axis.index(x) for axis, x in zip(self.axes, point, strict=True))] = i
         self.holes = int((owner < 0).sum())
         self._fill(owner)
-        self._rows = np.ascontiguousarray(rows[owner.ravel()])
+        self.table = axes, self._lengths, np.ascontiguousarray(rows[owner.ravel()])
 
     def read(self, x: float, y: float, z: float, out: FloatArray) -> None:
         """Write the row at a point, all finite, to `out` of shape (m,)."""
-        _read(self._axes, self._lengths, self._rows, x, y, z, out)
+        read_row(*self.table, x, y, z, out)
 
     def _fill(self, owner: npt.NDArray[np.int64]) -> None:
         given = np.argwhere(owner >= 0)

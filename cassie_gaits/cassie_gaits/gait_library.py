@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_grid import GaitGrid
+from cassie_gaits.gait_grid import GaitGrid, IntArray
 from cassie_gaits.names import DRIVES
 
 FloatArray = npt.NDArray[np.float64]
@@ -193,6 +193,11 @@ class GaitLibrary:
     def holes(self) -> int:
         """Points of the grid without a gait of their own."""
         return self._grid.holes
+
+    @property
+    def table(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """What `gait_grid.read_row` takes; a row has both gaits' coefficients and 1 / step time."""
+        return self._grid.table
 
     @property
     def speed_range(self) -> tuple[float, float]:

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
-from cassie_gaits.leg_kernels import both_legs, leg_kinematics, spring_force
-from cassie_gaits.leg_records import LEG_TYPE, STATE_TYPE, RecordArray
+from cassie_gaits.leg_kernels import leg_kinematics, spring_force, update_pair
+from cassie_gaits.leg_records import LEG_TYPE, PAIR_TYPE, STATE_TYPE, RecordArray
 from cassie_gaits.linkage import heel_loop, link_rotation, pin_in_target
 from cassie_gaits.names import LEG_JOINTS, LEGS
 
@@ -121,15 +121,18 @@ class LegPair:
     """Both legs at once, in one call of compiled code.
 
     Attributes:
+        record: All its numbers, for compiled functions, of `PAIR_TYPE`. Shape (1,).
         states: Kinematics of left and right, see `LegState`, as numpy's records. Shape (2,).
         forces: Of the ground on each foot against gravity. Shape (2,), in N.
     """
 
     def __init__(self) -> None:
-        self._legs = np.concatenate([_leg_record(leg) for leg in LEGS])
-        self._loop = heel_loop()
-        self.states: RecordArray = np.zeros(2, STATE_TYPE)
-        self.forces = np.zeros(2)
+        self.record: RecordArray = np.zeros(1, PAIR_TYPE)
+        pair = self.record[0]
+        pair["legs"] = np.concatenate([_leg_record(leg) for leg in LEGS])
+        pair["loop"] = heel_loop()
+        self.states: RecordArray = pair["states"]
+        self.forces: FloatArray = pair["forces"]
 
     def update(
         self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
@@ -142,7 +145,7 @@ class LegPair:
             toe_torques: Of the toe drives at the joint. Shape (2,), in Nm.
             up: Unit vector against gravity in the pelvis frame. Shape (3,).
         """
-        both_legs(joints, rates, toe_torques, up, self._legs, self._loop, self.states, self.forces)
+        update_pair(joints, rates, toe_torques, up, self.record)
 
 
 def _leg_record(name: str) -> RecordArray:

@@ -220,7 +220,7 @@ def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Any, state
 
 @compiled
 def spring_force(
-    legs: RecordArray, states: RecordArray, toe_torque: float, up: FloatArray
+    legs: RecordArray, states: RecordArray, toe_torque: float, up: FloatArray | Vector
 ) -> Vector:
     """Ground force on the foot, see `leg_chain.LegChain.force`.
 
@@ -254,26 +254,32 @@ def spring_force(
 def both_legs(
     joints: FloatArray,
     rates: FloatArray,
-    toe_torques: FloatArray,
-    up: FloatArray,
-    legs: RecordArray,
-    loop: RecordArray,
-    states: RecordArray,
-    forces: FloatArray,
+    toe_torques: FloatArray | tuple[float, float],
+    up: FloatArray | Vector,
+    pair: Any,
 ) -> None:
     """Kinematics and spring force of both legs.
 
     Args:
         joints: Shape (2, 7), in rad.
         rates: Shape (2, 7), in rad/s.
-        toe_torques: Shape (2,), in Nm.
-        up: Unit vector against gravity in the pelvis frame. Shape (3,).
-        legs: Left and right. Shape (2,).
-        loop: Achilles rod, the same for both. Shape (1,).
-        states: Result: their kinematics. Shape (2,).
-        forces: Result: of the ground on each foot along `up`. Shape (2,), in N.
+        toe_torques: Two, in Nm.
+        up: Unit vector against gravity in the pelvis frame.
+        pair: Of `PAIR_TYPE`; gets states and forces.
     """
     for i in range(2):
-        leg, state = legs[i : i + 1], states[i : i + 1]
-        leg_kinematics(joints[i], rates[i], leg, loop, state)
-        forces[i] = _dot(up, spring_force(leg, state, toe_torques[i], up))
+        leg, state = pair.legs[i : i + 1], pair.states[i : i + 1]
+        leg_kinematics(joints[i], rates[i], leg, pair.loop, state)
+        pair.forces[i] = _dot(up, spring_force(leg, state, toe_torques[i], up))
+
+
+@compiled
+def update_pair(
+    joints: FloatArray,
+    rates: FloatArray,
+    toe_torques: FloatArray,
+    up: FloatArray,
+    pairs: RecordArray,
+) -> None:
+    """`both_legs` with the pair in an array of shape (1,)."""
+    both_legs(joints, rates, toe_torques, up, pairs[0])

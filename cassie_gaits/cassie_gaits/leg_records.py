@@ -60,3 +60,13 @@ HEEL_LOOP_TYPE = np.dtype(
     ]
 )
 """The loop of the achilles rod, see `linkage.heel_loop`."""
+
+PAIR_TYPE = np.dtype(
+    [
+        ("legs", LEG_TYPE, (2,)),
+        ("loop", HEEL_LOOP_TYPE, (1,)),  # the same for both
+        ("states", STATE_TYPE, (2,)),
+        ("forces", float, (2,)),  # of the ground on each foot against gravity, in N
+    ]
+)
+"""Both legs, left and right, see `leg_chain.LegPair`."""

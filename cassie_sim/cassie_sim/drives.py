@@ -11,7 +11,7 @@ from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
-from cassie_sim.kernels import damp, drive_step, within
+from cassie_sim.kernels import damp, drive_step, take_set_points
 from cassie_sim.plant_records import DRIVES_TYPE
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,6 +26,7 @@ LIMITS = {
 """What a drive accepts in each field of a command: Nm, rad, rad/s, Nm/rad, Nms/rad.
 
 For the first three that is anything that a sum of them can hold: the motor bounds the torque.
+The order is that of `MotorCommand`.
 """
 
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
@@ -70,23 +71,22 @@ class Drives:
         record["patience"] = round(watchdog / period)
         self.pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
         self.applied: FloatArray = record["applied"]
-        self._set_points: FloatArray = record["set_points"]
-        self._asked = np.zeros((5, 10))
+        self._powered, self._damped = self.records["powered"], self.records["damped"]
         self.reset()
 
     @property
     def powered(self) -> bool:
         """Whether the drives have power."""
-        return bool(self._record["powered"])
+        return bool(self._powered[0])
 
     @powered.setter
     def powered(self, on: bool) -> None:
-        self._record["powered"] = on
+        self._powered[0] = on
 
     @property
     def damped(self) -> bool:
         """Whether the drives damp for want of a valid command."""
-        return bool(self._record["damped"])
+        return bool(self._damped[0])
 
     def reset(self) -> None:
         """Back to no power, no set-points and nothing under way."""
@@ -107,13 +107,8 @@ class Drives:
             CommandError: if a value is not finite or a gain is out of range; the set-points
                 stay as they were.
         """
-        for row, field in enumerate(LIMITS):
-            self._asked[row] = getattr(command, field)
-        if not within(self._asked, _LOW, _HIGH):
+        if not take_set_points(self.records, command.floats, _LOW, _HIGH):
             raise CommandError(f"motor command refused: {_refusal(command)}")
-        self._set_points[:] = self._asked
-        self._record["age"] = 0
-        self._record["damped"] = False
 
     def step(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
         """Torques that act in this physics step.

@@ -22,20 +22,31 @@ from cassie_sim.plant_records import RecordArray
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+BATTERY = (72.0, 1.0)
+"""Voltage in V and state of charge, which the simulation keeps."""
+
+_SECOND = 1_000_000_000  # in ns
+
 
 @compiled
-def within(values: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-    """Whether every value is in the range of its row; NaN is not.
+def take_set_points(
+    drives: RecordArray, command: FloatArray, low: FloatArray, high: FloatArray
+) -> bool:
+    """Take over the set-points of a command if they are within their limits; whether they are.
 
     Args:
-        values: Shape (n, m).
-        low: Shape (n,).
-        high: Shape (n,).
+        drives: `DRIVES_TYPE`.
+        command: Rows of `set_points`, one after the other; NaN is in no range. Shape (50,).
+        low, high: Limits of each row. Shape (5,).
     """
-    for i in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            if not low[i] <= values[i, k] <= high[i]:
-                return False
+    drive = drives[0]
+    for i in range(50):
+        if not low[i // 10] <= command[i] <= high[i // 10]:
+            return False
+    for i in range(50):
+        drive.set_points[i // 10, i % 10] = command[i]
+    drive.age = 0
+    drive.damped = 0
     return True
 
 
@@ -236,6 +247,27 @@ def drive_steps(drives: RecordArray, pipeline: FloatArray, seen: FloatArray, ste
 
 
 @compiled
+def hand_over(
+    drives: RecordArray, seq: int, episode: int, stamp: int, samples: RecordArray
+) -> None:
+    """What belongs to a sample besides what is measured.
+
+    Args:
+        drives: `DRIVES_TYPE`.
+        seq, episode: Of the sample.
+        stamp: Robot time. In ns.
+        samples: Result, `Sensors.record`. Shape (1,).
+    """
+    drive, sample = drives[0], samples[0]
+    sample.sec, sample.nanosec = stamp // _SECOND, stamp % _SECOND
+    sample.episode, sample.seq = episode, seq
+    for i in range(10):
+        sample.drive_torque[i] = drive.applied[i]
+    sample.power, sample.damping = drive.powered, drive.damped
+    sample.battery[0], sample.battery[1] = BATTERY
+
+
+@compiled
 def write_sample(
     sensors: RecordArray, attitudes: FloatArray, noise: FloatArray, samples: RecordArray
 ) -> None:
@@ -244,7 +276,7 @@ def write_sample(
     Args:
         sensors, attitudes: See `observe`.
         noise: Standard normal: angular velocity, acceleration, roll, pitch. Shape (8,).
-        samples: Result, the fields of `Sensors`. Shape (1,).
+        samples: Result, `Sensors.record`. Shape (1,).
     """
     sensor, sample = sensors[0], samples[0]
     sample.drive_position[:] = sensor.position
@@ -287,3 +319,28 @@ def _write_attitude(
         scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = w * scale, x * scale, y * scale, z * scale
     orientation[0], orientation[1], orientation[2], orientation[3] = x, y, z, w
+
+
+@compiled
+def write_odometry(
+    position: FloatArray, quaternion: FloatArray, twist: FloatArray, figures: FloatArray
+) -> None:
+    """Pose and twist of a nav_msgs/Odometry, the twist in the body's frame.
+
+    Args:
+        position: In the world. Shape (3,), in m.
+        quaternion: Body to world, w x y z, of length 1. Shape (4,).
+        twist: Linear velocity in the world (m/s), angular in the body (rad/s). Shape (6,).
+        figures: Result: position, orientation x y z w and its 36 covariances, twist and its.
+            Shape (85,); covariances stay as they are.
+    """
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    vx, vy, vz = twist[0], twist[1], twist[2]
+    tx, ty, tz = 2.0 * (vy * z - vz * y), 2.0 * (vz * x - vx * z), 2.0 * (vx * y - vy * x)
+    for k in range(3):
+        figures[k] = position[k]
+        figures[43 + 3 + k] = twist[3 + k]
+    figures[3], figures[4], figures[5], figures[6] = x, y, z, w
+    figures[43] = vx + w * tx + ty * z - tz * y
+    figures[44] = vy + w * ty + tz * x - tx * z
+    figures[45] = vz + w * tz + tx * y - ty * x

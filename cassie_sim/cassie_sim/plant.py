@@ -21,7 +21,7 @@ from cassie_sim.drives import Drives
 from cassie_sim.errors import CommandError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
-from cassie_sim.kernels import drive_steps, physics_steps
+from cassie_sim.kernels import drive_steps, hand_over, physics_steps
 from cassie_sim.native import addresses, mj_step_address
 from cassie_sim.plant_config import PlantConfig, check_rates
 from cassie_sim.plant_model import Readings, compile_model
@@ -41,9 +41,6 @@ HANGING_HEIGHT = 1.15
 
 COMMAND_WATCHDOG = 0.02
 """Robot time without a command after which the drives damp. In s."""
-
-BATTERY = (72.0, 1.0)
-"""Voltage in V and state of charge, which the simulation keeps."""
 
 
 class Plant:
@@ -116,21 +113,12 @@ class Plant:
         """The sensor sample of this tick. Valid until the next call; call it once a tick."""
         sample = self._sample
         if not self._written:
-            self._write_sample(self.seq)
+            self.sensors.write(sample, again=self._drawn)
         self._written = self._drawn = False
-        sample.drive_torque[:] = self.drives.applied
-        sample.power[...] = float(self.drives.powered)
-        sample.damping[...] = float(self.drives.damped)
+        stamp = self.seq * self.tick_ns
+        hand_over(self.drives.records, self.seq, self.episode, stamp, sample.record)
         self.events.spoil(self.seq * self.substeps, sample)
         return sample
-
-    def _write_sample(self, seq: int) -> None:
-        sample = self._sample
-        sample.seq[...] = seq
-        sample.episode[...] = self.episode
-        sample.stamp_ns = seq * self.tick_ns
-        sample.battery[:] = BATTERY
-        self.sensors.write(sample, again=self._drawn)
 
     def run_ahead(self) -> None:
         """Make the physics of this tick before its command is there, where nothing else acts on it.
@@ -150,7 +138,7 @@ class Plant:
         self._run(steps)
         self._ahead = steps
         if steps == self.substeps:
-            self._write_sample(self.seq + 1)
+            self.sensors.write(self._sample, again=self._drawn)
             self._written = True
 
     def _may_go_on(self) -> bool:

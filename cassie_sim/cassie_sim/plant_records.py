@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_msgs.layout import Sensors
-
 RecordArray = npt.NDArray[np.void]
 
 TAPS = 9
@@ -64,12 +62,3 @@ SENSORS_TYPE = np.dtype(
     ]
 )
 """Encoders, their filters and the IMU, see `sensors`."""
-
-SAMPLE_TYPE = np.dtype(
-    [
-        (name, kind, (count,) if count > 1 else ())
-        for name, kind, count in Sensors.LAYOUT
-        if kind is np.float64
-    ]
-)
-"""The figures of a `Sensors` sample by their names; `sample.floats` seen as such is a record."""

@@ -17,7 +17,7 @@ from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
 from cassie_msgs.layout import Sensors
 from cassie_sim.kernels import observe, write_sample
-from cassie_sim.plant_records import SAMPLE_TYPE, SENSORS_TYPE
+from cassie_sim.plant_records import SENSORS_TYPE
 from cassie_sim.scenario import Draw
 
 FloatArray = npt.NDArray[np.float64]
@@ -112,8 +112,7 @@ class IdealSensors:
             sample: Result.
             again: With the same noise as last time.
         """
-        fields = sample.floats.view(SAMPLE_TYPE)
-        write_sample(self.records, self.attitudes, self._sample_noise, fields)
+        write_sample(self.records, self.attitudes, self._sample_noise, sample.record)
 
 
 class FaithfulSensors(IdealSensors):
@@ -138,6 +137,7 @@ class FaithfulSensors(IdealSensors):
         super().__init__()
         self._errors = errors
         self._rng = rng
+        self._noise_row = self.records["noise_row"]
         self._joint_sigma = np.tile([JOINT_NOISE, JOINT_NOISE, 0.0], 2)
         self.noise = np.zeros((2 * _NOISE_BLOCK, 6))
         self._noise_end = 0
@@ -178,7 +178,7 @@ class FaithfulSensors(IdealSensors):
 
     def prepare(self, steps: int) -> None:
         """See `IdealSensors.prepare`."""
-        row = int(self._record["noise_row"])
+        row = int(self._noise_row[0])
         left = self._noise_end - row
         if left < steps:
             self.noise[:left] = self.noise[row : self._noise_end]
@@ -186,7 +186,7 @@ class FaithfulSensors(IdealSensors):
             self._rng.standard_normal(out=drawn)
             drawn *= self._joint_sigma
             self._noise_end = left + _NOISE_BLOCK
-            self._record["noise_row"] = 0
+            self._noise_row[0] = 0
 
     def write(self, sample: Sensors, *, again: bool = False) -> None:
         """See `IdealSensors.write`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,15 @@ INERTIA_TYPE = np.dtype(
 )
 """Links of a leg, hip_roll to toe: pose in the parent's frame at joint zero (m; columns are axes),
 joint angle there (rad), mass (kg), centre of mass (m) and inertia about it (kg m^2)."""
+
+MOMENTUM_TYPE = np.dtype(
+    [
+        ("legs", INERTIA_TYPE, (2,)),
+        ("pelvis", float, (3, 3)),  # inertia about its origin, kg m^2
+        ("mass", float),  # of the robot, kg
+    ]
+)
+"""The masses of the robot."""
 
 
 def leg_inertia(leg: str) -> RecordArray:
@@ -91,32 +101,32 @@ def _about_pelvis(
     joints: FloatArray,
     rates: FloatArray,
     omega: FloatArray,
-    pelvis: FloatArray,
-    left: RecordArray,
-    right: RecordArray,
+    momenta: RecordArray,
     total: FloatArray,
 ) -> None:
-    """See `AngularMomentum.about_pelvis`; `pelvis` is its inertia about the origin. (3, 3)."""
+    """See `AngularMomentum.about_pelvis`; `momenta` is of `MOMENTUM_TYPE`, shape (1,)."""
+    momentum = momenta[0]
+    pelvis = momentum.pelvis
     for k in range(3):
         total[k] = pelvis[k, 0] * omega[0] + pelvis[k, 1] * omega[1] + pelvis[k, 2] * omega[2]
-    _add_spin(joints[0], rates[0], omega, left, total)
-    _add_spin(joints[1], rates[1], omega, right, total)
+    for i in range(2):
+        _add_spin(joints[i], rates[i], omega, momentum.legs[i], total)
 
 
 @compiled
-def _velocity(
-    robots: RecordArray,
-    stance: int,
-    omega: FloatArray,
-    pelvis: FloatArray,
-    left: RecordArray,
-    right: RecordArray,
-    mass: float,
+def momentum_velocity(
+    robots: RecordArray, stance: int, momenta: RecordArray
 ) -> tuple[float, float]:
-    """See `AngularMomentum.velocity`; `stance` is the number of that leg."""
+    """See `AngularMomentum.velocity`.
+
+    Args:
+        robots: Of `records.ROBOT_TYPE`. Shape (1,).
+        stance: Number of that leg.
+        momenta: Of `MOMENTUM_TYPE`. Shape (1,).
+    """
     robot = robots[0]
-    tilt, total = robot.tilt, np.empty(3)
-    _about_pelvis(robot.joints, robot.rates, omega, pelvis, left, right, total)
+    tilt, total, mass = robot.tilt, np.empty(3), momenta[0].mass
+    _about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta, total)
     hx = hy = 0.0
     for k in range(3):
         hx += tilt[0, k] * total[k]
@@ -133,7 +143,7 @@ def _velocity(
 
 @compiled
 def _add_spin(
-    joints: FloatArray, rates: FloatArray, omega: FloatArray, links: RecordArray, total: FloatArray
+    joints: FloatArray, rates: FloatArray, omega: FloatArray, leg: Any, total: FloatArray
 ) -> None:
     """Add the angular momentum of a leg to `total`.
 
@@ -142,10 +152,9 @@ def _add_spin(
     Args:
         joints, rates: The seven joints. Shape (7,), in rad and rad/s.
         omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        links: Of `INERTIA_TYPE`. Shape (1,).
+        leg: Of `INERTIA_TYPE`.
         total: Shape (3,), in kg m^2/s. Changed in place.
     """
-    leg = links[0]
     axes = np.eye(3)
     turned = np.empty((3, 3))
     place = np.zeros(3)
@@ -205,12 +214,14 @@ class AngularMomentum:
     """Angular momentum about a point, from what the estimator gives."""
 
     def __init__(self) -> None:
-        self._left, self._right = leg_inertia("left"), leg_inertia("right")
-        pelvis = robot.PELVIS
+        self.records: RecordArray = np.zeros(1, MOMENTUM_TYPE)
+        """The masses of the robot, for compiled functions."""
+        record, pelvis = self.records[0], robot.PELVIS
+        record["legs"] = np.concatenate([leg_inertia("left"), leg_inertia("right")])
         com = np.array(pelvis.com)
         spread = com @ com * np.eye(3) - np.outer(com, com)
-        self._pelvis = inertia_matrix(pelvis) + pelvis.mass * spread
-        self._mass = robot.total_mass()
+        record["pelvis"] = inertia_matrix(pelvis) + pelvis.mass * spread
+        record["mass"] = robot.total_mass()
 
     def velocity(self, readings: Readings, stance: LegReadings) -> tuple[float, float]:
         """Angular momentum about the stance toe joint, as the velocity of a mass at the CoM.
@@ -218,9 +229,7 @@ class AngularMomentum:
         Returns:
             Forward and to the left, heading frame. In m/s.
         """
-        omega = readings.state.angular_velocity
-        inertia = (self._pelvis, self._left, self._right, self._mass)
-        x, y = _velocity(readings.records, stance.number, omega, *inertia)
+        x, y = momentum_velocity(readings.records, stance.number, self.records)
         return x, y
 
     def about_pelvis(self, q: FloatArray, v: FloatArray, omega: FloatArray) -> FloatArray:
@@ -233,6 +242,6 @@ class AngularMomentum:
         Returns:
             Shape (3,), in kg m^2/s.
         """
-        total, legs = np.zeros(3), (self._left, self._right)
-        _about_pelvis(q.reshape(2, 7), v.reshape(2, 7), omega, self._pelvis, *legs, total)
+        total = np.zeros(3)
+        _about_pelvis(q.reshape(2, 7), v.reshape(2, 7), omega, self.records, total)
         return total

@@ -48,7 +48,7 @@ class CommandLatency:
         ticks = math.ceil(REPORTED_AFTER / period)
         self._usual = ticks - 1
         rows = ticks + round(LONGEST / period)
-        self._sent = np.zeros((rows, 5, 10))
+        self._sent = np.zeros((rows, 50))
         self._seen = np.zeros((ticks + 1, 2, 10))
         self._later = ticks - REPORTED_AFTER / period
         self._errors = np.zeros(rows + 1)
@@ -81,16 +81,13 @@ class CommandLatency:
         if seq != self._seq + 1 or float(state.power) < 0.5:
             self._begin()
         self._seq = seq
-        joints, rates = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7)
         best = weigh_rows(
+            state.record,
             self._sent,
             self._head,
             self._known,
-            joints,
-            rates,
             self._seen,
             self._later,
-            state.drive_torque,
             self._scale,
             self._share,
             self._errors,
@@ -108,5 +105,5 @@ class CommandLatency:
     def sent(self, command: MotorCommand) -> None:
         """Keep the command that answers the state observed last."""
         self._head = (self._head + 1) % len(self._sent)
-        self._sent[self._head] = command.floats.reshape(5, 10)
+        self._sent[self._head] = command.floats
         self._known += 1

@@ -13,8 +13,10 @@ import numpy.typing as npt
 
 from cassie_control.controller.records import RecordArray
 from cassie_gaits.compiled import compiled
+from cassie_gaits.gait_grid import read_row
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 _LONGEST = 0.95  # m, of a stance leg that travels level
@@ -24,19 +26,45 @@ _LIFTED, _LIFTING = 30.0, 100.0  # beginning at this force, until as much beyond
 
 @compiled
 def desire(
-    figures: RecordArray, robots: RecordArray, gaits: FloatArray, steps: RecordArray
-) -> None:
+    figures: RecordArray,
+    robots: RecordArray,
+    axes: FloatArray,
+    lengths: IntArray,
+    rows: FloatArray,
+    speed: float,
+    sideways: float,
+    yaw_rate: float,
+    steps: RecordArray,
+    stance: int,
+    phase: float,
+    rate: float,
+    heading: float,
+) -> tuple[float, float, float, float, float, float]:
     """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
 
     Args:
         figures: Figures.
         robots: The robot now.
-        gaits: Bezier coefficients in right stance and in left stance. Shape (2, 9, 6).
+        axes, lengths, rows: `GaitLibrary.table`.
+        speed, sideways: At which the gait is read. In m/s.
+        yaw_rate: The same, as commanded. In rad/s.
         steps: The step; changed in place.
+        stance: Number of the leg.
+        phase, rate: Of the step, and in 1/s.
+        heading: To follow. In rad.
+
+    Returns:
+        The gait's step time (s), and of the step: `yaw`, `rise`, `gait_pitch`, `gait_roll` and
+        `gait_length`.
     """
     figure, robot, step = figures[0], robots[0], steps[0]
+    row = np.empty(rows.shape[1])
+    read_row(axes, lengths, rows, speed, sideways, yaw_rate, row)
+    step.stance, step.phase, step.rate, step.step_time = stance, phase, rate, 1.0 / row[-1]
+    step.heading, step.yaw_rate = heading, yaw_rate
     gait = step.gait
-    _begin(figure, gaits[1 - int(step.stance)], step)
+    # The row has the gait in right stance, then that in left stance.
+    _begin(figure, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
     basis = np.empty((6, 3))
     _basis(min(1.0, step.phase), basis)
     for i in range(9):
@@ -54,6 +82,7 @@ def desire(
     step.rise = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
     step.gait_pitch, step.gait_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
     step.gait_length = gait[LENGTH_SW, 5]
+    return step.step_time, step.yaw, step.rise, step.gait_pitch, step.gait_roll, step.gait_length
 
 
 @compiled
@@ -75,15 +104,14 @@ def _begin(figure: Any, library_gait: FloatArray, step: Any) -> None:
 
 
 @compiled
-def adjust(figures: RecordArray, robots: RecordArray, steps: RecordArray) -> None:
+def adjust(figure: Any, robot: Any, step: Any) -> None:
     """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
 
     Args:
-        figures: Figures.
-        robots: The robot now.
-        steps: The step, with what adjustment answered; changed in place.
+        figure: Figures.
+        robot: The robot now.
+        step: The step, with what adjustment answered; changed in place.
     """
-    figure, robot, step = figures[0], robots[0], steps[0]
     gait, rate = step.gait, step.new_rate
     phase = min(1.0, step.phase)
     landing_pitch, landing_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.desired_kernels import adjust
 from cassie_control.controller.records import RecordArray
 from cassie_control.controller.thigh_kernels import steady_hip, track_thighs
 from cassie_control.controller.weight_kernels import (
@@ -29,18 +30,36 @@ _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and u
 def drive(
     figures: RecordArray,
     robots: RecordArray,
-    legs: RecordArray,
+    pairs: RecordArray,
     steps: RecordArray,
     commands: RecordArray,
+    rate: float,
+    pitch: float,
+    roll: float,
+    length: float,
+    lead: float,
+    speed: float,
+    torso_roll: float,
+    torso_pitch: float,
+    slope_ahead: float,
+    slope_left: float,
 ) -> None:
-    """Desired outputs as set-points of the drives: eq:IK and eq:hdtilde (README, Errata).
+    """Desired outputs, adjusted, as set-points of the drives.
+
+    Source: eq:IK and eq:hdtilde (README, Errata).
 
     Args:
         figures, robots, steps: Figures, the robot now and the step, of `records`. Shape (1,).
-        legs: Kinematics of both legs, see `leg_chain.LegPair`. Shape (2,).
-        commands: Result, of `records.COMMAND_TYPE`. Shape (1,).
+        pairs: Kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        commands: Result, `MotorCommand.record`. Shape (1,).
+        rate: Of the phase, new. In 1/s.
+        pitch to slope_left: What adjustment answers, and the torso wanted, see `STEP_TYPE`.
     """
     figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
+    step.new_rate, step.pitch, step.roll, step.length, step.lead = rate, pitch, roll, length, lead
+    step.speed, step.torso_roll, step.torso_pitch = speed, torso_roll, torso_pitch
+    step.slope_ahead, step.slope_left = slope_ahead, slope_left
+    adjust(figure, robot, step)
     stance = int(step.stance)
     track_thighs(figure, robot, step)
     _drive_stance(figure, robot, stance, step, command)
@@ -48,7 +67,7 @@ def drive(
     weight = damped_weight(figure, robot, step)
     for i in range(2):
         share = carried_share(figure, robot, step, i)
-        _hold_weight(robot, i, weight * share, legs[i].ankle_jacobian, command)
+        _hold_weight(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
     _push_swing(figure, robot, 1 - stance, step, command)
 
 

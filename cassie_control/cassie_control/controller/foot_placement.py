@@ -11,7 +11,7 @@ import numpy as np
 from cassie_control.controller.angular_momentum import AngularMomentum
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.paper_placement import PaperPlacement
-from cassie_control.controller.pendulum import LAW_TYPE, NOW_TYPE, landing
+from cassie_control.controller.pendulum import LAW_TYPE, landing
 from cassie_control.controller.readings import LegReadings, Readings
 from cassie_control.controller.step_ahead import Placement, StepAhead, SwingEnd, Wish
 
@@ -76,9 +76,8 @@ class PendulumPlacement:
     """
 
     def __init__(self, config: WalkConfig) -> None:
-        self._momentum = AngularMomentum()
-        self._law, self._now = np.zeros(1, LAW_TYPE), np.zeros(1, NOW_TYPE)
-        self._now_values = self._now.view(float)
+        self._masses = AngularMomentum().records
+        self._law = np.zeros(1, LAW_TYPE)
         self.config = config
         self.reset()
 
@@ -123,17 +122,28 @@ class PendulumPlacement:
     ) -> SwingEnd:
         """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
         lead = _lead(self._config, ahead.velocity[0])
-        trims = wish.roll_trim, self._sum_x, self._sum_y
-        self._now_values[:] = (
-            *readings.com,
-            *stance.ankle,
-            *self._momentum.velocity(readings, stance),
-            *(ahead.velocity[0], readings.pitch, swing.side),
-            *(ahead.elapsed, ahead.remaining, lead, ahead.earliest, ahead.step_time),
-            *(ahead.yaw, ahead.rise, *ahead.slope),
-            *(wish.vx, wish.vy, wish.spread, *trims),
+        roll, pitch, length, remaining = landing(
+            self._law,
+            readings.records,
+            self._masses,
+            swing.number,
+            ahead.elapsed,
+            ahead.remaining,
+            ahead.earliest,
+            ahead.step_time,
+            ahead.velocity[0],
+            ahead.yaw,
+            ahead.rise,
+            ahead.slope[0],
+            ahead.slope[1],
+            lead,
+            wish.vx,
+            wish.vy,
+            wish.spread,
+            wish.roll_trim,
+            self._sum_x,
+            self._sum_y,
         )
-        roll, pitch, length, remaining = landing(self._law, self._now, readings.tilt)
         return SwingEnd(pitch + wish.pitch_trim, roll, length, remaining, lead)
 
 

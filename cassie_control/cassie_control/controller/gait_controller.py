@@ -24,6 +24,9 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotMode, RobotState
 
+_OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
+"""As plain numbers: to find a member of an Enum takes Python 0.3 us."""
+
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
 """Damping of the drives in mode DAMP. In Nms/rad."""
 
@@ -76,8 +79,7 @@ class GaitController:
         self._mode = Mode()
         self._command = MotorCommand()
         self._last = MotorCommand()
-        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
-        self._torque_limit = np.array(limits)
+        self._torque_limit = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
         self.config = config
         self.reset()
 
@@ -121,7 +123,7 @@ class GaitController:
         check(mode, "mode", ControlError)
         wanted = int(mode.mode)
         if wanted > RobotMode.SEGWAY:
-            raise ControlError(f"mode is {wanted}, must be 0 .. {RobotMode.SEGWAY:d}")
+            raise ControlError(f"mode is {wanted}, must be 0 .. {_SEGWAY}")
         self.readings.update(state)
         if self.latency.observe(state):
             self._allow_for(self.latency.latency)
@@ -141,17 +143,17 @@ class GaitController:
         return command
 
     def _choose(self, mode: int, height: float) -> None:
-        if mode in (RobotMode.OFF, RobotMode.DAMP):
-            self._enter(Activity.IDLE if mode == RobotMode.OFF else Activity.DAMPING)
-        elif mode == RobotMode.STAND and self.activity is not Activity.WALKING:
+        if mode in (_OFF, _DAMP):
+            self._enter(Activity.IDLE if mode == _OFF else Activity.DAMPING)
+        elif mode == _STAND and self.activity is not Activity.WALKING:
             if self.activity is not Activity.STANDING:
                 self._enter(Activity.STANDING)
                 self.standing.start(self.readings)
-        elif mode == RobotMode.SEGWAY and self.activity is not Activity.RIDING:
+        elif mode == _SEGWAY and self.activity is not Activity.RIDING:
             stood = self.activity is Activity.STANDING
             self._enter(Activity.RIDING)
             self.riding.start(self.readings, self.standing.bias if stood else (0.0, 0.0))
-        elif mode == RobotMode.WALK and self.activity is not Activity.WALKING:
+        elif mode == _WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
                     self.standing.start(self.readings)
@@ -203,7 +205,7 @@ class GaitController:
 
     def _walk(self, mode: Mode) -> bool:
         """One tick of walking, with the feet wider before a stop; whether a step ended."""
-        stops = mode.mode == RobotMode.STAND
+        stops = int(mode.mode) == _STAND
         spread = self.config.transition.stop_spread if stops else 0.0
         walking = self.walking
         ended = walking.step(self.readings, mode, self._command, spread)
@@ -217,7 +219,7 @@ class GaitController:
 
     def _may_stop(self, mode: Mode) -> bool:
         """Whether walking ends here: some steps after it was asked for, with a slow CoM."""
-        if mode.mode != RobotMode.STAND:
+        if int(mode.mode) != _STAND:
             self._stop_steps, self._recovers = 0, False
             return False
         self._stop_steps += 1
@@ -266,6 +268,7 @@ class GaitController:
         else:
             status.y[:] = 0.0
             status.dy[:] = 0.0
-        status.saturation[...] = (np.abs(self._command.torque) / self._torque_limit).max()
+        torques = zip(self._command.torque.tolist(), self._torque_limit, strict=True)
+        status.saturation[...] = max(abs(torque) / limit for torque, limit in torques)
         status.command_latency[...] = self.latency.latency
         return status

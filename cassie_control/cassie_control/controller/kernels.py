@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from cassie_control.controller.records import RecordArray
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg_kernels import both_legs
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,16 +50,18 @@ def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
 
 
 @compiled
-def read_robot(estimates: RecordArray, legs: RecordArray, robots: RecordArray) -> None:
+def read_robot(states: RecordArray, pairs: RecordArray, robots: RecordArray) -> None:
     """What the control laws read of a state estimate.
 
     Args:
-        estimates: Of `records.ESTIMATE_TYPE`. Shape (1,).
-        legs: Kinematics of both legs, see `leg_chain.LegPair`. Shape (2,).
+        states: `RobotState.record`. Shape (1,).
+        pairs: Result, kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
         robots: Result, of `records.ROBOT_TYPE`. Shape (1,).
     """
-    estimate, robot = estimates[0], robots[0]
+    estimate, pair, robot = states[0], pairs[0], robots[0]
     q, v = estimate.q, estimate.v
+    both_legs(q[6:].reshape(2, 7), v[6:].reshape(2, 7), (0.0, 0.0), (0.0, 0.0, 1.0), pair)
+    legs = pair.states
     robot.height, robot.yaw, robot.pitch, robot.roll = q[2], q[3], q[4], q[5]
     robot.yaw_rate, robot.pitch_rate, robot.roll_rate = v[3], v[4], v[5]
     set_tilt(q[4], q[5], robot.tilt)
@@ -71,6 +74,7 @@ def read_robot(estimates: RecordArray, legs: RecordArray, robots: RecordArray) -
         for k in range(3):
             robot.ankle[i, k], robot.foot[i, k] = ankle[k], foot[k]
     for k in range(3):
+        robot.angular_velocity[k] = estimate.angular_velocity[k]
         middle = 0.5 * (robot.foot[0, k] + robot.foot[1, k])
         robot.com_from_feet[k] = estimate.com_position[k]
         robot.com[k] = estimate.com_position[k] + middle

@@ -7,11 +7,12 @@ joint, u the swing foot's from the CoM at touchdown. `side` is 1 if the left leg
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.controller.angular_momentum import momentum_velocity
 from cassie_control.controller.foot_law import LEAST_GAIN, Aim, Reach, foot
 from cassie_control.controller.leg_aim import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, aim_leg
 from cassie_gaits.compiled import compiled
@@ -35,21 +36,6 @@ LAW_TYPE = np.dtype(
 )
 """What `landing` takes of `WalkConfig`, in its units."""
 
-NOW_TYPE = np.dtype(
-    [
-        (name, float)
-        for name in (
-            *("com_x", "com_y", "com_z", "ankle_x", "ankle_y", "ankle_z"),
-            *("velocity_x", "velocity_y", "speed", "pitch", "side"),
-            *("elapsed", "remaining", "lead", "earliest", "step_time"),
-            *("yaw", "rise", "slope_x", "slope_y"),
-            *("wish_vx", "wish_vy", "spread", "roll_trim", "sum_x", "sum_y"),
-        )
-    ]
-)
-"""What `landing` takes of the robot (CoM and stance toe joint from the pelvis origin, velocity of
-the CoM, low-passed speed, torso pitch, side of the swing leg), `StepAhead`, `Wish`, sums."""
-
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
 _FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
@@ -58,6 +44,49 @@ _UNDER_WAY = 0.2  # m/s ahead or back that is asked for, from which `far_share` 
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _TIMES = 9  # touchdown times that are compared
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
+
+
+class Now(NamedTuple):
+    """What `landing` takes of the present.
+
+    Attributes:
+        com_x, com_y, com_z: CoM from the pelvis origin.
+        ankle_x, ankle_y, ankle_z: Stance toe joint from there.
+        velocity_x, velocity_y: Of the CoM, from the angular momentum about the stance toe joint.
+        pitch: Of the torso. In rad.
+        side: Of the swing leg.
+        elapsed, remaining, earliest, step_time, speed, yaw, rise, slope_x, slope_y: `StepAhead`.
+        lead: Time from the swing foot's first contact to the end of the step.
+        wish_vx, wish_vy, spread, roll_trim: `Wish`.
+        sum_x, sum_y: Sums of the errors of steps' mean speeds.
+    """
+
+    com_x: float
+    com_y: float
+    com_z: float
+    ankle_x: float
+    ankle_y: float
+    ankle_z: float
+    velocity_x: float
+    velocity_y: float
+    pitch: float
+    side: float
+    elapsed: float
+    remaining: float
+    earliest: float
+    step_time: float
+    speed: float
+    yaw: float
+    rise: float
+    slope_x: float
+    slope_y: float
+    lead: float
+    wish_vx: float
+    wish_vy: float
+    spread: float
+    roll_trim: float
+    sum_x: float
+    sum_y: float
 
 
 class Fall(NamedTuple):
@@ -122,21 +151,78 @@ def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> flo
 
 @compiled
 def landing(
-    law_record: RecordArray, now_record: RecordArray, tilt: FloatArray
+    laws: RecordArray,
+    robots: RecordArray,
+    momenta: RecordArray,
+    swing: int,
+    elapsed: float,
+    remaining: float,
+    earliest: float,
+    step_time: float,
+    speed: float,
+    yaw: float,
+    rise: float,
+    slope_x: float,
+    slope_y: float,
+    lead: float,
+    wish_vx: float,
+    wish_vy: float,
+    spread: float,
+    roll_trim: float,
+    sum_x: float,
+    sum_y: float,
 ) -> tuple[float, float, float, float]:
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
     Args:
-        law_record: Of `LAW_TYPE`. Shape (1,).
-        now_record: Of `NOW_TYPE`. Shape (1,).
-        tilt: Pelvis to heading frame. Shape (3, 3).
+        laws: Of `LAW_TYPE`. Shape (1,).
+        robots: Of `records.ROBOT_TYPE`. Shape (1,).
+        momenta: Of `angular_momentum.MOMENTUM_TYPE`. Shape (1,).
+        swing: Number of the swing leg.
+        elapsed to sum_y: See `Now`.
 
     Returns:
         Roll and pitch in rad, length in m, time to touchdown in s.
     """
-    law, now = law_record[0], now_record[0]
+    robot = robots[0]
+    com, ankle = robot.com, robot.ankle[1 - swing]
+    velocity = momentum_velocity(robots, 1 - swing, momenta)
+    now = Now(
+        com[0],
+        com[1],
+        com[2],
+        ankle[0],
+        ankle[1],
+        ankle[2],
+        velocity[0],
+        velocity[1],
+        robot.pitch,
+        1.0 - 2.0 * swing,
+        elapsed,
+        remaining,
+        earliest,
+        step_time,
+        speed,
+        yaw,
+        rise,
+        slope_x,
+        slope_y,
+        lead,
+        wish_vx,
+        wish_vy,
+        spread,
+        roll_trim,
+        sum_x,
+        sum_y,
+    )
+    return _land(laws[0], now, robot.tilt)
+
+
+@compiled
+def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, float]:
+    """See `landing`; `tilt` (3, 3) leads from the pelvis to the heading frame."""
     side, lead = now.side, now.lead
-    fall, above = _falling(law_record, now_record)
+    fall, above = _falling(law, now)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
@@ -155,7 +241,7 @@ def landing(
         1.0 - (1.0 - law.far_share) * min(1.0, abs(now.wish_vx) / _UNDER_WAY),
         law.far_most,
     )
-    aim = _steady(law_record, now_record, fall.rate, math.sin(now.roll_trim) * down)
+    aim = _steady(law, now, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
     time = touchdown_time(
         fall,
@@ -182,9 +268,8 @@ def landing(
 
 
 @compiled
-def _falling(law_record: RecordArray, now_record: RecordArray) -> tuple[Fall, float]:
+def _falling(law: Any, now: Now) -> tuple[Fall, float]:
     """The pendulum as it is, and its CoM's height above the foot along the slope (m)."""
-    law, now = law_record[0], now_record[0]
     x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
     # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
     above = max(0.4, height - now.slope_x * x - now.slope_y * y)
@@ -195,9 +280,8 @@ def _falling(law_record: RecordArray, now_record: RecordArray) -> tuple[Fall, fl
 
 
 @compiled
-def _steady(law_record: RecordArray, now_record: RecordArray, w: float, trim: float) -> Aim:
+def _steady(law: Any, now: Now, w: float, trim: float) -> Aim:
     """Steady walking as wished, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
-    law, now = law_record[0], now_record[0]
     coast = law.double_support
     duration = max(0.2, now.step_time - now.lead)
     single = max(_SHORTEST_SINGLE, duration - coast)

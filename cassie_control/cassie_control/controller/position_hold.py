@@ -35,7 +35,7 @@ class PositionHold:
     def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
         """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
         self._still += self._period
-        x, y = float(readings.state.q[0]), float(readings.state.q[1])
+        x, y = readings.state.q[:2].tolist()
         if self._still < _SETTLING:
             if self._still >= _SETTLING - _MEAN:
                 self._sum = (self._sum[0] + x, self._sum[1] + y)

@@ -8,14 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.float_records import floats_type
-from cassie_msgs.layout import MotorCommand, RobotState
-
 RecordArray = npt.NDArray[np.void]
-
-
-ESTIMATE_TYPE = floats_type(RobotState)
-COMMAND_TYPE = floats_type(MotorCommand)
 
 ROBOT_TYPE = np.dtype(
     [
@@ -34,10 +27,11 @@ ROBOT_TYPE = np.dtype(
         ("force", float, 2),  # N
         ("contact", float, 2),  # 0..1
         ("joints", float, (2, 7)),  # rad
-        ("rates", float, (2, 7)),  # rad/s
         ("ankle", float, (2, 3)),  # toe joint from the pelvis origin, m
         ("foot", float, (2, 3)),  # middle of the sole from there, m
+        ("rates", float, (2, 7)),  # of the joints, rad/s
         ("tilt", float, (3, 3)),  # rotation pelvis to heading frame
+        ("angular_velocity", float, 3),  # of the pelvis, pelvis frame, rad/s
     ]
 )
 """What the control laws read of the robot, see `readings`."""

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.desired_kernels import adjust, desire
+from cassie_control.controller.desired_kernels import desire
 from cassie_control.controller.drive_kernels import drive
 from cassie_control.controller.figures import figures
 from cassie_control.controller.foot_placement import placement
@@ -21,7 +21,7 @@ from cassie_control.controller.outputs import (
 )
 from cassie_control.controller.position_hold import PositionHold
 from cassie_control.controller.readings import Readings
-from cassie_control.controller.records import COMMAND_TYPE, STEP_TYPE, RecordArray
+from cassie_control.controller.records import STEP_TYPE, RecordArray
 from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
 from cassie_control.controller.step_timing import LEFT, StepTiming
 from cassie_gaits import robot
@@ -76,19 +76,16 @@ class WalkingController:
     def __init__(self, config: WalkConfig, library: GaitLibrary, period: float) -> None:
         self._period = period
         self.library = library
+        self._gaits, self._speeds = library.table, library.speed_range
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
         self.outputs = np.zeros(9)
         self.rates = np.zeros(9)
         self._step: RecordArray = np.zeros(1, STEP_TYPE)
-        values: FloatArray = self._step.view(np.float64)
-        self._before, self._asked, self._answer = values[:6], values[6:12], values[12:22]
         step = self._step[0]
         self.desired: FloatArray = step["desired"]
         self.desired_rates: FloatArray = step["desired_rates"]
         self._start: FloatArray = step["start"]
         self._start_rates: FloatArray = step["start_rates"]
-        self._buffer = np.zeros((2, 9, 6))
-        self._look_at(MotorCommand())
         self._wish = Wish()
         self._ahead = StepAhead()
         self._hold = PositionHold(period)
@@ -128,15 +125,10 @@ class WalkingController:
         self.step(readings, Mode(), MotorCommand())
         self.start(readings, LEFT)
 
-    def _look_at(self, command: MotorCommand) -> None:
-        """Find the parts of a command, which is the same at every tick."""
-        self._command = command
-        self._set_points: RecordArray = command.floats.view(COMMAND_TYPE)
-
     @property
     def gait_speed(self) -> float:
         """Speed at which the library is read. In m/s."""
-        low, high = self.library.speed_range
+        low, high = self._speeds
         return max(low, min(high, self.timing.velocity[0]))
 
     def start(self, readings: Readings, stance: int) -> None:
@@ -175,10 +167,8 @@ class WalkingController:
             self._placement.touchdown(mean_velocity, timing.velocity, wish)
             self._begin_step(readings)
         self._find_slope(readings, ended)
-        self._desire(readings, yaw_rate, roll + trims[3], pitch + trims[2])
-        if command is not self._command:
-            self._look_at(command)
-        drive(self._figures, readings.records, readings.leg_states, self._step, self._set_points)
+        self._look_ahead(readings, yaw_rate)
+        self._adjust(readings, roll + trims[3], pitch + trims[2], command)
         return ended
 
     def _turn(self, yaw: float, yaw_rate: float) -> None:
@@ -213,35 +203,50 @@ class WalkingController:
         # Measured rates jump at the impact: what the motors hold goes on from rest.
         self._start_rates[[YAW_ST, LENGTH_ST, YAW_SW, LENGTH_SW, FOOT_SW]] = 0.0
 
-    def _desire(self, readings: Readings, yaw_rate: float, roll: float, pitch: float) -> None:
-        """Desired outputs, rates and accelerations at this phase, the torso's at an angle (rad)."""
-        timing = self.timing
-        speeds = (self._sideways, yaw_rate)
-        _, _, timing.step_time = self.library.interpolate(self.gait_speed, self._buffer, *speeds)
-        self._before[:] = (
-            *(timing.stance, timing.phase, timing.rate),
-            *(timing.step_time, self._heading, yaw_rate),
-        )
-        desire(self._figures, readings.records, self._buffer, self._step)
-        self._adjust(readings, roll, pitch)
-
-    def _adjust(self, readings: Readings, roll: float, pitch: float) -> None:
-        """Leg-angle adjustment and turning, faded in over the step."""
+    def _look_ahead(self, readings: Readings, yaw_rate: float) -> None:
+        """Desired outputs at this phase as the gait has them, and the rest of the step."""
         timing, ahead = self.timing, self._ahead
+        timing.step_time, ahead.yaw, rise, ahead.pitch, ahead.roll, ahead.length = desire(
+            self._figures,
+            readings.records,
+            *self._gaits,
+            self.gait_speed,
+            self._sideways,
+            yaw_rate,
+            self._step,
+            timing.stance,
+            timing.phase,
+            timing.rate,
+            self._heading,
+        )
         left = max(0.0, 1.0 - timing.phase)
         ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
         ahead.remaining = left * timing.step_time
         ahead.earliest = left * self.config.quickest_step
         ahead.velocity = timing.velocity
-        ahead.yaw, _, ahead.rise, ahead.pitch, ahead.roll, ahead.length = self._asked.tolist()
-        ahead.rise -= self._slope.sunk
+        ahead.rise = rise - self._slope.sunk
         ahead.slope = self._slope.ahead, self._slope.left
+
+    def _adjust(self, readings: Readings, roll: float, pitch: float, command: MotorCommand) -> None:
+        """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
+        timing, ahead = self.timing, self._ahead
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
         end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
         timing.plan(end.remaining)
-        self._answer[:] = (
-            *(timing.rate, end.pitch, end.roll, end.length, end.lead),
-            *(timing.velocity[0], roll, pitch),
-            *ahead.slope,
+        drive(
+            self._figures,
+            readings.records,
+            readings.pair,
+            self._step,
+            command.record,
+            timing.rate,
+            end.pitch,
+            end.roll,
+            end.length,
+            end.lead,
+            timing.velocity[0],
+            roll,
+            pitch,
+            ahead.slope[0],
+            ahead.slope[1],
         )
-        adjust(self._figures, readings.records, self._step)

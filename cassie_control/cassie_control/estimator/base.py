@@ -8,24 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.errors import SensorError
+from cassie_control.estimator.body_records import BODY_TYPE
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.fusion import com_in_heading
-from cassie_control.estimator.sample_kernels import (
-    FIRST_TIME,
-    arrange_joints,
-    euler_angles,
-    scale_forces,
-    weigh_feet,
-)
+from cassie_control.estimator.sample_kernels import FIRST_TIME, read_legs
 from cassie_control.finite import check
-from cassie_control.float_records import floats_type
 from cassie_gaits import robot
 from cassie_gaits.leg_chain import LegPair
 from cassie_msgs.layout import RobotState, Sensors
 
 FloatArray = npt.NDArray[np.float64]
 
-SAMPLE_TYPE = floats_type(Sensors)
+_CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "height_bandwidth")
 
 
 class LegEstimator:
@@ -42,23 +35,17 @@ class LegEstimator:
 
     def __init__(self, config: EstimatorConfig, period: float) -> None:
         self._period = period
-        self._config = config
         self._state = RobotState()
-        self._sensors: Sensors | None = None  # the last sample, which is usually the next as well
         self._legs = LegPair()
         self._feet: FloatArray = self._legs.states["foot"]
-        self._mass = robot.total_mass()
-        self._scale = np.empty(3)
-        self._pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
-        self._imu = np.array(robot.IMU_POSITION)
-        state = self._state
-        self._q, self._v = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7)
-        self._angles, self._angle_rates = state.q[3:6], state.v[3:6]
-        self._position, self._velocity = state.q[:3], state.v[:3]
-        self._rate = state.angular_velocity
-        self._toe_torques = np.zeros(2)
-        self._attitude = np.eye(3)
+        self._body = np.zeros(1, BODY_TYPE)
+        body = self._body[0]
+        body["period"], body["mass"] = period, robot.total_mass()
+        body["pelvis_moment"] = robot.PELVIS.mass * np.array(robot.PELVIS.com)
+        body["imu"] = robot.IMU_POSITION
+        self._attitude: FloatArray = body["attitude"]
         self._rotation = np.eye(3)
+        self._configure(config)
 
     @property
     def feet(self) -> FloatArray:
@@ -77,12 +64,18 @@ class LegEstimator:
 
     @config.setter
     def config(self, config: EstimatorConfig) -> None:
+        self._configure(config)
+
+    def _configure(self, config: EstimatorConfig) -> None:
         self._config = config
+        for name in _CONFIGURED:
+            self._body[name] = getattr(config, name)
 
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         self._state.floats[:] = 0.0
-        self._scale[:] = (0.0, 1.0, FIRST_TIME)
+        self._body["scale"] = 0.0, 1.0, FIRST_TIME
+        self._body["ground"] = 0.0
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest; place and counted turns are kept."""
@@ -105,63 +98,17 @@ class LegEstimator:
                 estimate then stays as it was.
         """
         _check(sensors)
-        config, state = self._config, self._state
-        _pass_on(sensors, state)
-        if sensors is not self._sensors:
-            self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
-        arrange_joints(self._sample, self._q, self._v, self._toe_torques, self._attitude)
-        self._legs.update(self._q, self._v, self._toe_torques, self._attitude[2])
-        scale_forces(
-            self._legs.forces,
-            sensors.linear_acceleration,
-            self._attitude[2],
-            self._period,
-            self._mass,
-            self._scale,
-            state.foot_force,
-        )
-        weigh_feet(
-            state.foot_force,
-            config.load_from,
-            config.load_span,
-            config.contact_force,
-            config.contact_width,
-            state.foot_load,
-            state.contact_probability,
-        )
+        read_legs(sensors.record, self._state.record, self._legs.record, self._body)
         self._move(sensors)
-        euler_angles(self._rotation, self._rate, self._angles, self._angle_rates)
-        com_in_heading(
-            self._rotation,
-            state.q[3],
-            self._rate,
-            self._velocity,
-            self._legs.states,
-            self._pelvis_moment,
-            self._mass,
-            state.com_position,
-            state.com_velocity,
-        )
-        return state
+        return self._state
 
     def _move(self, sensors: Sensors) -> None:
-        """Estimate the pelvis: rotation, angular velocity, position, velocity, covariance."""
+        """Estimate the pelvis, with its covariance, and the CoM."""
         raise NotImplementedError
 
     def _first_height(self) -> float:
         """Pelvis height when the lower foot touches level ground. In m."""
         return robot.SOLE_RADIUS - float((self._feet @ self._attitude[2]).min())
-
-
-def _pass_on(sensors: Sensors, state: RobotState) -> None:
-    """What the state repeats of the sample."""
-    state.answer(sensors)
-    state.power[...] = sensors.power
-    state.drive_torque[:] = sensors.drive_torque
-    charge = sensors.battery[1]
-    state.battery_charge[...] = charge if 0.0 <= charge <= 1.0 else -1.0
-    state.longest_delay[...] = sensors.longest_delay
-    state.copy_tail(sensors, "missed_ticks")
 
 
 def _check(sensors: Sensors) -> None:

@@ -174,56 +174,46 @@ def com_in_heading(
 
 @compiled
 def read_pelvis(
-    filters: RecordArray,
-    noises: RecordArray,
-    imu: FloatArray,
-    load: FloatArray,
-    height_bandwidth: float,
-    angular_velocity: FloatArray,
-    ground: FloatArray,
-    rate: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    covariance: FloatArray,
+    filter_state: Any, noise: Any, body: Any, angular_velocity: FloatArray, state: Any
 ) -> bool:
     """The pelvis's origin from the filter's IMU; False where the filter has diverged.
 
     Args:
-        filters: State. Shape (1,).
-        noises: Figures. Shape (1,).
-        imu: Position of the IMU in the pelvis. Shape (3,), in m.
-        load: Of each foot, 0..1. Shape (2,).
-        height_bandwidth: In 1/s.
+        filter_state: Of `filter_records.FILTER_TYPE`.
+        noise: Of `filter_records.NOISE_TYPE`.
+        body: Of `body_records.BODY_TYPE`; the height of its ground follows the loaded feet.
         angular_velocity: Measured. Shape (3,), in rad/s.
-        ground: State: height of the ground under the loaded feet. Shape (1,), in m.
-        rate: Result: angular velocity less its bias. Shape (3,), in rad/s.
-        position: Result: in the world, the height above `ground`. Shape (3,), in m.
-        velocity: Result: in the world. Shape (3,), in m/s.
-        covariance: Result: diagonal as in RobotState.msg. Shape (12,).
+        state: Result, of `RobotState.RECORD`: angular velocity less its bias, position with the
+            height above that ground, velocity, covariance.
     """
-    state, noise = filters[0], noises[0]
-    P, R = state.covariance, state.rotation
+    P, R, points = filter_state.covariance, filter_state.rotation, filter_state.points
+    rate, load, covariance, imu = (
+        state.angular_velocity,
+        state.foot_load,
+        state.covariance,
+        body.imu,
+    )
     for k in range(3):
-        rate[k] = angular_velocity[k] - state.gyro_bias[k]
+        rate[k] = angular_velocity[k] - filter_state.gyro_bias[k]
     swept = (_swept(rate, imu, 0), _swept(rate, imu, 1), _swept(rate, imu, 2))
     total = load[0] + load[1]
     if total > 0.0:
-        sole = (load[0] * state.points[2, 2] + load[1] * state.points[3, 2]) / total
-        follow = 1.0 - math.exp(-height_bandwidth * min(1.0, total) * noise.period)
-        ground[0] += follow * (sole - noise.sole_radius - ground[0])
+        sole = (load[0] * points[2, 2] + load[1] * points[3, 2]) / total
+        follow = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total) * noise.period)
+        body.ground += follow * (sole - noise.sole_radius - body.ground)
     for k in range(3):
-        velocity[k] = state.points[0, k] - _rotated(R, swept, k)
-        position[k] = state.points[1, k] - _rotated(R, imu, k) - (ground[0] if k == 2 else 0.0)
-        covariance[k] = _point_variance(P, state.points[1], _POSITION, k)
-        covariance[6 + k] = _point_variance(P, state.points[0], _VELOCITY, k)
+        state.v[k] = points[0, k] - _rotated(R, swept, k)
+        state.q[k] = points[1, k] - _rotated(R, imu, k) - (body.ground if k == 2 else 0.0)
+        covariance[k] = _point_variance(P, points[1], _POSITION, k)
+        covariance[6 + k] = _point_variance(P, points[0], _VELOCITY, k)
         covariance[9 + k] = P[_GYRO_BIAS + k, _GYRO_BIAS + k] + noise.gyro / noise.period
     heading = math.hypot(R[0, 0], R[1, 0])
     c, s = (R[0, 0] / heading, R[1, 0] / heading) if heading > 0.0 else (1.0, 0.0)
     covariance[3] = P[2, 2]
     covariance[4] = s * s * P[0, 0] + c * c * P[1, 1] - 2.0 * s * c * P[0, 1]
     covariance[5] = c * c * P[0, 0] + s * s * P[1, 1] + 2.0 * s * c * P[0, 1]
-    total = R.sum() + state.points.sum() + state.accelerometer_bias.sum()
-    sound = math.isfinite(total + state.ground)
+    total = R.sum() + points.sum() + filter_state.accelerometer_bias.sum()
+    sound = math.isfinite(total + filter_state.ground)
     for k in range(len(P)):
         sound = sound and 0.0 < P[k, k] < math.inf  # NaN compares false
     return sound

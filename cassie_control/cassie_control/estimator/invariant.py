@@ -10,9 +10,8 @@ import numpy.typing as npt
 from cassie_control.errors import SensorError
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.filter_kernels import filter_step
 from cassie_control.estimator.filter_records import FILTER_TYPE, NOISE_TYPE
-from cassie_control.estimator.fusion import read_pelvis
+from cassie_control.estimator.invariant_kernels import move
 from cassie_gaits import robot
 from cassie_msgs.layout import Sensors
 
@@ -74,30 +73,21 @@ class InvariantEstimator(LegEstimator):
     def __init__(self, config: EstimatorConfig, period: float) -> None:
         self._filter = np.zeros(1, FILTER_TYPE)
         self._noise = np.zeros(1, NOISE_TYPE)
-        self._ground = np.zeros(1)
         self._blind = False
         super().__init__(config, period)
         self._rotation = self._filter[0]["rotation"]
         self._soles: FloatArray = self._legs.states["foot_rotation"]
-        self._arms = np.zeros((2, 3))
-        self._set_noise()
+        self._arms: FloatArray = self._body[0]["arms"]
         self.reset()
 
-    @property
-    def config(self) -> EstimatorConfig:
-        """Figures in force; may be set while it runs."""
-        return self._config
-
-    @config.setter
-    def config(self, config: EstimatorConfig) -> None:
-        self._config = config
+    def _configure(self, config: EstimatorConfig) -> None:
+        super()._configure(config)
         self._set_noise()
 
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         super().reset()
         self._filter[:] = np.zeros(1, FILTER_TYPE)
-        self._ground[:] = 0.0
         self._started = False
 
     def coast(self, blind: bool) -> None:
@@ -107,34 +97,10 @@ class InvariantEstimator(LegEstimator):
             self._set_noise()
 
     def _move(self, sensors: Sensors) -> None:
-        state = self._state
-        np.subtract(self._feet, self._imu, out=self._arms)
         if not self._started:
             self._start()
-        filter_step(
-            self._filter,
-            self._noise,
-            sensors.angular_velocity,
-            sensors.linear_acceleration,
-            self._attitude,
-            self._arms,
-            self._soles,
-            state.contact_probability,
-        )
-        sound = read_pelvis(
-            self._filter,
-            self._noise,
-            self._imu,
-            state.foot_load,
-            self._config.height_bandwidth,
-            sensors.angular_velocity,
-            self._ground,
-            self._rate,
-            self._position,
-            self._velocity,
-            state.covariance,
-        )
-        if not sound:
+        state, legs = self._state.record, self._legs.record
+        if not move(sensors.record, state, legs, self._body, self._filter, self._noise):
             self.restart()
             raise SensorError("the filter has diverged: the estimate begins anew")
 
@@ -143,9 +109,9 @@ class InvariantEstimator(LegEstimator):
         self._started = True
         start = self._filter[0]
         start["rotation"] = self._attitude
-        start["points"][1] = self._attitude @ self._imu
+        start["points"][1] = self._attitude @ self._body[0]["imu"]
         start["points"][1, 2] += self._first_height()
-        start["points"][1, :2] += self._position[:2]
+        start["points"][1, :2] += self._state.q[:2]
         for i in range(2):
             start["points"][2 + i] = start["points"][1] + self._attitude @ self._arms[i]
             start["soles"][i] = self._attitude @ self._soles[i]

@@ -9,6 +9,7 @@ import numpy as np
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.fusion import fuse_velocity
+from cassie_control.estimator.sample_kernels import finish_state
 from cassie_msgs.layout import Sensors
 
 _ORIENTATION_VARIANCE = (0.01, math.radians(0.35) ** 2, math.radians(0.35) ** 2)
@@ -45,15 +46,15 @@ class KinematicEstimator(LegEstimator):
     def _move(self, sensors: Sensors) -> None:
         config, state = self._config, self._state
         self._rotation[:] = self._attitude
-        self._rate[:] = sensors.angular_velocity
+        state.angular_velocity[:] = sensors.angular_velocity
         if not self._started:
-            self._position[2] = self._first_height()
+            state.q[2] = self._first_height()
             self._started = True
         fuse_velocity(
             self._rotation,
-            self._rate,
+            state.angular_velocity,
             sensors.linear_acceleration,
-            self._imu,
+            self._body[0]["imu"],
             self._feet,
             self._foot_velocities,
             state.foot_load,
@@ -62,11 +63,12 @@ class KinematicEstimator(LegEstimator):
             config.height_bandwidth,
             config.velocity_noise,
             self._imu_velocity,
-            self._velocity,
-            self._position,
+            state.v[:3],
+            state.q[:3],
             self._variance,
         )
         state.covariance[:3] = self._variance[1]
         state.covariance[3:6] = _ORIENTATION_VARIANCE
         state.covariance[6:9] = self._variance[0]
         state.covariance[9:] = _RATE_VARIANCE
+        finish_state(state.record, self._legs.record, self._body, self._rotation)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
 from cassie_control.estimator.acceleration_kernels import expect_acceleration
-from cassie_control.estimator.base import SAMPLE_TYPE, LegEstimator
+from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.delay_kernels import DELAYS, KEPT_TICKS, RESPONSE_TICKS
 from cassie_control.estimator.monitor_kernels import BELIEVED, RESTED, inspect
@@ -143,7 +143,6 @@ class SensorMonitor:
         self._bad_torque: FloatArray = self._watch[0]["bad_torque"]
         self._trusted: FloatArray = self._watch[0]["trusted"]
         self._repaired = Sensors()
-        self._sensors: Sensors | None = None  # the last, which is usually the next as well
         self._seq = -1
         self._trusted[:] = math.nan
         self.mask = 0
@@ -190,9 +189,7 @@ class SensorMonitor:
         if seq != self._seq + 1:
             self._start_over()
         self._seq = seq
-        if sensors is not self._sensors:
-            self._sensors, self._sample = sensors, sensors.floats.view(SAMPLE_TYPE)
-        found = inspect(self._sample, self._watch, self._limits, expected, force)
+        found = inspect(sensors.record, self._watch, self._limits, expected, force)
         if found & RESTED:
             self.rested = True
         if found & BELIEVED:

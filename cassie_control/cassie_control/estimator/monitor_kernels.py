@@ -94,7 +94,7 @@ def inspect(
         later in that rest.
 
     Args:
-        samples: Numbers of Sensors, see `float_records`. Shape (1,).
+        samples: `Sensors.record`. Shape (1,).
         watches: Of `monitor_records.WATCH_TYPE`. Shape (1,).
         limits, expected, force: See `look`.
     """

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.estimator.fusion import com_in_heading
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg_kernels import both_legs
 
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
@@ -20,22 +23,88 @@ _LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
 
 
 @compiled
-def arrange_joints(
-    samples: RecordArray,
-    joints: FloatArray,
-    rates: FloatArray,
-    toe_torques: FloatArray,
-    rotation: FloatArray,
+def read_legs(
+    samples: RecordArray, states: RecordArray, pairs: RecordArray, bodies: RecordArray
 ) -> None:
-    """Measurements of drives and joints in the order along each leg, and the IMU's attitude.
+    """Joints, kinematics, forces and loads of the legs; and what the state repeats of the sample.
 
     Args:
-        samples: Numbers of Sensors, see `float_records`. Shape (1,).
+        samples: `Sensors.record`. Shape (1,).
+        states: Result, `RobotState.record`. Shape (1,).
+        pairs: Result, `LegPair.record`. Shape (1,).
+        bodies: Of `body_records.BODY_TYPE`. Shape (1,).
+    """
+    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
+    _pass_on(sample, state)
+    joints, rates, up = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7), body.attitude[2]
+    _arrange_joints(sample, joints, rates, body.toe_torques)
+    rotation_of(sample.orientation, body.attitude)
+    both_legs(joints, rates, body.toe_torques, up, pair)
+    for i in range(2):
+        for k in range(3):
+            body.arms[i, k] = pair.states[i].foot[k] - body.imu[k]
+    _scale_forces(body, pair.forces, sample.linear_acceleration, up, state.foot_force)
+    _weigh_feet(body, state.foot_force, state.foot_load, state.contact_probability)
+
+
+@compiled
+def finish(state: Any, pair: Any, body: Any, rotation: FloatArray) -> None:
+    """Euler angles, and the CoM, of a pelvis that is known.
+
+    Args:
+        state: Of `RobotState.RECORD`; has position, velocity and angular velocity.
+        pair: Of `PAIR_TYPE`.
+        body: Of `body_records.BODY_TYPE`.
+        rotation: Pelvis to world. Shape (3, 3).
+    """
+    rate = state.angular_velocity
+    euler_angles(rotation, rate, state.q[3:6], state.v[3:6])
+    com_in_heading(
+        rotation,
+        state.q[3],
+        rate,
+        state.v[:3],
+        pair.states,
+        body.pelvis_moment,
+        body.mass,
+        state.com_position,
+        state.com_velocity,
+    )
+
+
+@compiled
+def finish_state(
+    states: RecordArray, pairs: RecordArray, bodies: RecordArray, rotation: FloatArray
+) -> None:
+    """`finish` with records in arrays of shape (1,)."""
+    finish(states[0], pairs[0], bodies[0], rotation)
+
+
+@compiled
+def _pass_on(sample: Any, state: Any) -> None:
+    """What the state repeats of the sample."""
+    state.sec, state.nanosec = sample.sec, sample.nanosec
+    state.episode, state.seq = sample.episode, sample.seq
+    state.power = sample.power
+    state.drive_torque[:] = sample.drive_torque
+    charge = sample.battery[1]
+    state.battery_charge = charge if 0.0 <= charge <= 1.0 else -1.0
+    state.longest_delay = sample.longest_delay
+    state.missed_ticks, state.late_ticks = sample.missed_ticks, sample.late_ticks
+    state.wall_paced, state.operator_lease = sample.wall_paced, sample.operator_lease
+
+
+@compiled
+def _arrange_joints(
+    sample: Any, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray
+) -> None:
+    """Measurements of drives and joints in the order along each leg.
+
+    Args:
+        sample: Of `Sensors.RECORD`.
         joints, rates: Result, hip_roll to toe. Shape (2, 7), in rad and rad/s.
         toe_torques: Result. Shape (2,), in Nm.
-        rotation: Result, IMU to world. Shape (3, 3).
     """
-    sample = samples[0]
     for i in range(2):
         for k in range(4):
             joints[i, k] = sample.drive_position[5 * i + k]
@@ -46,18 +115,11 @@ def arrange_joints(
         joints[i, 6] = sample.drive_position[5 * i + 4]
         rates[i, 6] = sample.drive_velocity[5 * i + 4]
         toe_torques[i] = sample.drive_torque[5 * i + 4]
-    rotation_of(sample.orientation, rotation)
 
 
 @compiled
-def scale_forces(
-    springs: FloatArray,
-    specific_force: FloatArray,
-    up: FloatArray,
-    period: float,
-    mass: float,
-    scale: FloatArray,
-    forces: FloatArray,
+def _scale_forces(
+    body: Any, springs: FloatArray, specific_force: FloatArray, up: FloatArray, forces: FloatArray
 ) -> None:
     """Forces of the feet such that on average they carry the robot's weight.
 
@@ -65,15 +127,13 @@ def scale_forces(
     the springs hold, averaged over a step, must be the mass times what the accelerometer feels.
 
     Args:
+        body: Of `body_records.BODY_TYPE`; its scale is brought up to date.
         springs: Vertical forces after the nominal springs. Shape (2,), in N.
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
         up: The vertical in the pelvis frame. Shape (3,).
-        period: Between samples. In s.
-        mass: Nominal, of the robot. In kg.
-        scale: State: share of late in which the feet carried her, the factor, and the time that
-            it is averaged over, in s. Shape (3,).
         forces: Result. Shape (2,), in N.
     """
+    scale, period, mass = body.scale, body.period, body.mass
     carried, felt = springs[0] + springs[1], 0.0
     for k in range(3):
         felt += mass * up[k] * specific_force[k]
@@ -88,26 +148,18 @@ def scale_forces(
 
 
 @compiled
-def weigh_feet(
-    forces: FloatArray,
-    load_from: float,
-    load_span: float,
-    contact_force: float,
-    contact_width: float,
-    load: FloatArray,
-    contact: FloatArray,
-) -> None:
+def _weigh_feet(body: Any, forces: FloatArray, load: FloatArray, contact: FloatArray) -> None:
     """Load and probability of contact of each foot, from its force.
 
     Args:
+        body: Of `body_records.BODY_TYPE`.
         forces: Shape (2,), in N.
-        load_from, load_span, contact_force, contact_width: See `config`. In N.
         load: Result, 0..1. Shape (2,).
         contact: Result, 0..1. Shape (2,).
     """
     for i in range(2):
-        load[i] = max(0.0, min(1.0, (forces[i] - load_from) / load_span))
-        odds = (contact_force - forces[i]) / contact_width
+        load[i] = max(0.0, min(1.0, (forces[i] - body.load_from) / body.load_span))
+        odds = (body.contact_force - forces[i]) / body.contact_width
         contact[i] = 1.0 / (1.0 + math.exp(max(-50.0, min(50.0, odds))))
 
 

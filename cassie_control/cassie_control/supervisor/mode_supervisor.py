@@ -75,6 +75,8 @@ class ModeSupervisor:
         self.status = SupervisorStatus()
         self._set_points = SetPoints()
         self._wish = SetPoints()
+        self._asked: tuple[bytes, int, SupervisorConfig] | None = None  # what was heard last
+        self._refused = ""  # why that was
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._linked = False
@@ -163,18 +165,22 @@ class ModeSupervisor:
     def _hear(self, operator: OperatorCommand | None) -> str:
         """Take in the operator's wish; says why it is refused, if it is."""
         if operator is None:
+            self._asked = None
             low = self._battery.empty and self._current is RobotMode.STAND
             height = self.config.height_low if low else self._set_points.height
             self._wish = SetPoints(height=height)
             self._requested = RobotMode.STAND
             return ""
-        refused = refusal(operator)
-        if refused:
+        asked = (operator.floats.tobytes(), int(operator.mode), self.config)
+        if asked == self._asked:
+            return self._refused  # operators say the same again and again
+        self._asked, self._refused = asked, refusal(operator)
+        if self._refused:
             self._wish = replace(self._wish, vx=0.0, vy=0.0, yaw_rate=0.0)
         else:
             self._wish = wishes(operator, self.config)
             self._requested = requested_mode(operator)
-        return refused
+        return self._refused
 
     def _reasons(
         self, state: RobotState, powered: bool, controller_lost: bool

@@ -73,8 +73,9 @@ class Posture:
         self, state: RobotState, moving: bool, config: SupervisorConfig, period: float
     ) -> None:
         self.height = float(state.q[2])
-        self.grounded = float(state.foot_force.max()) > _GROUNDED
-        single = self.grounded and float(state.foot_force.min()) < _GROUNDED
+        forces = state.foot_force.tolist()
+        self.grounded = max(forces) > _GROUNDED
+        single = self.grounded and min(forces) < _GROUNDED
         self._lifted = _STEP_TIME if single else max(0.0, self._lifted - period)
         low = self.grounded and self.height < config.fall_height
         self._sunk = self._sunk + period if low else 0.0

@@ -38,8 +38,11 @@ class SetPoints:
 
     def write(self, mode: Mode) -> None:
         """Fill in the set-points of a mode message."""
-        for field in fields(self):
-            getattr(mode, field.name)[...] = getattr(self, field.name)
+        for name in _NAMES:
+            getattr(mode, name)[...] = getattr(self, name)
+
+
+_NAMES = tuple(field.name for field in fields(SetPoints))
 
 
 def refusal(command: OperatorCommand) -> str:
@@ -47,7 +50,7 @@ def refusal(command: OperatorCommand) -> str:
 
     What exceeds a limit is followed up to that limit; this is about what means nothing.
     """
-    if command.mode > RobotMode.SEGWAY:
+    if int(command.mode) > RobotMode.SEGWAY:
         return f"mode is {command.mode}, must be 0 .. {RobotMode.SEGWAY:d}"
     return fault(command)
 
@@ -61,7 +64,7 @@ def requested_mode(command: OperatorCommand) -> RobotMode:
 
 def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
     """An operator's command within the limits."""
-    c = riding(config) if command.mode == RobotMode.SEGWAY else config
+    c = riding(config) if int(command.mode) == RobotMode.SEGWAY else config
     vx, vy, yaw_rate = _walkable(float(command.vx), float(command.vy), float(command.yaw_rate), c)
     sagittal, lateral, pitch, roll = command.trims.tolist()
     wish = SetPoints(

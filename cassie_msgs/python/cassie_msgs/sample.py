@@ -73,6 +73,8 @@ class Sample:
         TOPIC: Topic it travels on.
         DTYPE: Structured type of the whole serialized message, for reading bags.
         SIZE: Its size, in bytes.
+        RECORD: Structured type of the message without its encapsulation.
+        record: The message as one of these, for compiled functions. Shape (1,).
         floats: All float64 fields, which stand together in every message, as one view.
     """
 
@@ -80,8 +82,10 @@ class Sample:
     TYPE: ClassVar[str]
     TOPIC: ClassVar[str]
     DTYPE: ClassVar[np.dtype[Any]]
+    RECORD: ClassVar[np.dtype[Any]]
     SIZE: ClassVar[int]
 
+    record: npt.NDArray[np.void]
     floats: npt.NDArray[np.float64]
     episode: npt.NDArray[np.uint32]
     seq: npt.NDArray[np.uint64]
@@ -89,7 +93,8 @@ class Sample:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.TYPE = f"cassie_msgs/msg/{cls.__name__}"
-        cls.DTYPE = _cdr_dtype(_COMMON + cls.LAYOUT)
+        cls.DTYPE = _cdr_dtype(_COMMON + cls.LAYOUT, len(ENCAPSULATION))
+        cls.RECORD = _cdr_dtype(_COMMON + cls.LAYOUT, 0)
         cls.SIZE = cls.DTYPE.itemsize
 
     def __init__(self) -> None:
@@ -99,6 +104,7 @@ class Sample:
         buffer[:4] = tuple(ENCAPSULATION)
         attributes = self.__dict__  # `__setattr__` guards the fields from here on
         attributes["_memory"] = buffer.data
+        attributes["record"] = buffer[len(ENCAPSULATION) :].view(self.RECORD)
         for name in self.DTYPE.names or ():
             attributes[name] = buffer.view(self.DTYPE)[name].reshape(self.DTYPE[name].shape)
         own = [name for name, kind, _ in self.LAYOUT if kind is np.float64]
@@ -179,8 +185,8 @@ class Sample:
         return f"{type(self).__name__}(episode={self.episode}, seq={self.seq})"
 
 
-def _cdr_dtype(layout: tuple[Field, ...]) -> np.dtype[Any]:
-    """Structured type whose bytes are the CDR form of `layout`, header included."""
+def _cdr_dtype(layout: tuple[Field, ...], first: int) -> np.dtype[Any]:
+    """Structured type whose bytes are the CDR form of `layout`, `first` bytes on."""
     names, formats, offsets = [], [], []
     end = 0  # counted from the end of the encapsulation header
     for name, scalar, count in layout:
@@ -188,7 +194,8 @@ def _cdr_dtype(layout: tuple[Field, ...]) -> np.dtype[Any]:
         start = -(-end // size) * size
         names.append(name)
         formats.append((scalar, (count,)) if count > 1 else (scalar, ()))
-        offsets.append(len(ENCAPSULATION) + start)
+        offsets.append(first + start)
         end = start + size * count
-    itemsize = len(ENCAPSULATION) + end
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
+    return np.dtype(
+        {"names": names, "formats": formats, "offsets": offsets, "itemsize": first + end}
+    )
