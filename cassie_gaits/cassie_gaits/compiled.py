@@ -17,6 +17,8 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
+_kept: list[CPUDispatcher] = []
+
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 
@@ -28,7 +30,25 @@ def compiled(function: FunctionT) -> FunctionT:
         return cast(FunctionT, njit(function))
     if isinstance(machine, CPUDispatcher):  # not where compiling is switched off
         machine._cache._cache_file._source_stamp = _stamp(function)
+        _kept.append(machine)
     return cast(FunctionT, machine)
+
+
+def load_kept(package: str) -> None:
+    """Load the machine code that is kept of the functions of a package which others call.
+
+    A function's first call does so as well, in milliseconds, and may be in the middle of a step.
+
+    Args:
+        package: Name of a package or module.
+    """
+    for machine in _kept:
+        name = machine.py_func.__name__
+        if f"{machine.py_func.__module__}.".startswith(f"{package}.") and not name.startswith("_"):
+            processor = machine.targetctx.codegen().magic_tuple()
+            for signature, made_for, _ in machine._cache._cache_file._load_index():
+                if made_for == processor:
+                    machine.compile(signature)
 
 
 def _stamp(function: Callable[..., Any]) -> str:

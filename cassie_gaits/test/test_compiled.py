@@ -16,6 +16,7 @@ from numba.core.registry import CPUDispatcher
 
 import cassie_gaits
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg_chain import LegPair
 
 
 def compiled_functions() -> Iterator[tuple[str, CPUDispatcher]]:
@@ -67,3 +68,19 @@ def doubled(value: float) -> float:
 def test_works_without_a_folder_to_write(monkeypatch):
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     assert compiled(doubled)(1.5) == 3.0
+
+
+def test_kept_machine_code_is_loaded_before_the_first_call():
+    """In a process of its own, where nothing has called the function yet."""
+    code = (
+        "from cassie_gaits.compiled import load_kept\n"
+        "from cassie_gaits.leg_kernels import both_legs, update_pair\n"
+        "assert not update_pair.signatures\n"
+        "load_kept('cassie_gaits.leg_chain')\n"
+        "assert not update_pair.signatures\n"
+        "load_kept('cassie_gaits.leg_kernels')\n"
+        "assert update_pair.signatures\n"
+        "assert not update_pair.stats.cache_misses\n"
+    )
+    LegPair().update(np.zeros((2, 7)), np.zeros((2, 7)), np.zeros(2), np.array([0.0, 0.0, 1.0]))
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -69,8 +69,8 @@ class SimulatorConfig(PlantConfig):
     )
     keep_awake: bool = tunable(
         True,
-        description="Keep processors from sleeping while robot time runs as fast as it goes, "
-        "where the system permits",
+        description="Keep processors from sleeping in realtime, and while robot time runs as "
+        "fast as it goes, where the system permits",
     )
     command_timeout: float = tunable(
         5.0, "s", 0.1, 1e6, "Wall time without a command after which the drives damp"
@@ -91,8 +91,8 @@ class SimulatorConfig(PlantConfig):
 
     @property
     def hurries(self) -> bool:
-        """Whether processors are to stay awake, because robot time runs as fast as it goes."""
-        return self.keep_awake and self.max_rate == 0.0 and self.pacing != "realtime"
+        """Whether processors are to stay awake: a tick waits for each message's way."""
+        return self.keep_awake and (self.max_rate == 0.0 or self.pacing == "realtime")
 
 
 def scenario_of(config: SimulatorConfig) -> Scenario:

@@ -2,11 +2,13 @@
 
 Usage: python -m cassie_bags.ros.bench_simulator FILE --ros-args ...
 FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and
-its command was taken; and `missed`, the number of control ticks without a new command.
+its command was taken, NaN where none came; and `missed`, the number of control ticks without a new
+command.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from pathlib import Path
@@ -27,12 +29,13 @@ class TimedLane(SimulatorLane):
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         self.sent: list[float] = []
-        self.answered: list[float] = []
+        self.answered: list[float] = []  # as long as `sent`
         self._seen = self.command_key
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
         """Note the time, then publish."""
         self.sent.append(time.perf_counter())
+        self.answered.append(math.nan)
         super().announce(sample, plant)
 
     def wait(self, timeout: float) -> None:
@@ -40,7 +43,7 @@ class TimedLane(SimulatorLane):
         super().wait(timeout)
         if self.command_key != self._seen:
             self._seen = self.command_key
-            self.answered.append(time.perf_counter())
+            self.answered[self.command_key[1]] = time.perf_counter()
 
 
 class TimedSimulator(simulator.Simulator):

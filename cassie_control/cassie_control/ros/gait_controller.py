@@ -23,6 +23,7 @@ from cassie_control.ros.common import (
 from cassie_control.ros.mode_source import ModeSource
 from cassie_control.schedule import STATUS_TICKS
 from cassie_control.silence import Silence
+from cassie_gaits.compiled import load_kept
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
@@ -83,6 +84,8 @@ class GaitControllerNode(Node):
         )
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
+        load_kept("cassie_gaits")
+        load_kept("cassie_control.controller")
         self._changed: ControllerConfig | None = None
         self._scheduling = Scheduling(self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)

@@ -20,6 +20,7 @@ from cassie_control.ros.common import (
 )
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
+from cassie_gaits.compiled import load_kept
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
@@ -54,6 +55,8 @@ class StateEstimator(Node):
         self._lane = declare(self, LaneConfig())
         self._config = declare(self, EstimatorConfig())
         self._core = make_monitored(self._config, self._lane.period)
+        load_kept("cassie_gaits")
+        load_kept("cassie_control.estimator")
         most_missed = round(BRIDGED * self._lane.control_rate)
         self._estimator = GuardedEstimator(self._core, most_missed)
         self._hand_on = hand_on

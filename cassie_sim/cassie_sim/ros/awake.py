@@ -1,4 +1,4 @@
-"""Processors that stay awake while a loop runs as fast as it goes.
+"""Processors that stay awake while a loop is in a hurry: in real time, or as fast as it goes.
 
 A processor with nothing to do goes to sleep. In a loop over several processes each one does so
 several times a tick, while the others compute, and waking up takes its time: tens of

@@ -6,15 +6,16 @@ import time
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from cassie_gaits.compiled import load_kept
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.periodic import Periodic
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_sim.loop import Loop
@@ -39,6 +40,7 @@ class Simulator(Node):
         self._config = declare(self, SimulatorConfig())
         scenario = scenario_of(self._config)
         plant = self._make_plant(scenario)
+        load_kept("cassie_sim")
         # Rises over restarts too: that is how the other nodes know.
         plant.episode = int(time.time()) & 0xFFFFFFFF
         self._film = self._start_film(plant)
@@ -61,9 +63,7 @@ class Simulator(Node):
         Services(self, self._loop, self._make_plant)
         on_change(self, lambda: self._loop.config, self._set_config)
         self._describe_robot()
-        self._timer = self.create_timer(
-            1.0, self._report_progress, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        Periodic(self, 1.0, self._report_progress)
 
     def loop(self) -> None:
         """Run until Ctrl-C or the end of the duration."""

@@ -6,8 +6,9 @@ import threading
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+from cassie_msgs.ros.periodic import Periodic
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 
@@ -23,14 +24,12 @@ class Diagnostics:
     """Reports of one node: published at each change and every second, logged once per change."""
 
     def __init__(self, node: Node) -> None:
-        """Create the publisher and the timer, which runs on the wall clock."""
+        """Create the publisher."""
         self._node = node
         self._lock = threading.Lock()
         self._reports: dict[str, _Report] = {}
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._timer = node.create_timer(
-            1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        Periodic(node, 1.0, self.publish)
 
     def set(self, subject: str, level: int, message: str, **values: object) -> None:
         """Say how `subject` is; cheap while neither level nor message changes.

@@ -12,11 +12,11 @@ import ctypes
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from cassie_msgs.bounds import Progress
+from cassie_msgs.ros.periodic import Periodic
 from cassie_msgs.sample import Sample, header
 
 LOOK_PERIOD = 0.5
@@ -108,9 +108,7 @@ class WriterWatch:
         self._own = {publisher.topic_name: identity(publisher) for publisher in publishers}
         self._report = report
         self._nameless: set[bytes] = set()
-        self._timer = node.create_timer(
-            LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        Periodic(node, LOOK_PERIOD, self.look)
 
     def look(self) -> None:
         """Release guards whose writer is gone, report second writers."""
