@@ -36,6 +36,9 @@ class Topics:
         received = self.messages.setdefault(topic, [])
 
         class Publisher:
+            def get_subscription_count(self) -> int:
+                return 1
+
             def publish(self, raw: bytes) -> None:
                 received.append(deserialize_message(raw, TFMessage))
 

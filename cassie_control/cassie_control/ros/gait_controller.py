@@ -137,6 +137,8 @@ class GaitControllerNode(Node):
                 return True
             self._answer()
             self._silence.heard(time.monotonic())
+            if not may_wait:
+                break  # in the thread that receives, no other can have come
         return False
 
     def _take(self) -> bool:

@@ -35,22 +35,30 @@ class StandardTopics:
         self._transforms = Transforms(node, control_rate)
 
     def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
-        """Publish what it is this tick's turn for."""
+        """Publish what it is this tick's turn for, where somebody listens."""
         self._transforms.publish(seq, state)
         if seq % self._period != self._offset:
             return
-        stamp = state.stamp_ns
+        if self._imu.get_subscription_count():
+            self._publish_imu(sample)
+        if self._odom.get_subscription_count():
+            self._publish_odometry(state)
+
+    def _publish_imu(self, sample: Sensors) -> None:
         orientation = sample.orientation.tolist()
         rates = sample.angular_velocity.tolist()
         acceleration = sample.linear_acceleration.tolist()
-        self._imu.publish(self._imu_bytes.fill(stamp, orientation, rates, acceleration))
+        raw = self._imu_bytes.fill(sample.stamp_ns, orientation, rates, acceleration)
+        self._imu.publish(raw)
+
+    def _publish_odometry(self, state: RobotState) -> None:
         x, y, z, yaw, pitch, roll = state.q[:6].tolist()
         quaternion = quaternion_of(yaw, pitch, roll)
         linear = into_frame(quaternion, state.v[:3].tolist())
         covariance = state.covariance.tolist()
         self._odom.publish(
             self._odom_bytes.fill(
-                stamp,
+                state.stamp_ns,
                 (x, y, z),
                 quaternion,
                 _diagonal(covariance[0:3] + covariance[5:2:-1]),

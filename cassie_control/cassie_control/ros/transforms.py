@@ -41,8 +41,8 @@ class Transforms:
         self._static_publisher.publish(fixed.fill(0, poses))
 
     def publish(self, seq: int, state: RobotState) -> None:
-        """Publish, if it is this tick's turn."""
-        if seq % self._period == self._offset:
+        """Publish, if it is this tick's turn and somebody listens."""
+        if seq % self._period == self._offset and self._publisher.get_subscription_count():
             self._publisher.publish(self._stencil.fill(state.stamp_ns, self._links.at(state.q)))
 
 

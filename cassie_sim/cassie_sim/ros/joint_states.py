@@ -31,7 +31,9 @@ class JointStates:
         self._no_effort = [0.0] * len(_PASSIVE)
 
     def publish(self, sample: Sensors) -> None:
-        """Publish the joints of a sample."""
+        """Publish the joints of a sample, where somebody listens."""
+        if not self._publisher.get_subscription_count():
+            return
         position = sample.drive_position.tolist() + sample.joint_position[_PASSIVE_INDEX].tolist()
         velocity = sample.drive_velocity.tolist() + sample.joint_velocity[_PASSIVE_INDEX].tolist()
         effort = sample.drive_torque.tolist() + self._no_effort

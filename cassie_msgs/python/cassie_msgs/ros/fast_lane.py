@@ -206,7 +206,7 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         if taken is None:
             return False
         sample.load(taken)
-        if self._drain:
+        if self._drain and not self.inbox.receiving:
             while (taken := self._take()) is not None:
                 sample.load(taken)
         return True

@@ -188,6 +188,11 @@ class Inbox:
         return self._view[: self._bytes.length]
 
     @property
+    def receiving(self) -> bool:
+        """Whether this thread receives; no message can have come since the one that it answers."""
+        return self._receiver == threading.get_ident()
+
+    @property
     def writer(self) -> bytes:
         """Identity of who wrote the message taken last, as DDS knows it."""
         return self._writer.tobytes()
