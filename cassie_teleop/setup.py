@@ -9,7 +9,7 @@ NAME = "cassie_teleop"
 setup(
     name=NAME,
     version="0.1.0",
-    description="Driving Cassie by radio, gamepad, keyboard or script",
+    description="Driving Cassie by radio, gamepad, keyboard, browser or script",
     long_description=Path("README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     url="https://example.org/cassie-ros2",
@@ -17,7 +17,7 @@ setup(
     maintainer="Cassie for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["**/*.yaml", "**/*.md"]},
+    package_data={NAME: ["**/*.yaml", "**/*.md", "web/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "README.md"]),
@@ -26,16 +26,19 @@ setup(
     zip_safe=False,
     python_requires=">=3.10",
     install_requires=[
+        "aiohttp",
+        "nicegui",
         "numpy",
         "pygame",
     ],
-    extras_require={"test": ["pytest", "pytest-timeout"]},
+    extras_require={"test": ["playwright", "pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
             "rc_teleop = cassie_teleop.ros.rc_teleop:main",
             "joystick = cassie_teleop.ros.joystick:main",
             "keyboard_teleop = cassie_teleop.ros.keyboard_teleop:main",
             "scripted_operator = cassie_teleop.ros.scripted_operator:main",
+            "web_console = cassie_teleop.ros.web_console:main",
         ],
     },
 )

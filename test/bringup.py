@@ -5,6 +5,7 @@ Everything waits by condition; nothing outlives the `with` statement of a `Robot
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -246,6 +247,11 @@ class Eyes:
         """True position of the pelvis on the ground. In m."""
         position = self._odometry.pose.pose.position
         return float(position.x), float(position.y)
+
+    def yaw(self) -> float:
+        """True heading of the pelvis. In rad."""
+        q = self._odometry.pose.pose.orientation
+        return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
 
     def fault_since(self, since: float, text: str) -> bool:
         """Whether the supervisor's status has named such a fault after a wall time."""

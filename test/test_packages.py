@@ -38,6 +38,7 @@ SUPPLIERS = {
     **{name: Supplier(name, "") for name in (*ROS, *FOLDERS)},
     # Keys of rosdep's database (python.yaml and base.yaml of rosdistro), or of packages in Jazzy.
     "PIL": Supplier("python3-pil", "pillow"),
+    "aiohttp": Supplier("python3-aiohttp", "aiohttp"),
     "casadi": Supplier("casadi-pip", "casadi"),
     "cma": Supplier("", "cma"),
     "distributed": Supplier("", "distributed"),
@@ -50,6 +51,7 @@ SUPPLIERS = {
     "numba": Supplier("python3-numba", "numba"),
     "numpy": Supplier("python3-numpy", "numpy"),
     "pinocchio": Supplier("pinocchio", "pin"),
+    "playwright": Supplier("", "playwright"),
     "pygame": Supplier("python3-pygame", "pygame"),
     "pytest": Supplier("python3-pytest", "pytest"),
     "rosbags": Supplier("python3-rosbags-pip", "rosbags"),
@@ -68,6 +70,7 @@ NOT_IMPORTED = {
     "python3-pytest-timeout",  # plug-in of pytest
     "example-robot-data",  # meshes
     "imageio-ffmpeg",  # plug-in of imageio
+    "nicegui",  # browser libraries
 }
 """Keys and distributions that a package needs without an import."""
 

@@ -1,0 +1,265 @@
+"""Which browser page drives, and what its sticks and buttons ask of the robot.
+
+All pages together are one operator to the robot. Of the pages one drives: the first that asks.
+Everyone else looks on, can stop the robot, and can take over while the driving page lets it rest.
+Sticks count once they were at rest after everything that begins or ends a drive or a mode.
+A page drives only as long as its messages rest on a frame of the last `LINK_AGE` seconds: that
+covers a page that is hidden, asleep or closed, and a network that is slow in either direction.
+Times come in as arguments: monotonic, in s.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from cassie_msgs.tunables import replace_checked, tunable
+from cassie_teleop.keyboard import stopped
+from cassie_teleop.page_messages import ORDERS, RECORD, SLIDERS, Beat, Press, Slide, Sticks
+from cassie_teleop.radio import clamped, without_link
+from cassie_teleop.wish import MODES, Wish
+
+LINK_AGE = 0.3
+"""Age of the frame that a page's newest message rests on, from which its link is lost. In s."""
+
+STOP_TIME = 1.0
+"""For how long an emergency stop is sent where no page drives. In s."""
+
+ASKING = 1.0
+"""For how long one press asks for the lease of another operator. In s."""
+
+GRANT_TIME = 2.0
+"""Time after which a page that has asked to drive must hold the lease. In s."""
+
+LAPSE = 1.0
+"""Loss of the link after which the mode has to be asked for anew. In s."""
+
+_CYCLE = 0.2  # s, for which the power switch is off when it is switched off and on
+_MAX_ORDERS = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """What a stick asks for at its end."""
+
+    forward: float = tunable(0.8, "m/s", 0.0, 4.5, "Speed with the stick full forward")
+    backward: float = tunable(0.4, "m/s", 0.0, 1.0, "Speed with the stick full back")
+    sideways: float = tunable(0.25, "m/s", 0.0, 0.4, "Speed with the stick at a side")
+    turn: float = tunable(0.6, "rad/s", 0.0, 1.2, "Turn rate with the stick at a side")
+    lean: float = tunable(
+        0.05, "m", 0.0, 0.1, "Shift of the CoM at a stick's end, in mode segway instead of speeds"
+    )
+
+
+@dataclass
+class _Page:
+    name: str
+    echo: float = -1e9
+    visible: bool = True
+    sticks: Sticks = field(default_factory=Sticks)
+
+
+class Console:
+    """Pages, the one that drives, and the command that follows.
+
+    Args:
+        name: Who speaks in the commands; /cassie/supervisor_status names the holder of the lease
+            in the same way.
+        reach: What the sticks ask for.
+
+    Attributes:
+        driver: Page that drives; None if none does.
+        armed: Whether its sticks count.
+        orders: What was asked for beside driving and is not yet done: a service of the simulator,
+            or to begin or end a recording.
+        notice: What everyone shall read: why a page does not drive any more; empty at first.
+    """
+
+    def __init__(self, name: str, reach: Reach) -> None:
+        self.reach = reach
+        self.driver: int | None = None
+        self.orders: deque[str] = deque(maxlen=_MAX_ORDERS)
+        self.notice = ""
+        self._name = name
+        self._pages: dict[int, _Page] = {}
+        self._base = Wish()  # as buttons and sliders have made it; without speeds
+        self._holder = ""
+        self._powered: bool | None = None
+        self._taken = self._linked = self._stopped = self._cycled = -1e9
+        self._parting = False
+        self.armed = False
+
+    def join(self, page: int, name: str) -> None:
+        """A page was opened; it looks on."""
+        self._pages[page] = _Page(name)
+
+    def leave(self, page: int) -> None:
+        """A page is gone."""
+        if page == self.driver:
+            self._release()
+        self._pages.pop(page, None)
+
+    def hear(self, page: int, message: Beat | Press | Slide, now: float) -> str:
+        """Take in a message of a page that has joined.
+
+        Returns:
+            What the page shall be told; empty if nothing.
+        """
+        mine = self._pages[page]
+        if message.echo <= now:
+            mine.echo = max(mine.echo, message.echo)
+        if isinstance(message, Beat):
+            mine.visible, mine.sticks = message.visible, message.sticks
+            if page == self.driver and self._fresh(mine, now):
+                self.armed = self.armed or mine.sticks.at_rest
+            return ""
+        if isinstance(message, Press) and message.button == "stop":
+            self._stop(now)
+            return ""
+        if isinstance(message, Press) and message.button == RECORD:
+            self.orders.append(RECORD)
+            return ""
+        if now - message.echo > LINK_AGE:
+            return "too late: the link to this page is slow"
+        if isinstance(message, Press) and message.button == "drive":
+            return self._take(page, now)
+        if page != self.driver:
+            return self._who_drives()
+        if isinstance(message, Slide):
+            value = clamped(message.name, message.value)
+            self._base = replace_checked(self._base, **{message.name: value})
+        else:
+            self._press(message.button, now)
+        return ""
+
+    def follow_lease(self, holder: str, now: float) -> None:
+        """The supervisor says who holds the lease; empty if nobody does."""
+        self._holder = holder
+        if self.driver is None or holder in ("", self._name):
+            return
+        if now - self._taken > GRANT_TIME:
+            self.notice = f"{holder} drives"
+            self.driver = None  # without a word: it is no longer ours to stop the robot
+
+    def follow_power(self, powered: bool) -> None:
+        """The robot says whether its drives have power; once lost it has to be asked for anew."""
+        if self._powered and not powered:
+            self._rest(power=False)
+        self._powered = powered
+
+    def disarm(self) -> None:
+        """A new episode: stand is asked for, and no speed."""
+        self._rest()
+
+    def linked(self, now: float) -> bool:
+        """Whether the link to the page that drives is good."""
+        return self.driver is not None and self._fresh(self._pages[self.driver], now)
+
+    def link_age(self, page: int, now: float) -> float:
+        """Age of the frame that the page's newest message rests on. In s."""
+        return now - self._pages[page].echo
+
+    def wish(self, now: float) -> Wish | None:
+        """What to ask of the robot now; None while there is nothing to say.
+
+        A stop that ends a drive comes once.
+        """
+        if self.driver is None:
+            if now - self._stopped < STOP_TIME:
+                self._parting = False
+                return replace_checked(self._base, emergency_stop=True)
+            parting, self._parting = self._parting, False
+            return without_link(self._base) if parting else None
+        if not self.linked(now):
+            self.armed = False
+            if now - self._linked > LAPSE:
+                self._rest()
+            return without_link(self._base)
+        self._linked = now
+        wish = self._moving(self._pages[self.driver].sticks)
+        asks = self._holder not in ("", self._name) and now - self._taken < ASKING
+        power = wish.power and now - self._cycled >= _CYCLE
+        return replace_checked(wish, take_over=asks, power=power)
+
+    def last_wish(self) -> Wish | None:
+        """The stop with which the node ends; None if it does not speak anyway."""
+        if self.driver is None:
+            return None
+        self._rest()
+        return without_link(self._base)
+
+    @property
+    def asked(self) -> Wish:
+        """What buttons and sliders ask for, without the sticks."""
+        return self._base
+
+    @property
+    def driver_name(self) -> str:
+        """Name of the page that drives; empty if none does."""
+        return "" if self.driver is None else self._pages[self.driver].name
+
+    def _fresh(self, page: _Page, now: float) -> bool:
+        return page.visible and now - page.echo <= LINK_AGE
+
+    def _take(self, page: int, now: float) -> str:
+        if page == self.driver:
+            return ""
+        if self.driver is not None:
+            rests = self._base.mode == "stand" and self._pages[self.driver].sticks.at_rest
+            if not rests and self.linked(now):
+                return f"{self._who_drives()}; it can be taken over once the robot stands"
+            self.notice = f"{self._pages[page].name} has taken over from {self.driver_name}"
+        # Power as this node had it: from on to off would be an emergency stop.
+        power = self._base.power and self._powered is not False
+        self._rest(power=power)
+        self.driver, self._parting = page, False
+        self._taken = self._linked = now
+        return ""
+
+    def _press(self, button: str, now: float) -> None:
+        if button == "leave":
+            self._release()
+        elif button == "power":
+            if self._base.power and self._powered is False:
+                self._cycled = now  # it was refused: off and on again
+            self._rest(power=True, emergency_stop=False)
+        elif button in MODES:
+            self.armed = self.armed and button == self._base.mode
+            self._base = replace_checked(self._base, mode=button)
+        elif button == "neutral":
+            fresh = {name: getattr(Wish(), name) for name in SLIDERS}
+            self._base = replace_checked(self._base, **fresh)
+        elif button in ORDERS:
+            self.orders.append(button)
+
+    def _stop(self, now: float) -> None:
+        self._stopped = now
+        self._rest(power=False, emergency_stop=self.driver is not None)
+
+    def _release(self) -> None:
+        self._rest(emergency_stop=False)
+        self.driver, self._parting = None, True
+
+    def _rest(self, **changes: bool) -> None:
+        """Ask for stand, and for no speed until the sticks were at rest."""
+        self._base = replace_checked(stopped(self._base), mode="stand", **changes)
+        self.armed = False
+
+    def _moving(self, sticks: Sticks) -> Wish:
+        base, reach = self._base, self.reach
+        if not self.armed or base.mode == "stand":
+            return base
+        if base.mode == "segway":
+            com_x = clamped("com_x", base.com_x + reach.lean * sticks.forward)
+            com_y = clamped("com_y", base.com_y + reach.lean * sticks.turn)
+            return replace_checked(base, com_x=com_x, com_y=com_y)
+        along = reach.forward if sticks.forward > 0.0 else reach.backward
+        return replace_checked(
+            base,
+            vx=along * sticks.forward,
+            vy=reach.sideways * sticks.left,
+            yaw_rate=reach.turn * sticks.turn,
+        )
+
+    def _who_drives(self) -> str:
+        return f"{self.driver_name} drives" if self.driver is not None else "press Drive first"

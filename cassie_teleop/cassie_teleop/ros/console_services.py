@@ -1,0 +1,76 @@
+"""The simulator's services behind buttons of the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from cassie_msgs.srv import Gantry, Push, Reset
+
+_LOWERED, _HUNG_UP = 0.82, 1.35  # m, heights of the pelvis
+_WINCH = 0.5  # m/s
+_PUSH, _PUSH_TIME = 120.0, 0.1  # N and s
+_SERVICES = {"gantry": Gantry, "reset": Reset, "push": Push}
+
+_SERVICE_OF = {
+    "lower": "gantry",
+    "hang_up": "gantry",
+    "let_go": "gantry",
+    "reset": "reset",
+    "push_left": "push",
+    "push_ahead": "push",
+}
+"""Service of each order of `page_messages`."""
+
+
+class ConsoleServices:
+    """Clients of the services; those of a recorder join them here.
+
+    Args:
+        node: Node that calls.
+        tell: Called with what a service has answered, on the executor's thread.
+    """
+
+    def __init__(self, node: Node, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._clients = {
+            name: node.create_client(kind, f"/cassie/{name}") for name, kind in _SERVICES.items()
+        }
+
+    def available(self) -> list[str]:
+        """Orders whose service is there."""
+        there = {name for name, client in self._clients.items() if client.service_is_ready()}
+        return [order for order, service in _SERVICE_OF.items() if service in there]
+
+    def call(self, order: str, yaw: float) -> None:
+        """Call the service of an order.
+
+        Args:
+            order: One of `ORDERS`.
+            yaw: The robot's heading, along which it is pushed. In rad.
+        """
+        client = self._clients[_SERVICE_OF[order]]
+        if client.service_is_ready():
+            client.call_async(_request(order, yaw)).add_done_callback(self._answered)
+
+    def _answered(self, future: Any) -> None:
+        answer = future.result()
+        if answer is not None:
+            self._tell(answer.message)
+
+
+def _request(order: str, yaw: float) -> Any:
+    if order == "lower":
+        return Gantry.Request(action="lower", height=_LOWERED)
+    if order == "hang_up":
+        return Gantry.Request(action="hold", height=_HUNG_UP, speed=_WINCH)
+    if order == "let_go":
+        return Gantry.Request(action="release")
+    if order == "reset":
+        return Reset.Request()
+    direction = yaw + (math.pi / 2 if order == "push_left" else 0.0)
+    force = [_PUSH * math.cos(direction), _PUSH * math.sin(direction), 0.0]
+    return Push.Request(force=force, duration=_PUSH_TIME)

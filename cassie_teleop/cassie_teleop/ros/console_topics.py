@@ -1,0 +1,149 @@
+"""What the console takes from topics, as raw bytes in turn with everything else it does."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from cassie_msgs.layout import ControllerStatus, Mode, OperatorCommand, RobotState
+from cassie_msgs.msg import SupervisorStatus
+from cassie_msgs.operators import sender_of
+from cassie_msgs.ros.fast_lane import LaneSubscription, RawSubscription, take_from_each
+from cassie_teleop.page_frame import Picture
+from cassie_teleop.robot_description import (
+    DescriptionError,
+    RobotDescription,
+    read_description,
+)
+
+_ONLOOKER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+_STATUS_AGE = 2.5  # s; the supervisor speaks once a second, whatever robot time does
+_REPORT_AGE = 3.0  # s after which a report on /diagnostics is forgotten
+_WARN = 1
+_MAX_REPORTS = 8
+
+
+class ConsoleTopics:
+    """Subscriptions of the console while a page is open.
+
+    Attributes:
+        picture: Figures out of the control lane and /tf.
+        description: The robot; None before /robot_description was heard.
+        problem: Why it cannot be drawn; empty if it can.
+        holder: Who holds the lease, as the supervisor says.
+        new_episode: Whether an episode has begun since the last `take`.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.picture = Picture()
+        self.description: RobotDescription | None = None
+        self.problem = ""
+        self.holder = ""
+        self.new_episode = False
+        self._node = node
+        self._status: SupervisorStatus | None = None
+        self._status_at = -math.inf
+        self._reports: dict[str, tuple[float, int, str]] = {}
+        self._text = ""
+        self._command = OperatorCommand()
+        self._state = LaneSubscription(node, RobotState)
+        self._mode = LaneSubscription(node, Mode)
+        self._controller = LaneSubscription(node, ControllerStatus)
+        self._commands = LaneSubscription(node, OperatorCommand, qos=_ONLOOKER)
+        self._transforms = RawSubscription(node, TFMessage, "/tf", _ONLOOKER)
+        self._statuses = RawSubscription(
+            node, SupervisorStatus, "/cassie/supervisor_status", _ONLOOKER
+        )
+        self._diagnostics = RawSubscription(node, DiagnosticArray, "/diagnostics", _ONLOOKER)
+        self._descriptions = RawSubscription(node, String, "/robot_description", _LATCHED)
+
+    def close(self) -> None:
+        """Subscribe no longer."""
+        for each in (
+            *(self._state, self._mode, self._controller, self._commands, self._transforms),
+            *(self._statuses, self._diagnostics, self._descriptions),
+        ):
+            self._node.destroy_subscription(each.subscription)
+
+    def take(self, now: float) -> None:
+        """Take what has come; of most topics only the newest counts."""
+        picture = self.picture
+        self.new_episode = False
+        if (raw := self._state.take_raw()) is not None:
+            self.new_episode = picture.follow_state(raw, now)
+        if (raw := self._mode.take_raw()) is not None:
+            picture.mode.load(raw, now)
+        if (raw := self._controller.take_raw()) is not None:
+            picture.controller.load(raw, now)
+        for _, raw in take_from_each(self._commands, most=1):
+            self._follow_command(raw, now)
+        for _, raw in take_from_each(self._transforms, most=1):
+            for each in deserialize_message(raw, TFMessage).transforms:
+                t, r = each.transform.translation, each.transform.rotation
+                picture.poses[each.child_frame_id] = (t.x, t.y, t.z, r.x, r.y, r.z, r.w)
+        for _, raw in take_from_each(self._statuses, most=1):
+            self._status = deserialize_message(raw, SupervisorStatus)
+            self._status_at, self.holder = now, self._status.holder
+        while (raw := self._diagnostics.take_raw()) is not None:
+            for report in deserialize_message(raw, DiagnosticArray).status:
+                self._reports[report.name] = (now, report.level[0], report.message)
+        while (raw := self._descriptions.take_raw()) is not None:
+            self._describe(deserialize_message(raw, String).data)
+
+    def robot(self, now: float) -> dict[str, Any] | None:
+        """What the supervisor says, for JSON; None while it is silent."""
+        status = self._status
+        if status is None or now - self._status_at > _STATUS_AGE:
+            return None
+        names = ("mode", "requested", "readiness", "fallen", "link", "armed", "holder")
+        return {
+            **{name: getattr(status, name) for name in names},
+            "stand": status.stand_readiness,
+            "walk": status.walk_readiness,
+            "segway": status.segway_readiness,
+            "faults": list(status.faults),
+            "operators": list(status.operators),
+            "missed": int(status.missed_ticks),
+            "late": int(status.late_ticks),
+            "delay": round(float(status.longest_delay), 4),
+            "share": round(float(status.missed_share), 5),
+        }
+
+    def reports(self, now: float) -> list[str]:
+        """What nodes warn of on /diagnostics."""
+        self._reports = {
+            name: report for name, report in self._reports.items() if now - report[0] < _REPORT_AGE
+        }
+        warnings = sorted(
+            f"{name}: {text}" for name, (_, level, text) in self._reports.items() if level >= _WARN
+        )
+        return warnings[:_MAX_REPORTS]
+
+    def _follow_command(self, raw: bytes, now: float) -> None:
+        """What the operator who drives asks for; of any while nobody is known to."""
+        with suppress(ValueError):
+            self._command.load(raw)
+            if self.holder in ("", sender_of(self._command)):
+                self.picture.operator.load(raw, now)
+
+    def _describe(self, text: str) -> None:
+        if text == self._text:
+            return
+        self._text, self.problem = text, ""
+        try:
+            self.description = read_description(text, get_package_share_directory)
+        except DescriptionError as error:
+            self.problem = str(error)
+            self._node.get_logger().warning(self.problem)

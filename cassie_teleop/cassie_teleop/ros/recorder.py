@@ -1,0 +1,90 @@
+"""The page's record button: `ros2 run cassie_bags record` as a process beside the console."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+_PATIENCE = 10.0  # s, for a recorder to write the end of its bag
+
+
+class Recorder:
+    """Starts and ends a recording.
+
+    Args:
+        folder: Where bags go.
+        tell: Called with what becomes of a recording.
+    """
+
+    def __init__(self, folder: Path, tell: Callable[[str], None]) -> None:
+        self._folder, self._tell = folder, tell
+        self._process: subprocess.Popen[bytes] | None = None
+        self._file = Path()
+        self._ending = False
+        self._program = _program()
+
+    @property
+    def available(self) -> bool:
+        """Whether the recorder is installed."""
+        return self._program is not None
+
+    @property
+    def file(self) -> str:
+        """Name of the bag that is being recorded; empty while none is."""
+        return "" if self._process is None else self._file.name
+
+    def toggle(self) -> None:
+        """Begin a recording, or end the one that runs."""
+        if self._process is None:
+            self._start()
+        elif not self._ending:
+            self._ending = True
+            self._process.send_signal(signal.SIGINT)
+
+    def look(self) -> None:
+        """Tell how a recording has ended, if one has."""
+        if self._process is None or (status := self._process.poll()) is None:
+            return
+        self._process = None
+        ended = self._ending and status == 0
+        told = f"recorded {self._file}" if ended else f"recording ended with status {status}"
+        self._tell(told)
+
+    def close(self) -> None:
+        """End the recording that runs, with all that was recorded."""
+        if self._process is None:
+            return
+        self._process.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_PATIENCE)
+
+    def _start(self) -> None:
+        if self._program is None:
+            return
+        self._file = self._folder / time.strftime("cassie_%Y-%m-%d_%H-%M-%S.mcap")
+        self._ending = False
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            command: list[str | Path] = [self._program, "-o", self._file]
+            # Ctrl-C in the terminal ends the console, which ends the recording.
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, start_new_session=True
+            )
+        except OSError as error:
+            self._tell(f"no recording: {error}")
+        else:
+            self._tell(f"recording {self._file}")
+
+
+def _program() -> Path | None:
+    try:
+        program = Path(get_package_prefix("cassie_bags"), "lib", "cassie_bags", "record")
+    except PackageNotFoundError:
+        return None
+    return program if program.exists() else None

@@ -1,0 +1,234 @@
+// The robot in 3D, drawn by three.js: links as /robot_description has them, placed as /tf says.
+import { OrbitControls, STLLoader, THREE } from "/lib/scene/index.js";
+
+const STEPS = 40; // footsteps that stay on the ground
+const STEP_COLOURS = [0x4aa3ff, 0xf2a25c]; // left, right
+const ROBOT_HEIGHT = 1.6, ROBOT_WIDTH = 1.1, MIDDLE = 0.64; // m that must be in the picture, with some room
+const LOADED = 0.5; // contact probability from which a foot is on the ground
+const GROUND = 80, TILE = 1; // m; a tile has four fields
+const FOLLOW = 0.15; // of the way to the robot, that the camera goes with each frame
+const FRAME_PERIOD = 1000 / 30, SLOW_PERIOD = 100; // ms
+const SLOW = 2.5; // mean time between pictures by the one intended, above which they are drawn more simply
+
+export class RobotView {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.shadowMap.enabled = true;
+    this.scene = new THREE.Scene();
+    this.scene.background = new THREE.Color(0x20272e);
+    this.scene.fog = new THREE.Fog(0x20272e, 7, 18);
+    this.camera = new THREE.PerspectiveCamera(32, 1, 0.05, 60);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enablePan = false;
+    this.controls.minDistance = 1;
+    this.controls.maxDistance = 15;
+    this.controls.maxPolarAngle = 0.49 * Math.PI;
+    this.controls.addEventListener("start", () => (this.own = false));
+    canvas.addEventListener("dblclick", () => this.frame());
+
+    this.scene.add(new THREE.HemisphereLight(0xdfe9f3, 0x3a3f45, 2.2));
+    this.sun = new THREE.DirectionalLight(0xffffff, 2.4);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    Object.assign(this.sun.shadow.camera, { left: -1.5, right: 1.5, top: 1.5, bottom: -1.5, near: 0.5, far: 8 });
+    this.scene.add(this.sun, this.sun.target);
+
+    const tiles = chequered(this.renderer.capabilities.getMaxAnisotropy());
+    this.ground = new THREE.Mesh(new THREE.PlaneGeometry(GROUND, GROUND), new THREE.MeshLambertMaterial({ map: tiles }));
+    this.ground.receiveShadow = true;
+    this.scene.add(this.ground);
+
+    this.place = new THREE.Vector3(0, 0, 0); // of the robot on the ground; the camera follows it
+    this.robot = null;
+    this.number = 0;
+    this.clear();
+    this.period = this.mean = FRAME_PERIOD;
+    this.own = true; // whether the camera stands where `frame` has put it
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
+    this.resize();
+    const render = (time) => {
+      requestAnimationFrame(render);
+      const since = time - (this.rendered ?? time);
+      if (this.rendered && since < this.period - 2) return;
+      this.rendered = time;
+      this.ease(since);
+      this.controls.update();
+      this.renderer.render(this.scene, this.camera);
+    };
+    requestAnimationFrame(render);
+  }
+
+  /** Draws more simply where graphics are slow: the heartbeat that drives must not wait for them. */
+  ease(since) {
+    this.mean += 0.1 * (Math.min(since, 1000) - this.mean);
+    if (this.mean < SLOW * this.period) return;
+    if (this.sun.castShadow) this.sun.castShadow = false;
+    else if (this.period < SLOW_PERIOD) this.period = SLOW_PERIOD;
+    else if (this.renderer.getPixelRatio() > 0.5) {
+      this.renderer.setPixelRatio(this.renderer.getPixelRatio() / 2);
+      this.resize();
+    }
+    this.mean = this.period;
+  }
+
+  /** Builds the robot anew out of /robot.json. */
+  async load() {
+    const number = ++this.number;
+    const links = await (await fetch("/robot.json")).json();
+    const loader = new STLLoader();
+    const meshes = new Map();
+    const geometry = (index) => {
+      if (!meshes.has(index)) meshes.set(index, loader.loadAsync(`/mesh/${index}.stl`));
+      return meshes.get(index);
+    };
+    const robot = { groups: new Map(), moving: [], soles: [[], []] };
+    for (const link of links) {
+      const group = new THREE.Group();
+      place(group, link.rest);
+      robot.groups.set(link.name, group);
+      robot.groups.get(link.parent)?.add(group);
+      for (const shape of link.shapes) group.add(await solid(shape, geometry));
+      for (const [x, y, z, radius] of link.soles) {
+        const sole = new THREE.Object3D();
+        sole.position.set(x, y, z);
+        sole.radius = radius;
+        group.add(sole);
+        robot.soles[link.name.includes("right") ? 1 : 0].push(sole);
+      }
+    }
+    if (number !== this.number || !links.length) return; // another one has come meanwhile
+    this.clear();
+    this.robot = robot;
+    robot.root = robot.groups.get(links[0].name);
+    robot.root.visible = false; // until it is known where it is
+    this.scene.add(robot.root);
+    // As the server lists them: the root, then what moves.
+    robot.moving = links.filter((link) => link.moves).map((link) => robot.groups.get(link.name));
+  }
+
+  clear() {
+    if (this.robot) this.scene.remove(this.robot.root);
+    for (const step of this.steps ?? []) this.scene.remove(step);
+    this.steps = [];
+    this.contact = [false, false];
+    this.robot = null;
+    this.height = null;
+    this.level = null;
+  }
+
+  /** Places the robot; `contact` are the feet's contact probabilities, or null. */
+  show(poses, contact) {
+    if (!this.robot || poses.length !== this.robot.moving.length) return;
+    poses.forEach((pose, i) => pose.length && place(this.robot.moving[i], pose));
+    const root = this.robot.root;
+    root.visible = poses[0].length > 0;
+    root.updateMatrixWorld(true);
+    const feet = this.robot.soles.map((soles) => soles.map((sole) => sole.getWorldPosition(new THREE.Vector3())));
+    if (feet.every((foot) => foot.length)) this.stand(feet, contact);
+    if (root.visible) this.follow(root.position);
+  }
+
+  /** Height of the pelvis above the mean of the soles, the level of the ground, footsteps. */
+  stand(feet, contact) {
+    const low = feet.map((foot, i) => Math.min(...foot.map((point, j) => point.z - this.robot.soles[i][j].radius)));
+    this.height = this.robot.root.position.z - (low[0] + low[1]) / 2;
+    this.level ??= Math.min(...low);
+    if (!contact) return;
+    const standing = contact.map((value) => value > LOADED);
+    const levels = low.filter((_, i) => standing[i]);
+    if (levels.length) {
+      const level = levels.reduce((a, b) => a + b) / levels.length;
+      this.level += (Math.abs(level - this.level) > 0.3 ? 1 : 0.1) * (level - this.level);
+    }
+    standing.forEach((now, i) => now && !this.contact[i] && this.step(i, feet[i]));
+    this.contact = standing;
+  }
+
+  step(side, foot) {
+    const old = this.steps.length >= STEPS ? this.steps.shift() : null;
+    const mark = old ?? new THREE.Mesh(new THREE.PlaneGeometry(0.17, 0.045), new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.75 }));
+    mark.material.color.set(STEP_COLOURS[side]);
+    const [a, b] = [foot[0], foot.at(-1)];
+    mark.position.set((a.x + b.x) / 2, (a.y + b.y) / 2, (this.level ?? 0) + 0.006);
+    mark.rotation.z = Math.atan2(b.y - a.y, b.x - a.x);
+    this.scene.add(mark);
+    this.steps.push(mark);
+  }
+
+  follow(base) {
+    const move = new THREE.Vector3(base.x, base.y, this.level ?? base.z - 1).sub(this.place);
+    move.multiplyScalar(move.length() > 0.8 ? 1 : FOLLOW);
+    this.place.add(move);
+    this.camera.position.add(move);
+    this.controls.target.copy(this.place).setZ(this.place.z + MIDDLE);
+    this.ground.position.set(TILE * Math.round(this.place.x / TILE), TILE * Math.round(this.place.y / TILE), this.place.z);
+    this.sun.position.copy(this.place).add(new THREE.Vector3(1.9, -0.9, 3.2));
+    this.sun.target.position.copy(this.place);
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    // The lower part is under the buttons (and sticks, where those are below them): the robot
+    // stands in the middle of the rest.
+    const [drive, buttons] = ["drive", "buttons"].map((id) => document.getElementById(id));
+    const covered = (getComputedStyle(drive).flexWrap === "wrap" ? drive : buttons).offsetHeight + 12;
+    this.camera.setViewOffset(width, height, 0, Math.round(covered / 2), width, height);
+    this.room = Math.max(0.35, 1 - covered / height);
+    if (this.own) this.frame();
+  }
+
+  /** Puts the camera where the whole robot is in the picture. */
+  frame() {
+    const half = Math.tan((this.camera.fov * Math.PI) / 360);
+    const distance = Math.max(ROBOT_HEIGHT / (2 * half * this.room), ROBOT_WIDTH / (2 * half * this.camera.aspect));
+    const direction = new THREE.Vector3(0.72, -0.95, 0.32).normalize();
+    this.controls.target.copy(this.place).setZ(this.place.z + MIDDLE);
+    this.camera.position.copy(this.controls.target).addScaledVector(direction, distance + 0.3);
+    this.camera.updateProjectionMatrix();
+    this.own = true;
+  }
+}
+
+function place(object, [x, y, z, qx, qy, qz, qw]) {
+  object.position.set(x, y, z);
+  object.quaternion.set(qx, qy, qz, qw);
+}
+
+/** Ground whose fields of half a metre show how the robot moves over it. */
+function chequered(anisotropy) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: 256, height: 256 });
+  const paint = canvas.getContext("2d");
+  paint.fillStyle = "#5a6672";
+  paint.fillRect(0, 0, 256, 256);
+  paint.fillStyle = "#515c67";
+  paint.fillRect(0, 0, 128, 128);
+  paint.fillRect(128, 128, 128, 128);
+  const texture = new THREE.CanvasTexture(canvas);
+  texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
+  texture.repeat.set(GROUND / TILE, GROUND / TILE);
+  texture.anisotropy = Math.min(8, anisotropy);
+  texture.colorSpace = THREE.SRGBColorSpace;
+  return texture;
+}
+
+async function solid(shape, mesh) {
+  const [a, b, c] = shape.size;
+  let geometry;
+  if (shape.kind === "mesh") geometry = await mesh(shape.mesh);
+  else if (shape.kind === "box") geometry = new THREE.BoxGeometry(a, b, c);
+  else if (shape.kind === "sphere") geometry = new THREE.SphereGeometry(a, 24, 16);
+  else geometry = new THREE.CylinderGeometry(a, a, b, 24).rotateX(Math.PI / 2);
+  const [red, green, blue] = shape.colour;
+  const colour = new THREE.Color().setRGB(red, green, blue, THREE.SRGBColorSpace);
+  const body = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ color: colour, roughness: 0.7, metalness: 0.1 }));
+  if (shape.kind === "mesh") body.scale.set(a, b, c);
+  body.castShadow = true;
+  place(body, shape.pose);
+  return body;
+}
