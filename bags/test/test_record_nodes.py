@@ -67,6 +67,28 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+def test_ctrl_c_ends_a_recording_beside_a_robot_that_goes_on(
+    node: Node, processes: Processes, tmp_path: Path
+) -> None:
+    topic = "/cassie/state"
+    publisher = node.create_publisher(message_class(TYPES[topic]), topic, WRITER)
+    bag = tmp_path / "bag.mcap"
+    processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    raw = glide_messages(1)[topic][0]
+
+    def goes_on(condition: Callable[[], bool]) -> bool:
+        publisher.publish(raw)
+        time.sleep(0.04)  # so that it mostly waits for the next one
+        return condition()
+
+    began = time.monotonic()
+    wait_until(lambda: goes_on(lambda: time.monotonic() > began + 1.0))
+    processes.signal("record", signal.SIGINT)
+    wait_until(lambda: goes_on(lambda: not processes.running("record")))
+    assert "recorded" in (tmp_path / "log" / "record.log").read_text()
+
+
 def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[], bool]) -> None:
     """Publish tick by tick, at a few thousand messages a second.
 

@@ -47,6 +47,7 @@ COMPLETE = "the control lane is complete"
 _BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
+_AFTERWARDS = 1.0  # s after Ctrl-C in which what is on its way is recorded, where others go on
 _NEEDED = frozenset(TYPES) - {"/cassie/controller_status", SEGWAY_TRUTH_TOPIC, SEGWAY_IMU_TOPIC}
 
 
@@ -96,7 +97,8 @@ class Recorder(Node):
                 self._drain()
                 self._stop.wait(_BATCH)
             self._bag.flush_if_due(time.time_ns())
-        while self._drain() or self._waiter.wait(_QUIET):
+        deadline = time.monotonic() + _AFTERWARDS
+        while (self._drain() or self._waiter.wait(_QUIET)) and time.monotonic() < deadline:
             pass
 
     def close(self) -> None:
