@@ -41,6 +41,7 @@ setup(
     entry_points={
         "console_scripts": [
             "record = cassie_bags.ros.record:main",
+            "robot = cassie_bags.ros.robot:main",
             "replay = cassie_bags.ros.replay:main",
             "recover = cassie_bags.ros.recover:main",
             "experiment = cassie_bags.ros.experiment:main",

@@ -57,22 +57,38 @@ def test_an_operator_command_of_another_layout_is_told_until_a_good_one_comes(no
     until(lambda: operator.at(RobotState()) is None or not told["operator_command"])
 
 
+class Logging:
+    """In place of a node: keeps what is logged."""
+
+    def __init__(self, said):
+        self._said = said
+
+    def get_logger(self):
+        return self
+
+    def fatal(self, text):
+        self._said.append(text)
+
+
+def test_a_rate_that_is_nearly_right_shows_after_some_ticks():
+    said = []
+    stop, state = Stop(), RobotState()
+    check = RateCheck(Logging(said), stop, 500)
+    for seq in range(4):
+        state.stamp_ns = seq * 2_500_000
+        check.check(1, seq, state)
+    assert stop.exit_code == 2
+    assert "come at 400 Hz" in said[0]
+
+
 @pytest.mark.parametrize(
     ("stamp", "words"), [(0, "carry no time"), (20_000_000, "come at 1000 Hz"), (40_000_000, "")]
 )
 def test_samples_at_another_rate_end_the_node_with_a_reason(stamp, words):
     said = []
-
-    class Logging:
-        def get_logger(self):
-            return self
-
-        def fatal(self, text):
-            said.append(text)
-
     stop, state = Stop(), RobotState()
     state.stamp_ns = stamp
-    RateCheck(Logging(), stop, 500).check(1, 20, state)
+    RateCheck(Logging(said), stop, 500).check(1, 20, state)
     assert stop.exit_code == (2 if words else 0)
     assert all(words in text for text in said)
     assert bool(said) == bool(words)

@@ -33,6 +33,22 @@ def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> st
     return f"{event.body} pushed with ({x:g}, {y:g}, {z:g}) N for {duration:g} s"
 
 
+def hold_bar(plant: Plant, held: bool) -> str:
+    """Have somebody hold the Segway by its bar, or let go of it.
+
+    Returns:
+        What happens, in words.
+
+    Raises:
+        SimulationError: if there is no Segway.
+    """
+    vehicle = plant.vehicle
+    if vehicle is None:
+        raise SimulationError(f"there is no Segway in scene {plant.scenario.scene}")
+    vehicle.hold_bar(held)
+    return "somebody holds the bar" if held else "nobody holds the bar any more"
+
+
 def move_gantry(plant: Plant, action: str, height: float, speed: float) -> str:
     """Hold the pelvis at a height, lower it and let go there, or let go at once.
 

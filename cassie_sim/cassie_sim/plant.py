@@ -28,6 +28,7 @@ from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion
+from cassie_sim.segway_drive import SegwayDrive
 from cassie_sim.sensors import make_sensors
 from cassie_sim.snapshot import Snapshot
 
@@ -104,6 +105,11 @@ class Plant:
         mujoco.mj_forward(self.model, self.data)
         self.sensors = self._make_sensors()
         self.sensors.reset(*self._robot.measured())
+
+    @property
+    def vehicle(self) -> SegwayDrive | None:
+        """The Segway of the scene; None without one."""
+        return self._motion if isinstance(self._motion, SegwayDrive) else None
 
     def power(self, on: bool) -> None:
         """Switch the drives; without power they give no torque from the next physics step on."""

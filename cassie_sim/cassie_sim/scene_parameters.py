@@ -145,8 +145,10 @@ class Segway(Flat):
         "floor", choices=("floor", "sidewalk", "grass"), description="What it rides on"
     )
     softness: float = tunable(1.0, "", 0.2, 5.0, "How much its balance gives way to a tilt")
-    let_go: float = tunable(12.0, "s", 0.0, None, "When the operator lets go of its bar")
-    take_hold: float = tunable(1e9, "s", 0.0, None, "When the operator takes hold of it again")
+    let_go: float = tunable(
+        1e9, "s", 0.0, None, "When somebody lets go of its bar, unless told earlier"
+    )
+    take_hold: float = tunable(1e9, "s", 0.0, None, "When somebody takes hold of it again")
     length: float = tunable(400.0, "m", 10.0, 1000.0, "Of the uneven ground; level beyond it")
     seed: int = tunable(1, "", 0, 2**31, "Of the bumps")
 

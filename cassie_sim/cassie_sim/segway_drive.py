@@ -45,7 +45,8 @@ class SegwayDrive:
 
     The ground's rolling resistance acts on the wheels here, too.
 
-    The operator holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on.
+    Somebody holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on; once
+    told to hold it or let go, by `hold_bar`, as told.
 
     Args:
         settings: Of the scene.
@@ -61,8 +62,13 @@ class SegwayDrive:
         self._last = 0.0
         self._place = (0.0, 0.0, 0.0)
         self._held = True
+        self._told: bool | None = None
         self.torques = [0.0, 0.0]
         """Of the left and the right motor. In Nm."""
+
+    def hold_bar(self, held: bool) -> None:
+        """Have somebody take the bar, or let go of it, from now on in this episode."""
+        self._told = held
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, time: float) -> None:
         """Set the motors' torques.
@@ -102,11 +108,13 @@ class SegwayDrive:
     def _hold(
         self, data: mujoco.MjData, dofs: int, pitch: float, heading: float, time: float
     ) -> None:
-        """The operator holds the bar, at first and in the end, where it is when he takes hold."""
+        """Somebody holds the bar, where it is when it is taken."""
         force = data.qfrc_applied[dofs : dofs + 6]
         force[:] = 0.0
         x, y = data.joint("segway").qpos[:2].tolist()
         held = not self._settings.let_go <= time < self._settings.take_hold
+        if self._told is not None:
+            held = self._told
         if held and not self._held:
             self._place = (x, y, heading)
         self._held = held

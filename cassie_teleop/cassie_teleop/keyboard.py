@@ -1,9 +1,10 @@
-"""Keys to wishes, and the status line under them."""
+"""Keys to set-points, and the status lines under them."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import clamped
@@ -13,9 +14,11 @@ HELP = """\
   p power on       o power off (emergency stop)
   1 stand          2 walk          3 segway
   w/s forward      a/d turn        q/e sideways     space: stop moving
-  r/f height       t/g pitch       y/h roll         i/k, j/l lean (CoM)
-  0 all set-points back            c take over from another operator, at rest
-  ? this help                      x or Ctrl-C: stop and leave"""
+  arrows: as w s a d               r/f height       t/g pitch       y/h roll
+  i/k, j/l lean (CoM)              0 all set-points back
+  simulator: n let down   u hang up   z reset   b Segway's bar: let go, hold
+  c take over from another operator, at rest
+  ? this help      x or Ctrl-C: stop and leave"""
 
 STEPS: dict[str, tuple[str, float]] = {
     **{"w": ("vx", 0.1), "s": ("vx", -0.1), "q": ("vy", 0.05), "e": ("vy", -0.05)},
@@ -24,32 +27,41 @@ STEPS: dict[str, tuple[str, float]] = {
     **{"y": ("roll", -0.02), "h": ("roll", 0.02), "i": ("com_x", 0.01), "k": ("com_x", -0.01)},
     **{"j": ("com_y", 0.01), "l": ("com_y", -0.01)},
 }
+ARROWS = {"up": "w", "down": "s", "left": "a", "right": "d"}
 MODE_KEYS = {"1": "stand", "2": "walk", "3": "segway"}
+ORDER_KEYS = {"n": "lower", "u": "hang_up", "z": "reset", "b": "let_go_bar"}
+"""Services of the simulator; `b` alternates between letting go and holding."""
+
+_POWER_FIRST = "press p for power on first, or o for power off"
 
 
 class Keyboard:
-    """Wishes as the keys have made them.
+    """Set-points as the keys have made them.
 
     Attributes:
         wish: None until a power key was pressed, so that nobody cuts the power by
             starting a program.
         asks: Whether the lease of another operator was just asked for.
         left: Whether the user leaves.
+        orders: Services that were asked for and not yet called.
     """
 
     def __init__(self) -> None:
-        """Start without a wish."""
+        """Start without set-points."""
         self.wish: Wish | None = None
         self.asks = self.left = False
+        self.orders: list[str] = []
+        self._bar_held = True
 
     def disarm(self) -> None:
         """A new episode: nothing moves until a key says so."""
+        self._bar_held = True
         if self.wish is not None:
             self.wish = replace_checked(stopped(self.wish), mode="stand")
 
-    def press(self, key: str) -> bool:
-        """Take one key, also with Caps Lock on; says whether it means something now."""
-        key = key.lower()
+    def press(self, key: str) -> str:
+        """Take one key, also with Caps Lock on; says why it does nothing, empty if it does."""
+        key = ARROWS.get(key, key.lower())
         if key == "x":
             self.left = True
         elif key == "p":
@@ -60,34 +72,45 @@ class Keyboard:
         elif key == "o":
             wish = replace_checked(stopped(self.wish or Wish()), mode="stand")
             self.wish = replace_checked(wish, power=False, emergency_stop=True)
-        elif self.wish is None:
-            return False
-        elif key in STEPS:
-            name, step = STEPS[key]
-            value = clamped(name, round(getattr(self.wish, name) + step, 6))
-            self.wish = replace_checked(self.wish, **{name: value})
-        elif key in MODE_KEYS:
-            self.wish = replace_checked(self.wish, mode=MODE_KEYS[key])
-        elif key == " ":
-            self.wish = stopped(self.wish)
-        elif key == "c":
-            self.wish = replace_checked(stopped(self.wish), mode="stand")
-            self.asks = True
-        elif key == "0":
-            self.wish = Wish(mode=self.wish.mode, power=self.wish.power)
+        elif key in ORDER_KEYS:
+            self._order(ORDER_KEYS[key])
+        elif key in STEPS or key in MODE_KEYS or key in (" ", "c", "0"):
+            if self.wish is None:
+                return _POWER_FIRST
+            self.wish = self._changed(self.wish, key)
         else:
-            return False
-        return True
+            return f"{key!r} does nothing: ? lists the keys" if key else ""
+        return ""
+
+    def _changed(self, wish: Wish, key: str) -> Wish:
+        if key in STEPS:
+            name, step = STEPS[key]
+            value = clamped(name, round(getattr(wish, name) + step, 6))
+            return replace_checked(wish, **{name: value})
+        if key in MODE_KEYS:
+            return replace_checked(wish, mode=MODE_KEYS[key])
+        if key == " ":
+            return stopped(wish)
+        if key == "c":
+            self.asks = True
+            return replace_checked(stopped(wish), mode="stand")
+        return Wish(mode=wish.mode, power=wish.power)
+
+    def _order(self, order: str) -> None:
+        if order == "let_go_bar":
+            order = "let_go_bar" if self._bar_held else "hold_bar"
+            self._bar_held = not self._bar_held
+        self.orders.append(order)
 
 
 def stopped(wish: Wish) -> Wish:
-    """The same wishes without motion."""
+    """The same set-points without motion."""
     return replace_checked(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
 
 
 @dataclass(frozen=True)
 class Status:
-    """What the line shows of SupervisorStatus, with its age in s."""
+    """What the lines show of SupervisorStatus, with its age in s."""
 
     mode: str
     readiness: str
@@ -95,28 +118,61 @@ class Status:
     age: float
 
 
-def status_line(wish: Wish | None, status: Status | None, width: int) -> str:
-    """One line of at most `width` characters: the robot, which must not be cut off, the wishes."""
+@dataclass(frozen=True)
+class Motion:
+    """Forward, to the left (m/s), turn (rad/s), height (m), as far as they are known.
+
+    Attributes:
+        limited: Set-points that the supervisor has put in force.
+        achieved: As estimated.
+        segway: Speed of the Segway, in m/s.
+    """
+
+    limited: Sequence[float] = field(default=())
+    achieved: Sequence[float] = field(default=())
+    segway: float | None = None
+
+
+def status_lines(wish: Wish | None, status: Status | None, motion: Motion, width: int) -> list[str]:
+    """Lines of at most `width` characters: state of the robot, speeds, faults."""
+    lines = [_robot(status)]
+    lines.append(f"{'':10}{'ahead':>8}{'left':>8}{'turn':>8}{'height':>8}")
+    lines.append(_commanded(wish))
+    lines += [
+        _row(name, values)
+        for name, values in (("limited", motion.limited), ("achieved", motion.achieved))
+    ]
+    if motion.segway is not None:
+        lines.append(f"{'Segway':10}{motion.segway:+8.2f} m/s")
+    lines += [f"fault: {fault}" for fault in (status.faults if status is not None else ())]
+    return [part for line in lines for part in _wrapped(line, width)]
+
+
+def _wrapped(line: str, width: int) -> list[str]:
+    return textwrap.wrap(line, width, drop_whitespace=False, subsequent_indent="  ")
+
+
+def _robot(status: Status | None) -> str:
     if status is None:
-        robot = "no word from the supervisor"
-    else:
-        age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
-        robot = f"{status.mode}{age}"
-        robot += f" | FAULT: {'; '.join(status.faults)}" if status.faults else ""
-        robot += f" | not yet: {status.readiness}" if status.readiness else ""
-    line = f"{robot} | {_wanted(wish)}"
-    return line if len(line) <= width else line[: max(0, width - 1)] + "…"
+        return "no word from the supervisor: is the robot started?"
+    age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
+    waits = f", not yet as asked: {status.readiness}" if status.readiness else ""
+    return f"{status.mode}{age}{waits}"
 
 
-def _wanted(wish: Wish | None) -> str:
-    """The wishes, those for tilt and lean only when there are some."""
+def _commanded(wish: Wish | None) -> str:
     if wish is None:
-        return "press p for power on, o for power off, ? for help"
-    power = "" if wish.power else "NO POWER, "
-    wanted = f"{power}{wish.mode} vx {wish.vx:+.2f} vy {wish.vy:+.2f} m/s"
-    wanted += f" turn {wish.yaw_rate:+.2f} rad/s height {wish.height:.2f} m"
+        return _POWER_FIRST + "; ? for help"
+    row = _row("commanded", (wish.vx, wish.vy, wish.yaw_rate, wish.height))
+    words = [wish.mode] if wish.power else ["no power", wish.mode]
     if wish.roll or wish.pitch:
-        wanted += f" roll {wish.roll:+.2f} pitch {wish.pitch:+.2f} rad"
+        words.append(f"roll {wish.roll:+.2f} pitch {wish.pitch:+.2f} rad")
     if wish.com_x or wish.com_y:
-        wanted += f" lean {wish.com_x:+.2f} {wish.com_y:+.2f} m"
-    return wanted
+        words.append(f"lean {wish.com_x:+.2f} {wish.com_y:+.2f} m")
+    return f"{row}  {', '.join(words)}"
+
+
+def _row(name: str, values: Sequence[float]) -> str:
+    figures = "".join(f"{value:+8.2f}" for value in values[:3])
+    height = f"{values[3]:8.2f}" if len(values) > 3 else ""
+    return f"{name:10}{figures}{height}" if values else f"{name:10}{'-':>8}"

@@ -13,7 +13,10 @@ MAX_LENGTH = 500
 SLIDERS = ("height", "com_x", "com_y", "pitch", "roll")
 """Set-points that a slider gives; names of `Wish`."""
 
-ORDERS = ("lower", "hang_up", "let_go", "reset", "push_left", "push_ahead")
+ORDERS = (
+    *("lower", "hang_up", "let_go", "reset", "push_left", "push_ahead"),
+    *("hold_bar", "let_go_bar"),
+)
 """Buttons that call a service of the simulator."""
 
 RECORD = "record"

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import shutil
 import sys
 import termios
 import tty
+from collections.abc import Sequence
 from typing import TextIO
+
+_KEY = re.compile(r"\x1b(?:[\[O][0-9;]*[A-Za-z~]|.)?|[^\x1b]", re.DOTALL)
+_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 
 
 class Terminal:
-    """Keys without Enter, and a status line that is drawn over itself.
+    """Keys without Enter, and status lines that are drawn over themselves.
 
     Raises:
         OSError: at construction, if the input is no terminal.
@@ -26,38 +31,41 @@ class Terminal:
         if not os.isatty(self._fd):
             raise OSError("the input is no terminal: run this in one, not from a pipe")
         self._before = termios.tcgetattr(self._fd)
-        self._line = ""
+        self._lines: Sequence[str] = ()
         tty.setcbreak(self._fd)
 
-    def keys(self, timeout: float) -> str:
-        """Keys pressed by now; waits for one at most `timeout` s.
+    def keys(self, timeout: float) -> list[str]:
+        """Keys pressed by now, arrows by name; waits for one at most `timeout` s.
 
         Raises:
             EOFError: if the terminal is gone.
         """
         ready, _, _ = select.select([self._fd], [], [], timeout)
         if not ready:
-            return ""
+            return []
         try:
             raw = os.read(self._fd, 64)
         except OSError:  # what Linux says of a terminal whose window is closed
             raw = b""
         if not raw:
             raise EOFError("the terminal is gone")
-        pressed = raw.decode("utf-8", "ignore")
-        return "" if pressed.startswith("\x1b") else pressed  # arrows and the like
+        found = _KEY.findall(raw.decode("utf-8", "ignore"))
+        return [_ARROWS.get(key[-1:], "") if len(key) > 1 else key for key in found]
 
-    def show(self, line: str) -> None:
-        """Draw the status line, if it has changed."""
-        if line != self._line:
-            self._line = line
-            self._sink.write(f"\r{line}\x1b[K")
-            self._sink.flush()
+    def show(self, lines: Sequence[str]) -> None:
+        """Draw the status lines, none wider than the terminal, if they have changed."""
+        if lines != self._lines:
+            self._draw(lines)
 
     def say(self, text: str) -> None:
-        """Print lines above the status line."""
-        self._sink.write(f"\r\x1b[K{text}\n{self._line}")
+        """Print lines above the status lines."""
+        self._draw(self._lines, f"{text}\n")
+
+    def _draw(self, lines: Sequence[str], above: str = "") -> None:
+        up = f"\x1b[{len(self._lines) - 1}A" if len(self._lines) > 1 else ""
+        self._sink.write(f"\r{up}\x1b[J{above}" + "\n".join(lines))
         self._sink.flush()
+        self._lines = lines
 
     @property
     def width(self) -> int:

@@ -1,6 +1,15 @@
-"""Keys and the status line."""
+"""Keys and the status lines."""
 
-from cassie_teleop.keyboard import HELP, MODE_KEYS, STEPS, Keyboard, Status, status_line
+from cassie_teleop.keyboard import (
+    HELP,
+    MODE_KEYS,
+    ORDER_KEYS,
+    STEPS,
+    Keyboard,
+    Motion,
+    Status,
+    status_lines,
+)
 
 
 def typed(keys):
@@ -36,33 +45,57 @@ def test_space_stops_motion_and_zero_brings_all_back():
 
 
 def test_every_key_is_in_the_help_and_none_has_two_meanings():
-    keys = [*STEPS, *MODE_KEYS, "p", "o", "x", "0"]
+    keys = [*STEPS, *MODE_KEYS, *ORDER_KEYS, "p", "o", "x", "0", "c"]
     assert len(set(keys)) == len(keys)
     assert all(key in HELP for key in keys)
 
 
-def test_unknown_keys_mean_nothing():
-    assert not Keyboard().press("§") and not typed("p").press("z")
+def test_a_key_that_does_nothing_is_answered():
+    assert Keyboard().press("§") == "'§' does nothing: ? lists the keys"
+    assert Keyboard().press("w") == "press p for power on first, or o for power off"
+    assert typed("p").press("w") == ""
     assert typed("px").left
 
 
-def test_the_line_tells_mode_reason_faults_age_and_fits():
-    status = Status("stand", "hanging on the gantry", ["estimator lost"], 2.0)
-    line = status_line(typed("p2w").wish, status, 300)
-    for part in ("stand (2.0 s ago)", "hanging", "FAULT: estimator lost", "vx +0.10", "walk"):
-        assert part in line
-    assert len(status_line(None, status, 40)) == 40
-    assert "no word from the supervisor" in status_line(None, None, 200)
-    assert "ago" not in status_line(None, Status("walk", "", [], 0.1), 200)
+def test_arrows_do_what_letters_do():
+    assert typed(["p", "2", "up", "up", "left"]).wish == typed("p2wwa").wish
+    assert typed(["p", "2", "down", "right"]).wish == typed("p2sd").wish
 
 
-def test_a_narrow_terminal_still_shows_what_the_supervisor_waits_for():
-    waits = "the feet carry 120 N of 312 N: let her down"
-    line = status_line(typed("p2wwaaiijj").wish, Status("stand", waits, [], 0.1), 80)
-    assert line.startswith(f"stand | not yet: {waits} | walk ")
+def test_keys_of_the_simulator_work_without_power_and_the_bar_alternates():
+    keyboard = typed("nbbuz")
+    assert keyboard.wish is None
+    assert keyboard.orders == ["lower", "let_go_bar", "hold_bar", "hang_up", "reset"]
+
+
+def test_lines_tell_mode_reason_faults_age_and_fit():
+    status = Status("stand", "hanging on the gantry", ["estimator lost " * 9], 2.0)
+    motion = Motion(limited=(0.1, 0.0, 0.0, 0.9), achieved=(0.08, 0.01, -0.02, 0.91), segway=1.25)
+    lines = status_lines(typed("p2w").wish, status, motion, 80)
+    text = "\n".join(lines)
+    for part in (
+        "stand (2.0 s ago)",
+        "hanging",
+        "fault: estimator lost",
+        "Segway",
+        "+1.25",
+        "walk",
+    ):
+        assert part in text
+    assert "limited      +0.10   +0.00   +0.00    0.90" in text
+    assert "achieved     +0.08   +0.01   -0.02    0.91" in text
+    for width in (80, 40):
+        assert max(map(len, status_lines(typed("p2w").wish, status, motion, width))) <= width
+
+
+def test_nothing_sounds_wrong_before_anything_is():
+    lines = status_lines(None, Status("off", "", [], 0.1), Motion(), 80)
+    assert lines[0] == "off" and "fault" not in "".join(lines)
+    assert "press p" in lines[2]
+    assert "no word from the supervisor" in status_lines(None, None, Motion(), 80)[0]
 
 
 def test_tilt_and_lean_are_shown_when_there_are_some():
-    assert "lean" not in status_line(typed("p2").wish, None, 200)
-    line = status_line(typed("p3iijth").wish, None, 200)
-    assert "roll +0.02 pitch +0.02 rad lean +0.02 +0.01 m" in line
+    assert "lean" not in "".join(status_lines(typed("p2").wish, None, Motion(), 80))
+    text = "".join(status_lines(typed("p3iijth").wish, None, Motion(), 200))
+    assert "roll +0.02 pitch +0.02 rad" in text and "lean +0.02 +0.01 m" in text

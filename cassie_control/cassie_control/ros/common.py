@@ -66,6 +66,10 @@ class Conditions:
         return True
 
 
+_RATE_SHOWS = 50
+"""Ticks after which times at a rate 1 % off differ by half a period."""
+
+
 class RateCheck:
     """Ends a node whose samples do not come at the rate its core was made for."""
 
@@ -76,10 +80,11 @@ class RateCheck:
         self._episode = -1
 
     def check(self, episode: int, seq: int, sample: Sample) -> None:
-        """Look at the first sample of an episode that has a time; cheap for the others."""
+        """Look at samples until a rate 1 % off would show; cheap for the others."""
         if episode == self._episode or not seq:
             return
-        self._episode = episode
+        if seq >= _RATE_SHOWS:
+            self._episode = episode
         stamp = sample.stamp_ns
         if abs(stamp - seq * 1_000_000_000 // self._rate) > 500_000_000 // self._rate:
             come = f"come at {seq * 1e9 / stamp:.6g} Hz" if stamp > 0 else "carry no time"

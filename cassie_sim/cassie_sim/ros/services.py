@@ -1,4 +1,4 @@
-"""The simulator's services: reset, pause, step, push, gantry."""
+"""The simulator's services: reset, pause, step, push, gantry, and the bar of a Segway."""
 
 from __future__ import annotations
 
@@ -34,6 +34,8 @@ class Services:
         node.create_service(Step, "/cassie/step", self._on_step)
         node.create_service(Push, "/cassie/push", self._on_push)
         node.create_service(Gantry, "/cassie/gantry", self._on_gantry)
+        if loop.plant.vehicle is not None:
+            node.create_service(SetBool, "/cassie/hold_bar", self._on_bar)
 
     def _on_reset(self, request: Any, response: Any) -> Any:
         def reset() -> str:
@@ -83,6 +85,9 @@ class Services:
                 self._loop.plant, request.action, request.height, request.speed
             ),
         )
+
+    def _on_bar(self, request: Any, response: Any) -> Any:
+        return self._answer(response, lambda: orders.hold_bar(self._loop.plant, bool(request.data)))
 
     def _answer(self, response: Any, action: Callable[[], str]) -> Any:
         """Have the loop do it; the outcome or the reason why not goes into the response."""

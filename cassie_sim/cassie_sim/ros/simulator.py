@@ -152,7 +152,7 @@ def _installed_meshes() -> str | None:
 ABOUT = About(
     package="cassie_sim",
     text="Cassie in MuJoCo behind the topics of the real robot. Hanging in the gantry it waits for "
-    "power; the services reset, pause, push, hang up and let down.",
+    "power; the services reset, pause, push, hang up and let down, and with a Segway hold its bar.",
     reads=("/cassie/motor_command", "/cassie/operator_command"),
     writes=(
         "/cassie/sensors",
@@ -162,7 +162,14 @@ ABOUT = About(
         "/robot_description",
         "/diagnostics",
     ),
-    services=("/cassie/reset", "/cassie/pause", "/cassie/step", "/cassie/push", "/cassie/gantry"),
+    services=(
+        "/cassie/reset",
+        "/cassie/pause",
+        "/cassie/step",
+        "/cassie/push",
+        "/cassie/gantry",
+        "/cassie/hold_bar",
+    ),
     parameters=(SimulatorConfig(), ClaimConfig()),
 )
 

@@ -1,22 +1,34 @@
-"""Node keyboard_teleop: keys of a terminal to operator commands, with a status line."""
+"""Node keyboard_teleop: keys of a terminal to operator commands, with status lines."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 
+import numpy as np
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 
+from cassie_msgs.layout import Mode, RobotState
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros import parameters, process
 from cassie_msgs.ros.about import About
+from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
 from cassie_msgs.tunables import replace_checked, tunable
-from cassie_teleop.keyboard import HELP, Keyboard, Status, status_line
+from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines
+from cassie_teleop.page_frame import achieved
 from cassie_teleop.radio import without_link
 from cassie_teleop.ros.sender import Sender
+from cassie_teleop.ros.simulator_services import SimulatorServices
 from cassie_teleop.terminal import Terminal
 
 _ASKING = 1.0  # s, for which one key press asks for the lease
+_SHOWING = 0.1  # s between two drawings of the status lines
+_SILENCE = 1.0  # s, from which figures that came are no longer shown
+_SMOOTH = 0.2  # of a new figure, in the speeds shown as achieved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +57,14 @@ class KeyboardTeleop(Node):
         self._heard = 0.0
         self._asked = -_ASKING
         self._sender = Sender(self)
+        self._simulator = SimulatorServices(self, self._told)
+        self._answers: deque[str] = deque()
+        self._states, self._modes = LaneSubscription(self, RobotState), LaneSubscription(self, Mode)
+        self._state, self._mode = RobotState(), Mode()
+        self._moved = self._limited = self._rolled = self._shown = -_SILENCE
+        self._achieved = np.zeros(3)
+        self._segway = 0.0
+        self._vehicle = RawSubscription(self, Odometry, "/segway/ground_truth", NEWEST)
         self.create_subscription(SupervisorStatus, "/cassie/supervisor_status", self._on_status, 10)
         self._terminal = Terminal()
         self._terminal.say(HELP)
@@ -63,13 +83,18 @@ class KeyboardTeleop(Node):
             for key in self._terminal.keys(max(0.0, due - time.monotonic())):
                 if key == "?":
                     self._terminal.say(HELP)
-                elif self._keyboard.press(key) and key.lower() == "o":
+                elif answer := self._keyboard.press(key):
+                    self._terminal.say(answer)
+                elif key.lower() == "o":
                     due = 0.0  # an emergency stop does not wait its turn
                 if self._keyboard.asks:
                     self._asked = time.monotonic()
             if time.monotonic() >= due:
                 due = time.monotonic() + self._period
                 self._send()
+            self._order()
+            if time.monotonic() >= self._shown + _SHOWING:
+                self._show()
 
     def close(self) -> None:
         """Put the terminal back and send exactly one stop."""
@@ -82,8 +107,42 @@ class KeyboardTeleop(Node):
         if keyboard.wish is not None:
             keyboard.asks = time.monotonic() - self._asked < _ASKING
             self._sender.send(replace_checked(keyboard.wish, take_over=keyboard.asks))
-        width = self._terminal.width - 1
-        self._terminal.show(status_line(self._keyboard.wish, self._shown(), width))
+
+    def _order(self) -> None:
+        """Call services, and show what they answered."""
+        while self._keyboard.orders:
+            self._simulator.call(self._keyboard.orders.pop(0), float(self._state.q[3]))
+        while self._answers:
+            self._terminal.say(self._answers.popleft())
+
+    def _show(self) -> None:
+        self._shown = time.monotonic()
+        width = min(80, self._terminal.width - 1)
+        lines = status_lines(self._keyboard.wish, self._status_now(), self._motion(), width)
+        self._terminal.show(lines)
+
+    def _motion(self) -> Motion:
+        now = time.monotonic()
+        with suppress(ValueError):
+            if self._states.take(self._state):
+                self._moved = now
+                self._achieved += _SMOOTH * (achieved(self._state) - self._achieved)
+            if self._modes.take(self._mode):
+                self._limited = now
+        if (raw := self._vehicle.take_raw()) is not None:
+            self._segway = deserialize_message(raw, Odometry).twist.twist.linear.x
+            self._rolled = now
+        mode, height = self._mode, float(self._state.q[2])
+        limits = [float(value) for value in (mode.vx, mode.vy, mode.yaw_rate, mode.height)]
+        return Motion(
+            limited=limits if now - self._limited < _SILENCE else (),
+            achieved=[*self._achieved.tolist(), height] if now - self._moved < _SILENCE else (),
+            segway=self._segway if now - self._rolled < _SILENCE else None,
+        )
+
+    def _told(self, text: str) -> None:
+        """Keep what a service has answered; called by the executor's thread."""
+        self._answers.append(text)
 
     def _on_status(self, status: SupervisorStatus) -> None:
         self._heard = time.monotonic()
@@ -91,7 +150,7 @@ class KeyboardTeleop(Node):
             self._keyboard.disarm()
         self._status = status
 
-    def _shown(self) -> Status | None:
+    def _status_now(self) -> Status | None:
         status = self._status
         if status is None:
             return None
@@ -102,7 +161,12 @@ class KeyboardTeleop(Node):
 ABOUT = About(
     package="cassie_teleop",
     text="Drives the robot with the keys of a terminal; the keys are listed on the screen.",
-    reads=("/cassie/supervisor_status",),
+    reads=(
+        "/cassie/supervisor_status",
+        "/cassie/state",
+        "/cassie/mode",
+        "/segway/ground_truth",
+    ),
     writes=("/cassie/operator_command",),
     parameters=(Config(),),
 )

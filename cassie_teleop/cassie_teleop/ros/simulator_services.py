@@ -1,4 +1,4 @@
-"""The simulator's services behind buttons of the page."""
+"""The simulator's services behind buttons and keys."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
+from std_srvs.srv import SetBool
 
 from cassie_msgs.srv import Gantry, Push, Reset
 
 _LOWERED, _HUNG_UP = 0.82, 1.35  # m, heights of the pelvis
+_PUT_ON = 0.785  # m, where it crouches on a Segway
 _WINCH = 0.5  # m/s
 _PUSH, _PUSH_TIME = 120.0, 0.1  # N and s
-_SERVICES = {"gantry": Gantry, "reset": Reset, "push": Push}
+_SERVICES = {"gantry": Gantry, "reset": Reset, "push": Push, "hold_bar": SetBool}
 
 _SERVICE_OF = {
     "lower": "gantry",
@@ -22,12 +24,14 @@ _SERVICE_OF = {
     "reset": "reset",
     "push_left": "push",
     "push_ahead": "push",
+    "hold_bar": "hold_bar",
+    "let_go_bar": "hold_bar",
 }
-"""Service of each order of `page_messages`."""
+"""Service of each order."""
 
 
-class ConsoleServices:
-    """Clients of the services; those of a recorder join them here.
+class SimulatorServices:
+    """Clients of the services.
 
     Args:
         node: Node that calls.
@@ -49,12 +53,15 @@ class ConsoleServices:
         """Call the service of an order.
 
         Args:
-            order: One of `ORDERS`.
+            order: One of those that `available` names; others are told.
             yaw: The robot's heading, along which it is pushed. In rad.
         """
         client = self._clients[_SERVICE_OF[order]]
-        if client.service_is_ready():
-            client.call_async(_request(order, yaw)).add_done_callback(self._answered)
+        if not client.service_is_ready():
+            self._tell(f"nobody offers {client.srv_name}")
+            return
+        lowered = _PUT_ON if self._clients["hold_bar"].service_is_ready() else _LOWERED
+        client.call_async(_request(order, yaw, lowered)).add_done_callback(self._answered)
 
     def _answered(self, future: Any) -> None:
         answer = future.result()
@@ -62,13 +69,15 @@ class ConsoleServices:
             self._tell(answer.message)
 
 
-def _request(order: str, yaw: float) -> Any:
+def _request(order: str, yaw: float, lowered: float) -> Any:
     if order == "lower":
-        return Gantry.Request(action="lower", height=_LOWERED)
+        return Gantry.Request(action="lower", height=lowered)
     if order == "hang_up":
         return Gantry.Request(action="hold", height=_HUNG_UP, speed=_WINCH)
     if order == "let_go":
         return Gantry.Request(action="release")
+    if order in ("hold_bar", "let_go_bar"):
+        return SetBool.Request(data=order == "hold_bar")
     if order == "reset":
         return Reset.Request()
     direction = yaw + (math.pi / 2 if order == "push_left" else 0.0)

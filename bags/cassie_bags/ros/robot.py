@@ -1,0 +1,197 @@
+"""Command `robot`: the simulated robot and its nodes, ready to be driven, until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+from cassie_bags.errors import RunError
+from cassie_bags.ros.processes import Processes, executable
+from cassie_msgs.msg import SupervisorStatus
+from cassie_msgs.ros.transport import use_loopback
+from cassie_sim.scenes import SCENES
+
+ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
+"""Exit codes."""
+
+PATIENCE = 60.0
+"""Wall time in which the robot must be ready. In s."""
+
+NODES = {
+    "simulator": "cassie_sim",
+    "state_estimator": "cassie_control",
+    "gait_controller": "cassie_control",
+    "mode_supervisor": "cassie_control",
+}
+"""Package of each node."""
+
+STACK = ("state_estimator", "gait_controller")
+"""Nodes that `--stack` runs as one process."""
+
+_LOOK = 0.1  # s between two looks at the processes
+
+
+def main() -> int:
+    """Entry point of `ros2 run cassie_bags robot`."""
+    arguments = _arguments()
+    stop = threading.Event()
+    # A shell that starts this in the background has Ctrl-C ignored; whoever sends it means it.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: stop.set())
+    use_loopback()
+    logs = arguments.logs or _log_folder()
+    try:
+        commands = node_commands(arguments)
+        with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
+            for name, command in commands.items():
+                processes.start(name, command)
+            _say(f"starting {', '.join(commands)}; logs in {logs}")
+            if _await_robot(processes, stop):
+                _say(_ready(processes, arguments))
+            while not stop.wait(_LOOK):
+                processes.check()
+    except RunError as error:
+        print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
+        return NODE_LOST
+    except (ValueError, OSError) as error:
+        print(f"robot: error: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    _say("ended")
+    return ENDED
+
+
+def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
+    """Command of each process, in the order in which they are started.
+
+    Raises:
+        ValueError: if a parameter names no node that is started.
+        RunError: if a program is not installed.
+    """
+    own: dict[str, list[str]] = {"simulator": [f"scene:={arguments.scene}"]}
+    if arguments.view:
+        own["simulator"].append("headless:=false")
+    if arguments.realtime:
+        own["simulator"].append("pacing:=realtime")
+    programs = dict(NODES)
+    if arguments.stack:
+        programs = {n: package for n, package in NODES.items() if n not in STACK}
+        programs["stack"] = "cassie_control"
+    if arguments.console:
+        programs["web_console"] = "cassie_teleop"
+    for word in arguments.parameter:
+        name, _, assignment = word.partition(":")
+        owner = "stack" if arguments.stack and name in STACK else name
+        if owner not in programs or not re.fullmatch(r"[\w.]+:=.*", assignment):
+            raise ValueError(
+                f"-p {word}: must be NODE:NAME:=VALUE with NODE one of {', '.join(programs)}"
+            )
+        own.setdefault(owner, []).append(word if owner == "stack" else assignment)
+    return {name: _command(package, name, own.get(name, [])) for name, package in programs.items()}
+
+
+def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]:
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    return [executable(package, name), *(["--ros-args", *words] if words else [])]
+
+
+def _await_robot(processes: Processes, stop: threading.Event) -> bool:
+    """Wait until the supervisor speaks of a state; says whether it does, False if stopped.
+
+    Raises:
+        RunError: if a node ends, or nothing is heard for long.
+    """
+    heard = threading.Event()
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("robot", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def listen(status: SupervisorStatus) -> None:
+        if status.episode:
+            heard.set()
+
+    node.create_subscription(SupervisorStatus, "/cassie/supervisor_status", listen, 10)
+    deadline = time.monotonic() + PATIENCE
+    try:
+        while not (heard.is_set() or stop.is_set()):
+            processes.check()
+            if time.monotonic() > deadline:
+                raise RunError(f"the robot is not ready after {PATIENCE:g} s")
+            executor.spin_once(timeout_sec=_LOOK)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+    return heard.is_set()
+
+
+def _ready(processes: Processes, arguments: argparse.Namespace) -> str:
+    where = f" in scene {arguments.scene}" if arguments.scene != "flat" else ""
+    lines = [f"ready: Cassie hangs in the gantry{where}; Ctrl-C ends all"]
+    if arguments.console:
+        printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
+        address = re.search(r"https?://\S+", printed)
+        lines.append(f"see and drive it: {address[0] if address else 'web_console starts'}")
+    else:
+        lines.append("see and drive it: ros2 run cassie_teleop web_console")
+    lines.append("or in a terminal: ros2 run cassie_teleop keyboard_teleop")
+    return "\n       ".join(lines)
+
+
+def _log_folder() -> Path:
+    """Where ROS keeps logs, a folder for this run."""
+    environment: Mapping[str, str] = os.environ
+    home = Path(environment.get("ROS_HOME", "~/.ros")).expanduser()
+    folder = Path(environment.get("ROS_LOG_DIR", home / "log"))
+    return folder / time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
+
+
+def _say(text: str) -> None:
+    print(f"robot: {text}", flush=True)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="robot",
+        description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
+        "when the robot can be driven, and end them all on Ctrl-C, or when one of them ends. "
+        "What they print goes into files.",
+        epilog="Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong arguments.",
+    )
+    parser.add_argument("--scene", default="flat", choices=sorted(SCENES), help="what it stands on")
+    parser.add_argument("--view", action="store_true", help="with the simulator's window")
+    parser.add_argument("--console", action="store_true", help="with the browser page web_console")
+    parser.add_argument(
+        "--realtime",
+        action="store_true",
+        help="paced by the wall clock as a robot is; else robot time waits for every node",
+    )
+    parser.add_argument(
+        "--stack", action="store_true", help="estimator and controller in one process, faster"
+    )
+    parser.add_argument(
+        "-p",
+        dest="parameter",
+        action="append",
+        default=[],
+        metavar="NODE:NAME:=VALUE",
+        help="a parameter of a node: simulator:start:=standing",
+    )
+    parser.add_argument("--logs", type=Path, help="folder for what nodes print (~/.ros/log/...)")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,208 @@
+"""`ros2 run cassie_bags robot`, driven with the keys of `keyboard_teleop` as the README says."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bringup import Eyes
+
+from cassie_bags.ros.processes import environment, executable, own_domain
+
+PATIENCE = 90.0
+
+
+class Screen:
+    """A program in a terminal of 80 columns: what it has shown, and its keys."""
+
+    def __init__(self, program: Path, domain: int) -> None:
+        self._master, slave = pty.openpty()
+        self.process = subprocess.Popen(
+            [program], stdin=slave, stdout=slave, env=environment(domain), start_new_session=True
+        )
+        os.close(slave)
+        self.shown = ""
+
+    def look(self) -> str:
+        """The newest status lines."""
+        while select.select([self._master], [], [], 0.0)[0]:
+            self.shown += os.read(self._master, 4096).decode()
+        return self.shown.rpartition("\x1b[J")[2]
+
+    def type(self, keys: str) -> None:
+        """Press keys."""
+        os.write(self._master, keys.encode())
+
+    def close(self) -> None:
+        """End the program."""
+        self.process.terminate()
+        self.process.wait(10)
+        os.close(self._master)
+
+
+class Starter:
+    """The command in a domain of its own."""
+
+    def __init__(self, folder: Path, domain: int, *arguments: str) -> None:
+        self.logs = folder / "logs"
+        self.process = subprocess.Popen(
+            [executable("cassie_bags", "robot"), "--logs", self.logs, *arguments],
+            env=environment(domain),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # As a shell starts what it runs in the background.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        )
+
+    def ready(self) -> None:
+        """Wait until it says that the robot can be driven."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if "ready" in line:
+                return
+        raise AssertionError(f"it is never ready: {self.process.communicate()[1]}")
+
+    def end(self) -> tuple[int, str]:
+        """Press Ctrl-C; returns the exit code and what it said as error."""
+        self.process.send_signal(signal.SIGINT)
+        _, errors = self.process.communicate(timeout=30)
+        return self.process.returncode, errors
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        yield number
+
+
+def nodes_of(logs: Path) -> list[str]:
+    """Processes whose output goes into a folder."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/fd/1"):
+        try:
+            if entry.resolve().parent == logs.resolve():
+                found.append((entry.parents[1] / "comm").read_text().strip())
+        except OSError:
+            continue
+    return found
+
+
+def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int) -> None:
+    starter = Starter(tmp_path, domain)
+    starter.ready()
+    assert len(nodes_of(starter.logs)) == 4
+    assert starter.end() == (0, "")
+    assert nodes_of(starter.logs) == []
+    assert {log.stem for log in starter.logs.glob("*.log")} == {
+        *("simulator", "state_estimator", "gait_controller", "mode_supervisor")
+    }
+
+
+def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
+    tmp_path: Path, domain: int
+) -> None:
+    starter = Starter(tmp_path, domain, "-p", "state_estimator:control_rate:=400")
+    _, errors = starter.process.communicate(timeout=PATIENCE)
+    assert starter.process.returncode == 1
+    assert "state_estimator ended with exit code 2" in errors and "control_rate = 400" in errors
+    assert nodes_of(starter.logs) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-p", "radio:rate:=3"], "-p radio:rate:=3: must be NODE:NAME:=VALUE"),
+        (["--scene", "moon"], "invalid choice: 'moon'"),
+    ],
+)
+def test_wrong_arguments_are_one_line(
+    tmp_path: Path, domain: int, arguments: list[str], message: str
+) -> None:
+    starter = Starter(tmp_path, domain, *arguments)
+    _, errors = starter.process.communicate(timeout=PATIENCE)
+    assert starter.process.returncode == 2 and message in errors
+
+
+def seeds() -> range:
+    """Robots that ride: one, or as many as CASSIE_RIDES says."""
+    return range(1, 1 + int(os.environ.get("CASSIE_RIDES", "1")))
+
+
+@pytest.mark.parametrize("seed", seeds())
+def test_the_ride_of_the_readme_by_keyboard(tmp_path: Path, domain: int, seed: int) -> None:
+    arguments = ["--scene", "segway", "-p", f"simulator:seed:={seed}"]
+    starter = Starter(tmp_path, domain, *arguments)
+    starter.ready()
+    screen = Screen(executable("cassie_teleop", "keyboard_teleop"), domain)
+    with Eyes(domain) as eyes:
+
+        def until(condition: Callable[[], Any], what: str) -> None:
+            eyes.wait_for(lambda: screen.look() is not None and condition(), what, PATIENCE)
+
+        def speed() -> float:
+            found = re.search(r"Segway\s+([-+][\d.]+) m/s", screen.look())
+            return float(found[1]) if found else 0.0
+
+        def wait(seconds: float) -> None:
+            ended = eyes.tick + round(500 * seconds)
+            until(lambda: eyes.tick > ended, "time to pass")
+
+        try:
+            until(lambda: "Ctrl-C" in screen.shown and "off" in screen.look(), "the keyboard")
+            screen.type("p" + 13 * "f")
+            until(lambda: eyes.mode == "stand", "power")
+            wait(2.0)
+            screen.type("n")
+            until(lambda: "lets go" in screen.shown and eyes.height() < 0.9, "the platform")
+            wait(2.0)
+            screen.type("3")
+            until(lambda: eyes.mode == "segway", "mode segway")
+            wait(14.0)  # after the 12 s in which the bar was let go by itself
+            assert abs(speed()) < 0.05
+            screen.type("b")
+            until(lambda: "nobody holds the bar" in screen.shown, "the bar let go of")
+            wait(2.0)
+            screen.type("iii")
+            until(lambda: speed() > 0.5, "0.5 m/s")
+            screen.type("kkkkkk")
+            until(lambda: speed() < 0.2, "braking")
+            screen.type("b")
+            until(lambda: "somebody holds the bar" in screen.shown, "the bar held")
+            wait(2.0)
+            assert eyes.mode == "segway" and robot_is_up(eyes)
+        finally:
+            screen.close()
+    assert starter.end()[0] == 0
+
+
+def robot_is_up(eyes: Eyes) -> bool:
+    """Whether it crouches on the platform."""
+    return eyes.height() > 0.6
+
+
+def test_the_status_lines_fit_80_columns(domain: int) -> None:
+    screen = Screen(executable("cassie_teleop", "keyboard_teleop"), domain)
+    deadline = time.monotonic() + PATIENCE
+    try:
+        while "no word from the supervisor" not in screen.look():
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        screen.type("§")
+        while "does nothing" not in screen.shown:
+            screen.look()
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        lines = re.sub(r"\x1b\[\w+", "", screen.shown).splitlines()
+        assert max(map(len, lines)) <= 80
+    finally:
+        screen.close()
