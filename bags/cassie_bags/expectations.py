@@ -45,6 +45,24 @@ class Bound:
 
 
 @dataclass(frozen=True)
+class Check:
+    """One thing that is expected of a run.
+
+    Attributes:
+        phase: Of which phase; empty for the whole run.
+        name: What is measured.
+        value, target: What came, and what was expected.
+        problem: What is wrong, in a line; empty if nothing is.
+    """
+
+    phase: str
+    name: str
+    value: str
+    target: str
+    problem: str
+
+
+@dataclass(frozen=True)
 class Expectation:
     """Bounds that a run must keep.
 
@@ -62,30 +80,44 @@ class Expectation:
     phases: tuple[Phase, ...] = ()
     phase_bounds: tuple[Mapping[str, Bound], ...] = ()
 
-    def failures(self, metrics: Metrics) -> list[str]:
-        """What a run did not keep, one line each.
+    def checks(self, metrics: Metrics) -> list[Check]:
+        """Everything that is expected, and what came of it.
 
         Args:
             metrics: Of the run, over `phases`.
         """
         found = []
-        if self.fell is not None and metrics.fell != self.fell:
-            when = "" if metrics.fall_time is None else f" at {metrics.fall_time:.2f} s"
-            found.append(f"the robot fell{when}" if metrics.fell else "the robot did not fall")
+        if self.fell is not None:
+            found.append(_fall_check(self.fell, metrics))
         for name, bound in self.metrics.items():
-            value = metrics.run[name]
-            if not bound.holds(value):
-                found.append(f"{name} = {value:.4g}, expected {bound}")
+            found.append(_check("", name, metrics.run[name], bound))
         for bounds, values in zip(self.phase_bounds, metrics.phases, strict=bool(self.phases)):
             phase = values.phase
             if bounds and not values.reached:
-                found.append(f"{phase.name}: the run ended before {phase.t1:g} s")
+                problem = f"{phase.name}: the run ended before {phase.t1:g} s"
+                found.append(Check(phase.name, "reached", "no", "yes", problem))
                 continue
-            for name, bound in bounds.items():
-                value = values.values[name]
-                if not bound.holds(value):
-                    found.append(f"{phase.name}: {name} = {value:.4g}, expected {bound}")
+            found += [_check(phase.name, n, values.values[n], bound) for n, bound in bounds.items()]
         return found
+
+    def failures(self, metrics: Metrics) -> list[str]:
+        """What a run did not keep, one line each."""
+        return [check.problem for check in self.checks(metrics) if check.problem]
+
+
+def _fall_check(wanted: bool, metrics: Metrics) -> Check:
+    when = "" if metrics.fall_time is None else f" at {metrics.fall_time:.2f} s"
+    value = f"yes{when}" if metrics.fell else "no"
+    problem = f"the robot fell{when}" if metrics.fell else "the robot did not fall"
+    kept = metrics.fell == wanted
+    return Check("", "falls", value, "yes" if wanted else "no", "" if kept else problem)
+
+
+def _check(phase: str, name: str, value: float, bound: Bound) -> Check:
+    problem = f"{name} = {value:.4g}, expected {bound}"
+    if phase:
+        problem = f"{phase}: {problem}"
+    return Check(phase, name, f"{value:.4g}", str(bound), "" if bound.holds(value) else problem)
 
 
 def read_expectation(section: object) -> Expectation:

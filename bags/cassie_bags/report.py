@@ -98,6 +98,13 @@ def table(outcome: Outcome) -> str:
     ]
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
+    if checks := outcome.experiment.expect.checks(metrics):
+        rows = [["expected of", "measured", "value", "target", "pass"]]
+        rows += [
+            [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
+            for c in checks
+        ]
+        lines += ["", *_aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
     lines.append(_verdict(outcome))
     return "\n".join(lines)
@@ -126,6 +133,8 @@ def _drawn(experiment: Experiment) -> str:
 def _row(phase: PhaseMetrics) -> list[str]:
     name = phase.phase.name if phase.reached else f"{phase.phase.name} (not reached)"
     row = [name, f"{phase.phase.t0:.1f}", f"{phase.phase.t1:.1f}"]
+    if not phase.reached:
+        return [*row, *["-"] * (len(TRACKED) + 2)]
     for key in TRACKED:
         commanded, achieved = phase.commanded[key], phase.values[key]
         row.append(f"{commanded:.2f} > {achieved:.3f} ({phase.values[key + '_rms']:.3f})")
