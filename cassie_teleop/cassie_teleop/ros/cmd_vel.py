@@ -1,0 +1,147 @@
+"""Node cmd_vel: Twist or TwistStamped of Nav2, teleop_twist_keyboard or Foxglove, to commands."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool, Trigger
+
+from cassie_msgs.ros import diagnostics, parameters, process
+from cassie_msgs.ros.about import About
+from cassie_msgs.tunables import tunable
+from cassie_teleop.cmd_vel import VelocityCommands, VelocityError
+from cassie_teleop.radio import without_link
+from cassie_teleop.ros.sender import Sender
+
+TOPIC = "/cmd_vel"
+
+_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
+_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LOOK = 0.5  # s between two looks at who writes the topic
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Parameters."""
+
+    rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
+    timeout: float = tunable(
+        0.5, "s", 0.05, 5, "Age of a velocity command from which the robot is asked to stop"
+    )
+    stand_after: float = tunable(
+        2.0, "s", 0, 1e6, "Time after the stop from which it is asked to stand"
+    )
+    power: bool = tunable(
+        False, description="Ask for power at the start; else by the service", live=False
+    )
+
+
+class CmdVel(Node):
+    """Sends what velocity commands ask for, a new one at once.
+
+    A topic has one type: it is that of the first who writes it.
+    """
+
+    def __init__(self, stop: process.Stop) -> None:
+        """Begin to listen.
+
+        Raises:
+            ValueError: if a parameter is wrong.
+        """
+        super().__init__("cmd_vel")
+        self._config = config = parameters.declare(self, Config())
+        self._commands = VelocityCommands(config.timeout, config.stand_after)
+        parameters.on_change(self, lambda: self._config, self._configure)
+        self._sender = Sender(self)
+        self._diagnostics = diagnostics.Diagnostics(self)
+        self._type = ""
+        self._subscription: Any = None
+        self._problem = ""
+        self.create_service(SetBool, "/cmd_vel/power", self._on_power)
+        self.create_service(Trigger, "/cmd_vel/take_over", self._on_take_over)
+        if config.power:
+            self._commands.power(True, time.monotonic())
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_LOOK, self._look, clock=steady)
+        self.create_timer(1.0 / config.rate, self._send, clock=steady)
+        self._look()
+
+    def close(self) -> None:
+        """Send exactly one stop."""
+        wish = self._commands.wish(time.monotonic())
+        if wish is not None:
+            self._sender.send_last(without_link(wish))
+
+    def _configure(self, config: Config) -> None:
+        self._config = config
+        self._commands.timeout = config.timeout
+        self._commands.stand_after = config.stand_after
+
+    def _look(self) -> None:
+        """Listen to the type that is written; say who writes too many."""
+        infos = self.get_publishers_info_by_topic(TOPIC)
+        types = [info.topic_type for info in infos if info.topic_type in _TYPES]
+        if types and self._type not in types:
+            if self._subscription is not None:
+                self.destroy_subscription(self._subscription)
+            self._type = types[0]
+            self._subscription = self.create_subscription(
+                _TYPES[self._type], TOPIC, self._on_velocity, _NEWEST
+            )
+        names = sorted({info.node_name for info in infos})
+        problem = self._problem
+        if len(infos) > 1:
+            problem = f"{', '.join(names)} write {TOPIC} at once: put a twist_mux between them"
+        level = diagnostics.WARN if problem else diagnostics.OK
+        self._diagnostics.set(TOPIC, level, problem or "ok", type=self._type)
+
+    def _on_velocity(self, message: Any) -> None:
+        twist: Twist = message.twist if isinstance(message, TwistStamped) else message
+        now = time.monotonic()
+        try:
+            self._commands.receive(twist.linear.x, twist.linear.y, twist.angular.z, now)
+        except VelocityError as error:
+            self._problem = f"refused: {error}"
+        else:
+            self._problem = ""
+        self._send()
+
+    def _on_power(self, request: Any, response: Any) -> Any:
+        self._commands.power(bool(request.data), time.monotonic())
+        self._send()
+        response.success = True
+        response.message = "power is asked for" if request.data else "power is cut"
+        return response
+
+    def _on_take_over(self, _: Any, response: Any) -> Any:
+        self._commands.take_over(time.monotonic())
+        response.success = True
+        response.message = "the lease is asked for; it is granted while the robot rests"
+        return response
+
+    def _send(self) -> None:
+        wish = self._commands.wish(time.monotonic())
+        if wish is not None:
+            self._sender.send(wish)
+
+
+ABOUT = About(
+    package="cassie_teleop",
+    text="Walks the robot by velocity commands, as Nav2, teleop_twist_keyboard and others send "
+    "them. It sends nothing until power is asked for or cut.",
+    reads=(TOPIC,),
+    writes=("/cassie/operator_command", "/diagnostics"),
+    services=("/cmd_vel/power", "/cmd_vel/take_over"),
+    parameters=(Config(),),
+)
+
+
+def main() -> None:
+    """Run the node."""
+    process.run("cmd_vel", CmdVel, ABOUT)

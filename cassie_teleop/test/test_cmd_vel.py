@@ -1,0 +1,134 @@
+"""Velocity commands to operator commands: the rules, and the node with real messages."""
+
+import math
+import signal
+import subprocess
+import sys
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from std_srvs.srv import SetBool
+from test_teleop_nodes import Commands
+
+from cassie_msgs.layout import RobotMode
+from cassie_teleop.cmd_vel import AT_REST, VelocityCommands, VelocityError
+
+
+@pytest.fixture
+def commands():
+    commands = VelocityCommands(timeout=0.5, stand_after=2.0)
+    commands.power(True, 0.0)
+    return commands
+
+
+def speeds(wish):
+    return wish.vx, wish.vy, wish.yaw_rate
+
+
+def test_nothing_is_said_before_power_is_asked_for_or_cut():
+    commands = VelocityCommands(0.5, 2.0)
+    commands.receive(0.5, 0.0, 0.0, 0.0)
+    assert commands.wish(0.1) is None
+    commands.power(False, 0.2)
+    assert commands.wish(0.3).emergency_stop
+
+
+def test_power_is_asked_for_at_rest_and_a_velocity_asks_for_walking(commands):
+    commands.receive(0.5, 0.1, -0.2, 0.1)
+    assert commands.wish(0.2).mode == "stand" and speeds(commands.wish(0.2)) == (0.0, 0.0, 0.0)
+    commands.receive(0.5, 0.1, -0.2, AT_REST)
+    wish = commands.wish(AT_REST)
+    assert (wish.mode, *speeds(wish), wish.power) == ("walk", 0.5, 0.1, -0.2, True)
+
+
+def test_silence_is_stop_and_then_stand(commands):
+    commands.receive(0.5, 0.0, 0.0, 2.0)
+    assert commands.wish(2.4).vx == 0.5
+    assert (commands.wish(2.6).mode, commands.wish(2.6).vx) == ("walk", 0.0)
+    assert commands.wish(4.6).mode == "stand"
+
+
+def test_zero_velocities_end_in_standing_too(commands):
+    commands.receive(0.5, 0.0, 0.0, 2.0)
+    for tenth in range(1, 40):
+        commands.receive(0.0, 0.0, 0.0, 2.0 + 0.1 * tenth)
+    assert commands.wish(5.9).mode == "stand"
+
+
+@pytest.mark.parametrize("wild", [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("place", range(3))
+def test_what_is_not_meant_is_refused_by_name_and_counts_as_stop(commands, wild, place):
+    commands.receive(0.5, 0.0, 0.0, 2.0)
+    values = [0.3, 0.1, 0.2]
+    values[place] = wild
+    with pytest.raises(VelocityError, match=r"(linear|angular)\.[xyz] = "):
+        commands.receive(*values, 2.1)
+    assert speeds(commands.wish(2.2)) == (0.0, 0.0, 0.0)
+
+
+def test_too_fast_is_held_within_the_range_and_the_lease_is_asked_for_at_rest(commands):
+    commands.receive(-9.0, 0.0, 9.0, 2.0)
+    assert speeds(commands.wish(2.1)) == (-1.0, 0.0, 1.2)
+    commands.take_over(2.1)
+    assert commands.wish(2.2).take_over and speeds(commands.wish(2.2)) == (0.0, 0.0, 0.0)
+
+
+def start(*arguments):
+    code = "from cassie_teleop.ros.cmd_vel import main; main()"
+    return subprocess.Popen([sys.executable, "-c", code, "--ros-args", *arguments])
+
+
+def stamped(vx):
+    message = TwistStamped()
+    message.twist.linear.x = vx
+    return message
+
+
+def plain(vx):
+    message = Twist()
+    message.linear.x = vx
+    return message
+
+
+@pytest.mark.parametrize("message", [plain, stamped])
+def test_the_node_hears_either_type_and_its_last_word_is_one_stop(node, message):
+    commands = Commands(node)
+    velocities = node.create_publisher(type(message(0.0)), "/cmd_vel", 10)
+    process = start("-p", "power:=true")
+    try:
+
+        def walks(command):
+            velocities.publish(message(0.4))
+            return abs(command.vx - 0.4) < 1e-9
+
+        moving = commands.until(walks, timeout=20.0)
+        assert moving.mode == RobotMode.WALK and moving.power
+        commands.until(lambda c: c.vx == 0.0 and c.link, timeout=10.0)  # nobody speaks any more
+
+        def stops(command):
+            velocities.publish(message(math.nan))
+            return command.vx == 0.0
+
+        commands.until(walks)
+        commands.until(stops)
+        commands.until(walks)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=10) == 0
+        commands.until(lambda c: not c.link)
+        assert [bool(c.link) for c in commands.all[-2:]] == [True, False]
+    finally:
+        process.kill()
+
+
+def test_the_service_switches_power_and_cuts_it_as_an_emergency_stop(node):
+    commands = Commands(node)
+    process = start()
+    try:
+        client = node.create_client(SetBool, "/cmd_vel/power")
+        assert client.wait_for_service(20.0)
+        client.call_async(SetBool.Request(data=True))
+        commands.until(lambda c: bool(c.power), timeout=10.0)
+        client.call_async(SetBool.Request(data=False))
+        assert not commands.until(lambda c: bool(c.emergency_stop), timeout=10.0).power
+    finally:
+        process.kill()
