@@ -65,4 +65,8 @@ if grep -qs '^flags.* avx2 ' /proc/cpuinfo && grep -qs '^flags.* fma ' /proc/cpu
     export OPENBLAS_CORETYPE="${OPENBLAS_CORETYPE:-Haswell}"
     export NPY_DISABLE_CPU_FEATURES="${NPY_DISABLE_CPU_FEATURES:-X86_V4 AVX512_ICL AVX512_SPR}"
 fi
+case "$-${BASH_VERSION:+b}" in
+*i*b) [ -x "$_cassie_venv/bin/register-python-argcomplete" ] &&
+    eval "$("$_cassie_venv/bin/register-python-argcomplete" ros2)" ;;
+esac
 unset _cassie_root _cassie_venv _cassie_bin _cassie_libs _cassie_glfw

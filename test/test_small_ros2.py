@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+import yaml
 from bringup import Robot
+from geometry_msgs.msg import Twist
+from rclpy.executors import SingleThreadedExecutor
 
 from cassie_bags.ros.processes import environment
 
@@ -41,9 +47,9 @@ def test_parameters_are_set_and_services_called(tmp_path: Path) -> None:
         assert "command_timeout" in ask("param", "list", "simulator")[1].split()
         assert ask("param", "set", "simulator", "command_timeout", "7.5") == (
             0,
-            "command_timeout set\n",
+            "Set parameter successful\n",
         )
-        assert ask("param", "get", "simulator", "command_timeout") == (0, "7.5\n")
+        assert ask("param", "get", "simulator", "command_timeout") == (0, "Double value is: 7.5\n")
         code, said = ask("param", "set", "simulator", "command_timeout", "-1.0")
         assert code == 1
         assert "out of range" in said
@@ -79,6 +85,145 @@ def test_a_request_that_makes_no_sense_is_not_sent(words: tuple[str, str], reaso
     code, said = ros2(0, "service", "call", "/cassie/push", *words)
     assert code == 1
     assert reason in said
+
+
+def test_topics_nodes_and_parameters_are_shown_as_the_real_tool_does(tmp_path: Path) -> None:
+    with Robot(tmp_path) as robot:
+        robot.start("simulator")
+        robot.eyes.wait_for(lambda: robot.eyes.node.count_publishers("/clock") > 0, "the simulator")
+
+        def ask(*words: str) -> str:
+            code, said = ros2(robot.domain, *words)
+            assert code == 0, said
+            return said
+
+        assert "/cassie/sensors" in ask("topic", "list").splitlines()
+        assert "/cassie/sensors [cassie_msgs/msg/Sensors]" in ask("topic", "list", "-t")
+        info = ask("topic", "info", "-v", "/cassie/sensors")
+        assert info.startswith("Type: cassie_msgs/msg/Sensors\n\nPublisher count: 1\n\nNode name: ")
+        assert "Reliability: RELIABLE" in info
+        message = yaml.safe_load(ask("topic", "echo", "--once", "/cassie/sensors").rstrip("-\n"))
+        assert len(message["drive_position"]) == 10
+        assert ask("topic", "echo", "--once", "--field", "seq", "/cassie/sensors").endswith("---\n")
+        assert "/simulator" in ask("node", "list").splitlines()
+        assert "    /cassie/sensors: cassie_msgs/msg/Sensors" in ask("node", "info", "/simulator")
+        assert "/cassie/gantry [cassie_msgs/srv/Gantry]" in ask("service", "list", "-t")
+        described = ask("param", "describe", "simulator", "command_timeout")
+        assert described.startswith("Parameter name: command_timeout\n  Type: double\n")
+        assert "    Min value: " in described
+        file = tmp_path / "parameters.yaml"
+        file.write_text(ask("param", "dump", "simulator"))
+        parameters = yaml.safe_load(file.read_text())["/simulator"]["ros__parameters"]
+        loaded = ask("param", "load", "simulator", str(file))  # also of what is fixed
+        assert "Set parameter command_timeout successful" in loaded and "failed" not in loaded
+        parameters["command_timeout"] = -1.0
+        file.write_text(yaml.safe_dump({"simulator": {"ros__parameters": parameters}}))
+        code, said = ros2(robot.domain, "param", "load", "simulator", str(file))
+        assert code == 1
+        assert "Set parameter command_timeout failed: " in said
+        code, said = ros2(robot.domain, "topic", "echo", "/cassie/sensor")
+        assert (code, said.strip()) == (
+            1,
+            "ros2 topic: no topic /cassie/sensor, did you mean /cassie/sensors?",
+        )
+
+
+def test_a_topic_is_published_and_its_rate_measured(node) -> None:
+    seen: list[float] = []
+    node.create_subscription(Twist, "/told", lambda m: seen.append(m.linear.x), 10)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    domain = node.context.get_domain_id()
+    words = ("topic", "pub", "-r", "50", "/told", "geometry_msgs/msg/Twist", "{linear: {x: 0.5}}")
+    talker = subprocess.Popen(
+        [sys.executable, ROS2, *words], env=environment(domain), stdout=subprocess.DEVNULL
+    )
+    meter = subprocess.Popen(
+        [sys.executable, ROS2, "topic", "hz", "/told"],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert meter.stdout is not None
+        first = meter.stdout.readline()
+        assert first.startswith("average rate: ")
+        assert 10.0 < float(first.split()[-1]) < 60.0
+        assert "\tmin: 0.0" in meter.stdout.readline()
+        deadline = time.monotonic() + 20.0
+        while 0.5 not in seen:
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+        talker.send_signal(signal.SIGINT)
+        assert talker.wait(timeout=10) == 130
+    finally:
+        talker.kill()
+        meter.kill()
+        executor.shutdown()
+
+
+def test_an_interface_is_shown_with_what_it_is_made_of() -> None:
+    code, said = ros2(0, "interface", "show", "geometry_msgs/msg/TwistStamped")
+    assert code == 0
+    lines = said.splitlines()
+    assert "std_msgs/Header header" in lines
+    assert "\tbuiltin_interfaces/Time stamp" in lines
+    assert "\t\tint32 sec" in lines
+    assert "\tVector3  linear" in lines
+    assert ros2(0, "interface", "show", "no_msgs/msg/Thing")[0] == 1
+
+
+@pytest.mark.parametrize(
+    "words", [(), ("topic",), ("topic", "list"), ("param",), ("param", "load"), ("interface",)]
+)
+def test_each_verb_has_usage(words: tuple[str, ...]) -> None:
+    code, said = ros2(0, *words, "--help")
+    assert code == 0
+    assert said.startswith(" ".join(("usage: ros2", *words)))
+    assert ros2(0, *words, "--nonsense")[0] == 2
+
+
+def test_another_verb_goes_to_a_real_ros2_where_one_is_installed(tmp_path: Path) -> None:
+    code, said = ros2(0, "bags", "list")
+    assert code == 2
+    assert "not in this small ros2" in said
+    (tmp_path / "bin").mkdir()
+    real = tmp_path / "bin" / "ros2"
+    real.write_text('#!/bin/sh\necho "real $MADE_READY $LD_LIBRARY_PATH:" "$@"\n')
+    real.chmod(0o755)
+    (tmp_path / "setup.bash").write_text("export MADE_READY=yes\n")
+    path = f"{ROS2.parent}:{tmp_path / 'bin'}:{os.environ['PATH']}"
+    done = subprocess.run(
+        [sys.executable, ROS2, "bag", "info", "a b"],
+        capture_output=True,
+        text=True,
+        env=environment(0) | {"PATH": path},
+        check=False,
+    )
+    assert done.stdout == "real yes : bag info a b\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("ros2 to", "topic"),
+        ("ros2 topic e", "echo"),
+        ("ros2 run cassie_tel", "cassie_teleop"),
+        ("ros2 run cassie_teleop key", "keyboard_teleop"),
+    ],
+)
+def test_bash_completes(line: str, found: str) -> None:
+    variables = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_SUPPRESS_SPACE": "1", "_ARGCOMPLETE_IFS": "\n"}
+    variables |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "COMP_TYPE": "9"}
+    script = '"$0" "$1" 8>&1 9>/dev/null >/dev/null 2>/dev/null'
+    done = subprocess.run(
+        ["bash", "-c", script, sys.executable, str(ROS2)],
+        capture_output=True,
+        text=True,
+        env=environment(0) | variables,
+        check=False,
+    )
+    assert found in [word.strip() for word in done.stdout.split()]
 
 
 def test_a_name_that_nothing_can_have_is_refused_in_one_line() -> None:
