@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from cassie_msgs.tunables import replace_checked
+from cassie_teleop.device import RANGES
 from cassie_teleop.keyboard import stopped
 from cassie_teleop.radio import clamped
 from cassie_teleop.wish import Wish
@@ -20,6 +21,9 @@ ASKING = 1.0
 
 LARGEST = 10.0
 """Of a velocity command, in m/s and rad/s; beyond it nothing is meant."""
+
+
+_SET_POINTS = {"linear.x": "vx", "linear.y": "vy", "angular.z": "yaw_rate"}
 
 
 class VelocityError(ValueError):
@@ -42,21 +46,30 @@ class VelocityCommands:
         self._velocity = (0.0, 0.0, 0.0)
         self._came = self._moved = self._powered = self._asked = -math.inf
 
-    def receive(self, vx: float, vy: float, yaw_rate: float, now: float) -> None:
+    def receive(self, vx: float, vy: float, yaw_rate: float, now: float) -> str:
         """Take in a velocity command: forward, to the left (m/s), turn to the left (rad/s).
 
         What is beyond the ranges of the set-points is held within them.
+
+        Returns:
+            Which value is held within its range, in words; empty if none is.
 
         Raises:
             VelocityError: naming a value that is not finite or far beyond; it then counts as stop.
         """
         self._velocity, self._came = (0.0, 0.0, 0.0), now
-        for name, value in (("linear.x", vx), ("linear.y", vy), ("angular.z", yaw_rate)):
+        for name, value in zip(_SET_POINTS, (vx, vy, yaw_rate), strict=True):
             if not abs(value) <= LARGEST:  # not so of NaN
                 raise VelocityError(f"{name} = {value:g} is outside -{LARGEST:g} .. {LARGEST:g}")
         self._velocity = (clamped("vx", vx), clamped("vy", vy), clamped("yaw_rate", yaw_rate))
         if any(self._velocity):
             self._moved = now
+        for (name, set_point), value, held in zip(
+            _SET_POINTS.items(), (vx, vy, yaw_rate), self._velocity, strict=True
+        ):
+            if value != held:
+                return f"{name} is held within {RANGES[set_point].range_text}"
+        return ""
 
     def power(self, on: bool, now: float) -> None:
         """Ask for power, or cut it."""

@@ -4,9 +4,13 @@ import math
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool
 from test_teleop_nodes import Commands
 
@@ -67,7 +71,8 @@ def test_what_is_not_meant_is_refused_by_name_and_counts_as_stop(commands, wild,
 
 
 def test_too_fast_is_held_within_the_range_and_the_lease_is_asked_for_at_rest(commands):
-    commands.receive(-9.0, 0.0, 9.0, 2.0)
+    assert commands.receive(0.5, 0.0, 0.0, 1.9) == ""
+    assert commands.receive(-9.0, 0.0, 9.0, 2.0) == "linear.x is held within -1 .. 4.5 m/s"
     assert speeds(commands.wish(2.1)) == (-1.0, 0.0, 1.2)
     commands.take_over(2.1)
     assert commands.wish(2.2).take_over and speeds(commands.wish(2.2)) == (0.0, 0.0, 0.0)
@@ -118,6 +123,82 @@ def test_the_node_hears_either_type_and_its_last_word_is_one_stop(node, message)
         assert [bool(c.link) for c in commands.all[-2:]] == [True, False]
     finally:
         process.kill()
+
+
+def test_a_flood_is_thinned_out_and_its_end_in_mid_drive_is_a_stop(node):
+    commands = Commands(node)
+    velocities = node.create_publisher(Twist, "/cmd_vel", 10)
+    process = start("-p", "power:=true")
+    try:
+
+        def flood(command):
+            for _ in range(100):
+                velocities.publish(plain(0.4))
+            return abs(command.vx - 0.4) < 1e-9
+
+        commands.until(flood, timeout=20.0)
+        count, begin = len(commands.all), time.monotonic()
+        while time.monotonic() < begin + 1.0:
+            commands.until(flood)
+        assert len(commands.all) - count < 300 * (time.monotonic() - begin)
+        node.destroy_publisher(velocities)
+        stopped = commands.until(lambda c: c.vx == 0.0, timeout=10.0)
+        assert stopped.power and stopped.link
+        assert commands.until(lambda c: c.mode == RobotMode.STAND, timeout=10.0).power
+    finally:
+        process.kill()
+
+
+def test_two_writers_at_once_are_named(node):
+    commands, told = Commands(node), []
+    node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda m: told.extend(s.message for s in m.status), 10
+    )
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    first = node.create_publisher(Twist, "/cmd_vel", 10)
+    second = node.create_publisher(Twist, "/cmd_vel", 10)
+    process = start("-p", "power:=true")
+    try:
+        deadline = time.monotonic() + 30.0
+        while not any("put a twist_mux between them" in message for message in told):
+            assert time.monotonic() < deadline, told
+            first.publish(plain(0.3))
+            second.publish(plain(0.2))
+            executor.spin_once(timeout_sec=0.05)
+        commands.until(lambda c: bool(c.power))
+        assert process.poll() is None
+    finally:
+        process.kill()
+        executor.shutdown()
+
+
+def test_a_writer_of_the_other_type_may_take_over(node):
+    commands = Commands(node)
+    velocities = node.create_publisher(Twist, "/cmd_vel", 10)
+    process = start("-p", "power:=true")
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    other = rclpy.create_node("nav", context=context)
+    try:
+
+        def walks(command):
+            velocities.publish(plain(0.4))
+            return abs(command.vx - 0.4) < 1e-9
+
+        commands.until(walks, timeout=20.0)
+        node.destroy_publisher(velocities)
+        velocities = other.create_publisher(TwistStamped, "/cmd_vel", 10)
+
+        def walks_slowly(command):
+            velocities.publish(stamped(0.2))
+            return abs(command.vx - 0.2) < 1e-9
+
+        commands.until(walks_slowly, timeout=20.0)
+    finally:
+        process.kill()
+        other.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def test_the_service_switches_power_and_cuts_it_as_an_emergency_stop(node):

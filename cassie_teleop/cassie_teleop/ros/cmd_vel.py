@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ TOPIC = "/cmd_vel"
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_APART = 0.005  # s, at least, between commands, however fast velocities come
 _LOOK = 0.5  # s between two looks at who writes the topic
 
 
@@ -63,6 +65,7 @@ class CmdVel(Node):
         self._type = ""
         self._subscription: Any = None
         self._problem = ""
+        self._sent = -math.inf
         self.create_service(SetBool, "/cmd_vel/power", self._on_power)
         self.create_service(Trigger, "/cmd_vel/take_over", self._on_take_over)
         if config.power:
@@ -105,12 +108,13 @@ class CmdVel(Node):
         twist: Twist = message.twist if isinstance(message, TwistStamped) else message
         now = time.monotonic()
         try:
-            self._commands.receive(twist.linear.x, twist.linear.y, twist.angular.z, now)
+            self._problem = self._commands.receive(
+                twist.linear.x, twist.linear.y, twist.angular.z, now
+            )
         except VelocityError as error:
             self._problem = f"refused: {error}"
-        else:
-            self._problem = ""
-        self._send()
+        if now - self._sent >= _APART:
+            self._send()
 
     def _on_power(self, request: Any, response: Any) -> Any:
         self._commands.power(bool(request.data), time.monotonic())
@@ -126,7 +130,8 @@ class CmdVel(Node):
         return response
 
     def _send(self) -> None:
-        wish = self._commands.wish(time.monotonic())
+        now = self._sent = time.monotonic()
+        wish = self._commands.wish(now)
         if wish is not None:
             self._sender.send(wish)
 
