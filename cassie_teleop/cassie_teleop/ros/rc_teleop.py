@@ -21,6 +21,8 @@ from cassie_teleop.radio import Radio, without_link
 from cassie_teleop.receiver import Receiver
 from cassie_teleop.ros.sender import Sender
 
+_APART = 0.005  # s, at least, between commands that nothing urgent is in
+
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
@@ -78,7 +80,7 @@ class RcTeleop(Node):
     def _on_joy(self, joy: Joy) -> None:
         now = time.monotonic()
         urgent = self._receiver.receive(joy.axes, joy.buttons, now)
-        if urgent or now - self._sent >= 0.5 / self._config.rate:
+        if urgent or now - self._sent >= _APART:
             self._timer.reset()
             self._send()
 
