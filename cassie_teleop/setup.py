@@ -35,6 +35,7 @@ setup(
     entry_points={
         "console_scripts": [
             "rc_teleop = cassie_teleop.ros.rc_teleop:main",
+            "doctor = cassie_teleop.ros.doctor:main",
             "cmd_vel = cassie_teleop.ros.cmd_vel:main",
             "joystick = cassie_teleop.ros.joystick:main",
             "keyboard_teleop = cassie_teleop.ros.keyboard_teleop:main",

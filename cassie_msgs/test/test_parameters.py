@@ -9,9 +9,14 @@ from pathlib import Path
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from pick_node import Config
+from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+
+from cassie_msgs.ros.parameters import default_of
+from cassie_msgs.tunables import entries
 
 NODE = Path(__file__).with_name("pick_node.py")
 
@@ -63,6 +68,15 @@ def test_descriptions_and_ranges_come_from_the_dataclass(client):
     assert knee.floating_point_range[0].to_value == 2000.0
     assert rate.read_only and rate.integer_range[0].from_value == 50
     assert grade.additional_constraints == "one of ideal, faithful"
+
+
+def test_descriptors_tell_the_default(client):
+    defaults = {entry.name: entry.value for entry in entries(Config())}
+    names = ["kp_knee", "control_rate", "grade", "trims"]
+    found = client(DescribeParameters, "describe_parameters", names=names).descriptors
+    told = {name: default_of(each) for name, each in zip(names, found, strict=True)}
+    assert told == {name: defaults[name] for name in names} | {"trims": list(defaults["trims"])}
+    assert default_of(ParameterDescriptor(description="by default something")) is None
 
 
 def test_changes_are_followed_and_bad_ones_refused(client):

@@ -88,6 +88,11 @@ def free_domain() -> int:
     raise SecondNodeError(f"ROS domains {DOMAINS[0]} .. {DOMAINS[-1]} are all in use")
 
 
+def held_domains() -> set[int]:
+    """Domains in which a node that runs once is running on this machine."""
+    return {domain for domain in DOMAINS if any(map(_is_held, _files(domain)))}
+
+
 @contextlib.contextmanager
 def run_domain() -> Iterator[int]:
     """A domain that no other run on this machine uses at the same time.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -29,9 +30,13 @@ _HUGE_INT = 2**62
 
 
 def descriptor(entry: Entry) -> ParameterDescriptor:
-    """What `ros2 param describe` tells of a tunable: description, unit, range."""
+    """What `ros2 param describe` tells of a tunable: description, unit, range, default.
+
+    The default is what follows the last "default " of constraints or description, as JSON.
+    """
     spec = entry.spec
     text = f"{spec.description} ({spec.range_text})" if spec.range_text else spec.description
+    default = f"default {json.dumps(entry.value)}"
     # Dynamic typing lets a whole number stand for a float; the check of tunables holds types.
     result = ParameterDescriptor(
         name=entry.name, description=text, read_only=not spec.live, dynamic_typing=True
@@ -47,7 +52,22 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
         result.integer_range = [IntegerRange(from_value=low_int, to_value=high_int, step=1)]
     elif spec.choices:
         result.additional_constraints = spec.range_text
+        result.description = f"{text}; {default}"
+        return result
+    result.additional_constraints = default
     return result
+
+
+def default_of(descriptor: ParameterDescriptor) -> Any:
+    """The default that a descriptor tells, None if it tells none."""
+    for text in (descriptor.additional_constraints, descriptor.description):
+        _, found, value = text.rpartition("default ")
+        if found:
+            try:
+                return json.loads(value)
+            except json.JSONDecodeError:
+                continue
+    return None
 
 
 def declare(node: Node, config: ConfigT) -> ConfigT:
