@@ -14,7 +14,8 @@ from cassie_teleop.wish import MODES, Wish
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
 TRIMS = ("trim_sagittal", "trim_lateral", "trim_pitch", "trim_roll")
-_KEYS = ("axes", "buttons", "setpoints", "power", "mode", "link", "dead_man")
+_BUTTONS = ("enable_button", "enable_turbo_button")
+_KEYS = ("axes", "buttons", "setpoints", "power", "mode", "link", "triggers", *_BUTTONS)
 PartT = TypeVar("PartT")
 
 
@@ -29,6 +30,7 @@ class AxisMap:
     axis: int = tunable(dataclasses.MISSING, "", 0, 63, "Index in Joy.axes")
     scale: float = tunable(dataclasses.MISSING, "", -5, 5, "Set-point at axis 1, less the offset")
     scale_negative: float = tunable(0.0, "", -5, 5, "The same for negative values; 0 is scale")
+    scale_turbo: float = tunable(0.0, "", -5, 5, "Scale with the turbo button held; 0 is scale")
     offset: float = tunable(0.0, "", -5, 5, "Set-point at axis 0")
     dead_band: float = tunable(0.05, "", 0, 0.5, "Values of the axis that count as 0")
 
@@ -45,15 +47,23 @@ class Switch:
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """What a device file says; `README.md` describes its keys."""
+    """What a device file says; `README.md` describes its keys.
 
-    axes: int
-    buttons: int
+    Attributes:
+        axes, buttons: How many `/joy` may have, in ascending order.
+        triggers: Axes that rest at 1 and are told as 0 until they are touched.
+        enable_button, enable_turbo_button: One of them is held to move, if any is given.
+    """
+
+    axes: tuple[int, ...]
+    buttons: tuple[int, ...]
     setpoints: Mapping[str, AxisMap]
     power: Switch
     mode: Mapping[str, Switch]
     link_buttons: tuple[int, ...] = ()
-    dead_man: int | None = None
+    triggers: tuple[int, ...] = ()
+    enable_button: int | None = None
+    enable_turbo_button: int | None = None
     start: Wish = field(default_factory=Wish)
 
 
@@ -85,16 +95,32 @@ def _device(content: Mapping[str, Any]) -> Device:
     _only_known(setpoints, SETPOINTS + TRIMS, "set-point")
     _only_known(modes, MODES[1:], "mode")
     device = Device(
-        axes=_count(content, "axes"),
-        buttons=_count(content, "buttons"),
+        axes=_counts(content, "axes"),
+        buttons=_counts(content, "buttons"),
         setpoints={k: _part(AxisMap, v, f"setpoints.{k}") for k, v in setpoints.items()},
         power=_part(Switch, content["power"], "power"),
         mode={k: _part(Switch, v, f"mode.{k}") for k, v in modes.items()},
-        link_buttons=_link(content),
-        dead_man=content.get("dead_man"),
+        link_buttons=_indices(content, "link", "buttons"),
+        triggers=_indices(content, "triggers", "axes"),
+        enable_button=content.get("enable_button"),
+        enable_turbo_button=content.get("enable_turbo_button"),
     )
     _check_indices(device)
     return device
+
+
+def with_buttons(device: Device, enable: int, turbo: int) -> Device:
+    """The device with other buttons that are held to move; -1 leaves one as it is.
+
+    Raises:
+        DeviceError: if the device has no such button.
+    """
+    given = {
+        name: index for name, index in zip(_BUTTONS, (enable, turbo), strict=True) if index >= 0
+    }
+    changed = dataclasses.replace(device, **given)
+    _check_indices(changed)
+    return changed
 
 
 def _check_indices(device: Device) -> None:
@@ -104,12 +130,13 @@ def _check_indices(device: Device) -> None:
     buttons = {f"{k}.on_button": v.on_button for k, v in switches.items()}
     buttons |= {f"{k}.off_button": v.off_button for k, v in switches.items()}
     buttons |= {f"link[{i}]": b for i, b in enumerate(device.link_buttons)}
-    if device.dead_man is not None:
-        buttons["dead_man"] = device.dead_man
-    for what, table, count in (("axis", axes, device.axes), ("button", buttons, device.buttons)):
+    axes |= {f"triggers[{i}]": axis for i, axis in enumerate(device.triggers)}
+    buttons |= {k: v for k in _BUTTONS if (v := getattr(device, k)) is not None}
+    counts = (("axis", axes, device.axes[0]), ("button", buttons, device.buttons[0]))
+    for what, table, count in counts:
         for name, index in table.items():
             none = -1 if name.partition(".")[0] in ("power", "mode") else 0  # -1: has none
-            if not isinstance(index, int) or not none <= index < count:
+            if type(index) is not int or not none <= index < count:
                 raise DeviceError(f"{name} = {index}: no such {what}, the last is {count - 1}")
     for name, switch in switches.items():
         if switch.axis < 0 and switch.on_button < 0:
@@ -125,10 +152,10 @@ def _part(cls: type[PartT], mapping: object, name: str) -> PartT:
         raise DeviceError(f"{name}: {error}") from None
 
 
-def _link(content: Mapping[str, Any]) -> tuple[int, ...]:
-    value = content.get("link", [])
+def _indices(content: Mapping[str, Any], key: str, what: str) -> tuple[int, ...]:
+    value = content.get(key, [])
     if not isinstance(value, list):
-        raise DeviceError(f"link = {value!r} is not a list of buttons")
+        raise DeviceError(f"{key} = {value!r} is not a list of {what}")
     return tuple(value)
 
 
@@ -138,11 +165,13 @@ def _section(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return dict(content[key])
 
 
-def _count(content: Mapping[str, Any], key: str) -> int:
+def _counts(content: Mapping[str, Any], key: str) -> tuple[int, ...]:
     value = content[key]
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 64:
-        raise DeviceError(f"{key} = {value!r} is outside 0 .. 64")
-    return value
+    counts = value if isinstance(value, list) and value else [value]
+    for count in counts:
+        if type(count) is not int or not 0 <= count <= 64:
+            raise DeviceError(f"{key} = {count!r} is outside 0 .. 64")
+    return tuple(sorted(counts))
 
 
 def _only_known(given: Mapping[str, Any], known: tuple[str, ...], what: str) -> None:

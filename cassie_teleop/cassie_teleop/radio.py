@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -21,6 +22,7 @@ class Radio:
         """Start with nothing latched."""
         self.device = device
         self._latched: dict[str, bool] = {}
+        self._touched: set[int] = set()
 
     def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Wish | None:
         """The wishes behind one set of channels.
@@ -38,14 +40,15 @@ class Radio:
         """
         self._check(axes, buttons)
         device = self.device
+        axes = self._rested(axes)
         power = self._on("power", device.power, axes, buttons)
         asked = [name for name, on in device.mode.items() if self._on(name, on, axes, buttons)]
         if power is None:
             return None
-        held = device.dead_man is None or bool(buttons[device.dead_man])
+        held, turbo = self.held(buttons)
         moves = {"vx", "vy", "yaw_rate"}
         values = {
-            name: clamped(name, mapped(axis_map, axes[axis_map.axis]))
+            name: clamped(name, mapped(axis_map, axes[axis_map.axis], turbo))
             for name, axis_map in device.setpoints.items()
             if held or name not in moves
         }
@@ -60,10 +63,27 @@ class Radio:
             mode=asked[-1] if asked else "stand",
         )
 
+    def held(self, buttons: Sequence[int]) -> tuple[bool, bool]:
+        """Whether a button that lets the robot move is held, and whether it is the turbo button."""
+        enable, turbo = self.device.enable_button, self.device.enable_turbo_button
+        fast = turbo is not None and bool(buttons[turbo])
+        free = enable is None and turbo is None
+        return free or fast or (enable is not None and bool(buttons[enable])), fast
+
+    def _rested(self, axes: Sequence[float]) -> list[float]:
+        """Channels with the triggers that nobody touched yet at rest; drivers tell 0 of them."""
+        values = list(axes)
+        for axis in self.device.triggers:
+            if values[axis] != 0.0:
+                self._touched.add(axis)
+            elif axis not in self._touched:
+                values[axis] = 1.0
+        return values
+
     def cuts_power(self, axes: Sequence[float], buttons: Sequence[int]) -> bool:
         """Whether the power switch is off; of channels that are refused for others, too."""
         device = self.device
-        if (len(axes), len(buttons)) != (device.axes, device.buttons):
+        if len(axes) not in device.axes or len(buttons) not in device.buttons:
             return False  # who knows which of them is the switch
         if device.power.axis >= 0 and not _sound(axes[device.power.axis]):
             return False
@@ -71,12 +91,13 @@ class Radio:
 
     def _check(self, axes: Sequence[float], buttons: Sequence[int]) -> None:
         device = self.device
-        for what, given, count in (
+        for what, given, counts in (
             ("axes", axes, device.axes),
             ("buttons", buttons, device.buttons),
         ):
-            if len(given) != count:
-                raise RadioError(f"/joy has {len(given)} {what}, the device file says {count}")
+            if len(given) not in counts:
+                said = " or ".join(map(str, counts))
+                raise RadioError(f"/joy has {len(given)} {what}, the device file says {said}")
         for index, value in enumerate(axes):
             if not _sound(value):
                 raise RadioError(f"/joy axis {index} = {value:g} is outside -1 .. 1")
@@ -99,9 +120,16 @@ def _sound(value: float) -> bool:
     return abs(value) <= 1.001  # not so of NaN
 
 
-def mapped(axis_map: AxisMap, value: float) -> float:
+def mapped(axis_map: AxisMap, value: float, turbo: bool = False) -> float:
     """Set-point of an axis; continuous at the edge of the dead band, full at 1."""
     band = axis_map.dead_band
+    if turbo and axis_map.scale_turbo and axis_map.scale:
+        ratio = axis_map.scale_turbo / axis_map.scale
+        axis_map = dataclasses.replace(
+            axis_map,
+            scale=axis_map.scale_turbo,
+            scale_negative=axis_map.scale_negative * ratio,
+        )
     beyond = max(0.0, min(1.0, abs(value)) - band) / (1.0 - band)
     if value >= 0.0:
         return axis_map.offset + axis_map.scale * beyond

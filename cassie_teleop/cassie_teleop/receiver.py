@@ -26,7 +26,11 @@ class Receiver:
         self._time: float | None = None
 
     def receive(self, axes: Sequence[float], buttons: Sequence[int], now: float) -> bool:
-        """Take one message, at a monotonic time in s; says whether power has changed."""
+        """Take one message, at a monotonic time in s.
+
+        Returns:
+            Whether it shall be told at once: power has changed, or the robot has to stop.
+        """
         before = self._wish
         self._time = now
         try:
@@ -39,7 +43,9 @@ class Receiver:
             return True
         self._refusal = ""
         self._wish = wish
-        return wish is not None and (before is None or before.power != wish.power)
+        if wish is None:
+            return False
+        return before is None or before.power != wish.power or (_moves(before) and not _moves(wish))
 
     def problem(self, now: float) -> str:
         """What is wrong at a time, in words; empty when all is well."""
@@ -58,3 +64,7 @@ class Receiver:
         if self._wish is None:
             return None
         return without_link(self._wish) if self.problem(now) else self._wish
+
+
+def _moves(wish: Wish) -> bool:
+    return any((wish.vx, wish.vy, wish.yaw_rate))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cassie_teleop.device import AxisMap, DeviceError, read_device
+from cassie_teleop.device import AxisMap, DeviceError, read_device, with_buttons
 from cassie_teleop.radio import Radio, RadioError, mapped
 from cassie_teleop.receiver import Receiver
 
@@ -86,6 +86,79 @@ def test_a_gamepad_says_nothing_until_power_is_pressed_and_moves_only_while_held
     assert not pad.read(axes, pressed(1, 7)).power, "off is stronger than on"
 
 
+PADS = {  # device file, buttons it has, power on, walk
+    "gamepad": (11, 7, 3),
+    "xbox": (11, 7, 3),
+    "ps4": (13, 9, 2),
+    "ps5": (13, 9, 2),
+}
+
+
+def pad_channels(name, *pressed, vx=0.0, triggers=0.0):
+    """What ROS's joy node sends of a pad: axes 2 and 5 are triggers."""
+    count = PADS[name][0]
+    axes = [0.0, vx, triggers, 0.0, 0.0, triggers, 0.0, 0.0]
+    return axes, [int(i in pressed) for i in range(count)]
+
+
+def walking_pad(name):
+    """A pad with power on and walk asked for."""
+    pad = Radio(read_device(CONFIG / f"{name}.yaml"))
+    _, power, walk = PADS[name]
+    pad.read(*pad_channels(name, power))
+    pad.read(*pad_channels(name, walk))
+    return pad
+
+
+@pytest.mark.parametrize("name", PADS)
+def test_each_pad_moves_only_while_its_enable_button_is_held(name):
+    pad = walking_pad(name)
+    assert pad.read(*pad_channels(name, vx=1.0)).vx == 0.0
+    wish = pad.read(*pad_channels(name, 4, vx=1.0))
+    assert wish.mode == "walk" and wish.vx > 0.7 and wish.power
+
+
+@pytest.mark.parametrize("name", ["xbox", "ps4", "ps5"])
+def test_the_turbo_button_alone_moves_faster_both_ways(name):
+    pad = walking_pad(name)
+    assert pad.read(*pad_channels(name, 5, vx=1.0)).vx == pytest.approx(1.5)
+    assert pad.read(*pad_channels(name, 4, 5, vx=-1.0)).vx == pytest.approx(-0.75)
+    assert pad.read(*pad_channels(name, 4, vx=1.0)).vx == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("name", ["xbox", "ps4", "ps5"])
+def test_a_trigger_that_nobody_touched_yet_counts_as_at_rest(name):
+    pad = walking_pad(name)
+    assert pad.read(*pad_channels(name)).height == pytest.approx(0.9)
+    assert pad.read(*pad_channels(name, triggers=-1.0)).height == pytest.approx(0.6)
+    assert pad.read(*pad_channels(name, triggers=0.0)).height == pytest.approx(0.75)
+
+
+def test_a_device_may_have_one_of_several_counts_of_buttons():
+    pad = Radio(read_device(CONFIG / "xbox.yaml"))
+    axes, buttons = pad_channels("xbox", 7)
+    assert pad.read(axes, [*buttons, 0]).power
+    with pytest.raises(RadioError, match="has 13 buttons, the device file says 11 or 12"):
+        pad.read(axes, [*buttons, 0, 0])
+
+
+def test_other_buttons_may_be_held_to_move(radio):
+    device = with_buttons(read_device(CONFIG / "gamepad.yaml"), 9, -1)
+    assert (device.enable_button, device.enable_turbo_button) == (9, None)
+    with pytest.raises(DeviceError, match="enable_turbo_button = 11: no such button"):
+        with_buttons(device, -1, 11)
+
+
+def test_release_of_the_enable_button_is_told_at_once_and_once():
+    receiver = Receiver(walking_pad("xbox"), 0.5)
+    receiver.receive(*pad_channels("xbox"), 1.0)
+    assert not receiver.receive(*pad_channels("xbox", 4, vx=1.0), 1.1)
+    assert receiver.receive(*pad_channels("xbox", vx=1.0), 1.2), "the stop"
+    wish = receiver.wish(1.2)
+    assert (wish.vx, wish.link, wish.power, wish.mode) == (0.0, True, True, "walk")
+    assert not receiver.receive(*pad_channels("xbox", vx=1.0), 1.3), "no second one"
+
+
 def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
     receiver = Receiver(radio, 0.5)
     assert receiver.wish(0.0) is None and "no message" in receiver.problem(0.0)
@@ -132,7 +205,12 @@ def test_the_emergency_stop_works_with_a_broken_stick(radio, axes, power):
         ("link: 1", "link = 1 is not a list of buttons"),
         ("setpoints: {vx: 3}", "setpoints.vx: expected axis, scale"),
         ("link: [-1]", r"link\[0\] = -1: no such button"),
-        ("dead_man: -1", "dead_man = -1: no such button"),
+        ("enable_button: -1", "enable_button = -1: no such button"),
+        ("enable_button: true", "enable_button = True: no such button"),
+        ("enable_turbo_button: 1", "enable_turbo_button = 1: no such button"),
+        ("triggers: [2]", r"triggers\[0\] = 2: no such axis"),
+        ("triggers: 2", "triggers = 2 is not a list of axes"),
+        ("axes: [2, x]", r"axes = 'x' is outside 0 \.\. 64"),
         ("link: [5]", r"link\[0\] = 5: no such button"),
     ],
 )

@@ -87,6 +87,37 @@ def test_rc_teleop_sends_what_the_radio_says_and_loses_the_link_without_it(node)
         end(radio)
 
 
+def test_stick_to_command_takes_at_most_25_ms_and_a_released_button_stops_once(node):
+    """Stamped by the speed itself: each message has another one."""
+    commands = Commands(node)
+    joy = node.create_publisher(Joy, "/joy", 10)
+    start("rc_teleop", "--ros-args", "-p", "device:=xbox")
+
+    def send(vx, *pressed):
+        joy.publish(Joy(axes=[0.0, vx, *6 * [0.0]], buttons=[int(i in pressed) for i in range(11)]))
+
+    commands.until(lambda c: c.power, meanwhile=lambda: send(0.0, 7), timeout=20.0)
+    commands.until(lambda c: c.mode == RobotMode.WALK, meanwhile=lambda: send(0.0, 3))
+    delays = []
+    for index in range(300):
+        vx = 0.2 + 0.8 * index / 300
+        begin = time.monotonic()
+        send(vx, 4)
+        wanted = (vx - 0.1) / 0.9 * 0.8
+        commands.until(lambda c, wanted=wanted: abs(c.vx - wanted) < 1e-4)
+        delays.append(time.monotonic() - begin)
+        time.sleep(0.001 * (index % 20))
+    p99 = sorted(delays)[-4]
+    print(f"stick to command: p50 {1e3 * sorted(delays)[150]:.1f} ms, p99 {1e3 * p99:.1f} ms")
+    assert p99 <= 0.025
+    count = len(commands.all)
+    send(1.0)
+    commands.until(lambda c: c.vx == 0.0, timeout=1.0)
+    with pytest.raises(AssertionError):
+        commands.until(lambda c: c.vx != 0.0, timeout=0.2)
+    assert all(c.link and c.power for c in commands.all[count:])
+
+
 @pytest.mark.parametrize("run", range(5))
 def test_ctrl_c_of_rc_teleop_leaves_exactly_one_stop_while_the_radio_goes_on(node, run):
     commands = Commands(node)
@@ -202,7 +233,8 @@ def test_a_closed_terminal_is_a_stop_and_the_end(node):
     [
         ("scripted_operator", [], "script must be given"),
         ("scripted_operator", ["script:=/nowhere.yaml"], "/nowhere.yaml"),
-        ("rc_teleop", ["device:=wheel"], "no such file; known by name: gamepad, taranis_qx7"),
+        ("rc_teleop", ["device:=wheel"], "known by name: gamepad, ps4, ps5, taranis_qx7, xbox"),
+        ("rc_teleop", ["device:=xbox", "enable_button:=11"], "enable_button = 11: no such button"),
         ("rc_teleop", ["rate:=9000.0"], "rate = 9000 Hz is outside 10 .. 200 Hz"),
         ("keyboard_teleop", [], "the input is no terminal"),
         ("joystick", ["device:=no_such_device"], "joystick"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import NEWEST
 from cassie_msgs.tunables import ParameterError, tunable
-from cassie_teleop.device import read_device
+from cassie_teleop.device import read_device, with_buttons
 from cassie_teleop.radio import Radio, without_link
 from cassie_teleop.receiver import Receiver
 from cassie_teleop.ros.sender import Sender
@@ -28,12 +29,18 @@ class Config:
     device: str = tunable(
         "taranis_qx7", description="Device file: a path, or a name in config/", live=False
     )
+    enable_button: int = tunable(
+        -1, "", -1, 63, "Button held to move; -1 is the device file's", live=False
+    )
+    enable_turbo_button: int = tunable(
+        -1, "", -1, 63, "Button held to move fast; -1 is the device file's", live=False
+    )
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
     joy_timeout: float = tunable(0.5, "s", 0.05, 5, "Age of /joy from which the link is lost")
 
 
 class RcTeleop(Node):
-    """Sends what the device asks for, and at once when its power switch moves."""
+    """Sends what the device asks for as it comes, and at once when it cuts power or stops."""
 
     def __init__(self, stop: process.Stop) -> None:
         """Read the device file and begin to send.
@@ -43,7 +50,11 @@ class RcTeleop(Node):
         """
         super().__init__("rc_teleop")
         config = parameters.declare(self, Config())
-        device = read_device(device_path(config.device))
+        device = with_buttons(
+            read_device(device_path(config.device)),
+            config.enable_button,
+            config.enable_turbo_button,
+        )
         self._receiver = Receiver(Radio(device), config.joy_timeout)
         self._config = config
         parameters.on_change(self, lambda: self._config, self._configure)
@@ -51,7 +62,8 @@ class RcTeleop(Node):
         self._diagnostics = diagnostics.Diagnostics(self)
         self.create_subscription(Joy, "/joy", self._on_joy, NEWEST)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / config.rate, self._send, clock=steady)
+        self._timer = self.create_timer(1.0 / config.rate, self._send, clock=steady)
+        self._sent = -math.inf
 
     def close(self) -> None:
         """Send exactly one stop."""
@@ -64,11 +76,14 @@ class RcTeleop(Node):
         self._receiver.timeout = config.joy_timeout
 
     def _on_joy(self, joy: Joy) -> None:
-        if self._receiver.receive(joy.axes, joy.buttons, time.monotonic()):
+        now = time.monotonic()
+        urgent = self._receiver.receive(joy.axes, joy.buttons, now)
+        if urgent or now - self._sent >= 0.5 / self._config.rate:
+            self._timer.reset()
             self._send()
 
     def _send(self) -> None:
-        now = time.monotonic()
+        now = self._sent = time.monotonic()
         problem = self._receiver.problem(now)
         level = diagnostics.WARN if problem else diagnostics.OK
         self._diagnostics.set("radio", level, problem or "link good", device=self._config.device)
