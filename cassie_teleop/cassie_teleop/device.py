@@ -115,10 +115,11 @@ def with_buttons(device: Device, enable: int, turbo: int) -> Device:
     Raises:
         DeviceError: if the device has no such button.
     """
-    given = {
-        name: index for name, index in zip(_BUTTONS, (enable, turbo), strict=True) if index >= 0
-    }
-    changed = dataclasses.replace(device, **given)
+    changed = dataclasses.replace(
+        device,
+        enable_button=enable if enable >= 0 else device.enable_button,
+        enable_turbo_button=turbo if turbo >= 0 else device.enable_turbo_button,
+    )
     _check_indices(changed)
     return changed
 
