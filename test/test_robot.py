@@ -42,8 +42,10 @@ class Screen:
         """Press keys."""
         os.write(self._master, keys.encode())
 
-    def close(self) -> None:
-        """End the program."""
+    def __enter__(self) -> Screen:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self.process.terminate()
         self.process.wait(10)
         os.close(self._master)
@@ -63,6 +65,13 @@ class Starter:
             # As a shell starts what it runs in the background.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
         )
+
+    def __enter__(self) -> Starter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.end()
 
     def ready(self) -> None:
         """Wait until it says that the robot can be driven."""
@@ -98,10 +107,10 @@ def nodes_of(logs: Path) -> list[str]:
 
 
 def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int) -> None:
-    starter = Starter(tmp_path, domain)
-    starter.ready()
-    assert len(nodes_of(starter.logs)) == 4
-    assert starter.end() == (0, "")
+    with Starter(tmp_path, domain) as starter:
+        starter.ready()
+        assert len(nodes_of(starter.logs)) == 4
+        assert starter.end() == (0, "")
     assert nodes_of(starter.logs) == []
     assert {log.stem for log in starter.logs.glob("*.log")} == {
         *("simulator", "state_estimator", "gait_controller", "mode_supervisor")
@@ -111,8 +120,8 @@ def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int
 def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
     tmp_path: Path, domain: int
 ) -> None:
-    starter = Starter(tmp_path, domain, "-p", "state_estimator:control_rate:=400")
-    _, errors = starter.process.communicate(timeout=PATIENCE)
+    with Starter(tmp_path, domain, "-p", "state_estimator:control_rate:=400") as starter:
+        _, errors = starter.process.communicate(timeout=PATIENCE)
     assert starter.process.returncode == 1
     assert "state_estimator ended with exit code 2" in errors and "control_rate = 400" in errors
     assert nodes_of(starter.logs) == []
@@ -128,8 +137,8 @@ def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
 def test_wrong_arguments_are_one_line(
     tmp_path: Path, domain: int, arguments: list[str], message: str
 ) -> None:
-    starter = Starter(tmp_path, domain, *arguments)
-    _, errors = starter.process.communicate(timeout=PATIENCE)
+    with Starter(tmp_path, domain, *arguments) as starter:
+        _, errors = starter.process.communicate(timeout=PATIENCE)
     assert starter.process.returncode == 2 and message in errors
 
 
@@ -141,10 +150,12 @@ def seeds() -> range:
 @pytest.mark.parametrize("seed", seeds())
 def test_the_ride_of_the_readme_by_keyboard(tmp_path: Path, domain: int, seed: int) -> None:
     arguments = ["--scene", "segway", "-p", f"simulator:seed:={seed}"]
-    starter = Starter(tmp_path, domain, *arguments)
-    starter.ready()
-    screen = Screen(executable("cassie_teleop", "keyboard_teleop"), domain)
-    with Eyes(domain) as eyes:
+    with (
+        Starter(tmp_path, domain, *arguments) as starter,
+        Screen(executable("cassie_teleop", "keyboard_teleop"), domain) as screen,
+        Eyes(domain) as eyes,
+    ):
+        starter.ready()
 
         def until(condition: Callable[[], Any], what: str) -> None:
             eyes.wait_for(lambda: screen.look() is not None and condition(), what, PATIENCE)
@@ -157,32 +168,29 @@ def test_the_ride_of_the_readme_by_keyboard(tmp_path: Path, domain: int, seed: i
             ended = eyes.tick + round(500 * seconds)
             until(lambda: eyes.tick > ended, "time to pass")
 
-        try:
-            until(lambda: "Ctrl-C" in screen.shown and "off" in screen.look(), "the keyboard")
-            screen.type("p" + 13 * "f")
-            until(lambda: eyes.mode == "stand", "power")
-            wait(2.0)
-            screen.type("n")
-            until(lambda: "lets go" in screen.shown and eyes.height() < 0.9, "the platform")
-            wait(2.0)
-            screen.type("3")
-            until(lambda: eyes.mode == "segway", "mode segway")
-            wait(14.0)  # after the 12 s in which the bar was let go by itself
-            assert abs(speed()) < 0.05
-            screen.type("b")
-            until(lambda: "nobody holds the bar" in screen.shown, "the bar let go of")
-            wait(2.0)
-            screen.type("iii")
-            until(lambda: speed() > 0.5, "0.5 m/s")
-            screen.type("kkkkkk")
-            until(lambda: speed() < 0.2, "braking")
-            screen.type("b")
-            until(lambda: "somebody holds the bar" in screen.shown, "the bar held")
-            wait(2.0)
-            assert eyes.mode == "segway" and robot_is_up(eyes)
-        finally:
-            screen.close()
-    assert starter.end()[0] == 0
+        until(lambda: "Ctrl-C" in screen.shown and "off" in screen.look(), "the keyboard")
+        screen.type("p" + 13 * "f")
+        until(lambda: eyes.mode == "stand", "power")
+        wait(2.0)
+        screen.type("n")
+        until(lambda: "lets go" in screen.shown and eyes.height() < 0.9, "the platform")
+        wait(2.0)
+        screen.type("3")
+        until(lambda: eyes.mode == "segway", "mode segway")
+        wait(14.0)  # after the 12 s in which the bar was let go by itself
+        assert abs(speed()) < 0.05
+        screen.type("b")
+        until(lambda: "nobody holds the bar" in screen.shown, "the bar let go of")
+        wait(2.0)
+        screen.type("iii")
+        until(lambda: speed() > 0.5, "0.5 m/s")
+        screen.type("kkkkkk")
+        until(lambda: speed() < 0.2, "braking")
+        screen.type("b")
+        until(lambda: "somebody holds the bar" in screen.shown, "the bar held")
+        wait(2.0)
+        assert eyes.mode == "segway" and robot_is_up(eyes)
+        assert starter.end()[0] == 0
 
 
 def robot_is_up(eyes: Eyes) -> bool:
@@ -191,9 +199,8 @@ def robot_is_up(eyes: Eyes) -> bool:
 
 
 def test_the_status_lines_fit_80_columns(domain: int) -> None:
-    screen = Screen(executable("cassie_teleop", "keyboard_teleop"), domain)
     deadline = time.monotonic() + PATIENCE
-    try:
+    with Screen(executable("cassie_teleop", "keyboard_teleop"), domain) as screen:
         while "no word from the supervisor" not in screen.look():
             assert time.monotonic() < deadline
             time.sleep(0.05)
@@ -203,6 +210,4 @@ def test_the_status_lines_fit_80_columns(domain: int) -> None:
             assert time.monotonic() < deadline
             time.sleep(0.05)
         lines = re.sub(r"\x1b\[\w+", "", screen.shown).splitlines()
-        assert max(map(len, lines)) <= 80
-    finally:
-        screen.close()
+    assert max(map(len, lines)) <= 80
