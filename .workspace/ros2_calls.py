@@ -26,11 +26,15 @@ from rcl_interfaces.srv import (
     SetParameters,
 )
 from rclpy.exceptions import NameValidationException
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.ros.transport import use_loopback
+
+RCLError = rclpy_implementation.RCLError
 
 PATIENCE = 10.0
 """Wall time in which a node must be found, and then answer. In s."""
@@ -529,6 +533,10 @@ def _node() -> Iterator[Node]:
         node = rclpy.create_node(f"ros2_{os.getpid()}", start_parameter_services=False)
         yield node
         node.destroy_node()
+    except (ExternalShutdownException, RCLError):
+        if rclpy.ok():
+            raise
+        raise KeyboardInterrupt from None  # which rclpy has taken for itself
     finally:
         rclpy.try_shutdown()
 

@@ -142,6 +142,7 @@ def test_a_topic_is_published_and_its_rate_measured(node) -> None:
         [sys.executable, ROS2, "topic", "hz", "/told"],
         env=environment(domain),
         stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
     )
     try:
@@ -150,6 +151,9 @@ def test_a_topic_is_published_and_its_rate_measured(node) -> None:
         assert first.startswith("average rate: ")
         assert 10.0 < float(first.split()[-1]) < 60.0
         assert "\tmin: 0.0" in meter.stdout.readline()
+        meter.send_signal(signal.SIGINT)
+        _, said = meter.communicate(timeout=20)
+        assert (meter.returncode, said) == (130, "")
         deadline = time.monotonic() + 20.0
         while 0.5 not in seen:
             assert time.monotonic() < deadline

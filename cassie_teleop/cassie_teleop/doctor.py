@@ -276,7 +276,10 @@ def _time(facts: Facts) -> Iterator[Finding]:
 
 def _words(facts: Facts) -> Iterator[Finding]:
     """What the nodes say themselves."""
+    nobody = not facts.writers("/cassie/operator_command")
     for fault in facts.faults:
+        if nobody and fault.startswith("operator lost"):
+            continue  # it never was there, or has ended: `_operators` says so
         advice = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
         yield Finding(ERROR, "fault", fault, advice)
     for level, name, message in facts.diagnostics:

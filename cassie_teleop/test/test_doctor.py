@@ -59,6 +59,15 @@ def test_a_healthy_robot_has_no_findings():
         (without("/cassie/sensors"), ERROR, "ros2 run cassie_sim simulator"),
         (without("/cassie/mode"), ERROR, "ros2 run cassie_control mode_supervisor"),
         (without("/cassie/operator_command"), NOTE, "nobody drives"),
+        (
+            replace(
+                without("/cassie/operator_command"),
+                faults=("operator lost: stopping and standing",),
+                diagnostics=((2, "mode_supervisor: o", "operator lost: stopping and standing"),),
+            ),
+            NOTE,
+            "nobody drives",
+        ),
         (beside("/cassie/motor_command"), ERROR, "/gait_controller, /other write"),
         (
             replace(beside("/joy"), ends=2 * beside("/joy").ends[-1:] + HEALTHY.ends),

@@ -30,7 +30,7 @@ from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.claim import held_domains
 from cassie_msgs.ros.fast_lane import NEWEST, message_type
 from cassie_msgs.ros.parameters import default_of
-from cassie_msgs.ros.transport import use_loopback
+from cassie_msgs.ros.transport import PROFILE, use_loopback
 from cassie_teleop.doctor import LANE, End, Facts, as_json, exit_code, findings, report
 
 RCLError = rclpy_implementation.RCLError
@@ -199,7 +199,12 @@ class Doctor(Node):
         return future.result() if future.done() else None
 
 
-_DISCOVERY = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+# As it was before this process, or the one that started it, chose the loopback interface.
+_DISCOVERY = (
+    "LOCALHOST"
+    if os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE") == str(PROFILE)
+    else os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+)
 
 
 def _same(value: Any, default: Any) -> bool:
