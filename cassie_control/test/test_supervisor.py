@@ -9,6 +9,8 @@ from supervised import CONFIG, DAMP, OFF, PERIOD, STAND, WALK, Scene
 
 from cassie_control.controller.readings import WEIGHT
 from cassie_control.errors import ControlError
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_msgs.layout import RobotState
 
 
 def test_without_power_off_and_with_it_stand(scene):
@@ -169,6 +171,13 @@ def test_a_lost_operator_stops_and_stands(walking):
     assert walking.mode is STAND
     assert float(mode.vx) == 0.0
     assert float(mode.height) == pytest.approx(CONFIG.walk_height)
+
+
+def test_nothing_is_wrong_with_a_robot_that_nobody_has_driven_yet():
+    supervisor, state = ModeSupervisor(CONFIG, PERIOD), RobotState()
+    state.q[2] = 1.2
+    supervisor.step(state, None)
+    assert supervisor.status.faults == ()
 
 
 def test_a_bad_link_counts_as_a_lost_operator(walking):

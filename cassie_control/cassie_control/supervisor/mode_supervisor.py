@@ -149,7 +149,7 @@ class ModeSupervisor:
             segway=reasons[RobotMode.SEGWAY],
             faults=faults(
                 self._posture.fallen,
-                linked,
+                linked or not powered,  # without power there is nothing that needs one
                 refused,
                 failed,
                 self._loss.recent if self._late else 0.0,

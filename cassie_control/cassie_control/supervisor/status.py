@@ -71,7 +71,7 @@ def faults(
 
     Args:
         fallen: Whether Cassie fell.
-        linked: Whether the operator's commands arrive over a good link.
+        linked: Whether the operator's commands arrive over a good link, where they are needed.
         refused: Why his command is refused, or empty.
         failed: Sensors' channels that fail, a bit each.
         missed: Share of missed control ticks, where it is too large, else 0.
