@@ -52,7 +52,7 @@ def test_stand_walk_turn_stop_stand_and_emergency_stop(robot, browser):
                 return True
             if time.monotonic() - pressed > 2.0:
                 pressed = time.monotonic()
-                page.locator(f"[data-press={button}]").first.evaluate("button => button.click()")
+                page.evaluate("at => document.querySelector(at)?.click()", f"[data-press={button}]")
             return False
 
         eyes.wait_for(done, what)

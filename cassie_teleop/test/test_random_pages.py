@@ -21,6 +21,7 @@ from cassie_teleop.radio import clamped
 SECONDS = float(os.environ.get("CASSIE_RANDOM_INPUT", "10"))
 CLIENTS = 50
 _GROWTH = 8.0  # MiB
+_LONGEST_VISIT = 5.0  # s
 _WILD = (float("nan"), float("inf"), -1e308, 1e9, -1.0, 0.0, 0.5, None, "1", [], True)
 _PRESSES = tuple(button for button in BUTTONS if button != RECORD)  # would start processes
 _WHAT = ("bytes", "text", "wild", "raw", "beat", "press", "slide", "leave")
@@ -60,11 +61,16 @@ class Crowd:
     async def _come_and_go(self, session, rng):
         while not self._ended:
             with suppress(aiohttp.ClientError, ConnectionError, asyncio.TimeoutError):
-                headers = {"Origin": self._origin}
-                async with session.ws_connect(f"{self._origin}/socket", headers=headers) as socket:
-                    self.visits += 1
-                    await self._talk(socket, rng)
+                await asyncio.wait_for(self._visit(session, rng), _LONGEST_VISIT)
             await asyncio.sleep(rng.uniform(0.0, 0.2))
+
+    async def _visit(self, session, rng):
+        headers = {"Origin": self._origin}
+        timeout = aiohttp.ClientWSTimeout(ws_close=1.0)
+        socket = session.ws_connect(f"{self._origin}/socket", headers=headers, timeout=timeout)
+        async with socket as opened:
+            self.visits += 1
+            await self._talk(opened, rng)
 
     async def _talk(self, socket, rng):
         echo = 0.0
