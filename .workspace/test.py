@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PYTEST = (sys.executable, "-m", "pytest", "-q")
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-rs")  # says why tests were skipped
 BAGS_NODES = tuple(
     f"bags/test/test_{name}.py" for name in ("experiment_nodes", "record_nodes", "bench")
 )

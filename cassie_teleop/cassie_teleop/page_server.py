@@ -174,14 +174,18 @@ class PageServer:
         if len(self._open) >= MAX_PAGES:
             return web.Response(status=503, text=f"{MAX_PAGES} pages are open already\n")
         opened = web.WebSocketResponse(max_msg_size=_LONGEST, compress=False, timeout=_SHUTDOWN)
-        await opened.prepare(request)
+        try:
+            await opened.prepare(request)
+        except ConnectionError:  # it left at the door
+            return opened
         self._number += 1
         page = self._number
         self._open[page] = opened
         hello = self._pages.join(page, request.remote or "")
         frames = asyncio.create_task(self._send_frames(page, opened, hello))
         try:
-            await self._listen(page, opened)
+            with suppress(ConnectionError):  # it is gone while it is answered
+                await self._listen(page, opened)
         finally:
             del self._open[page]
             self._pages.leave(page)

@@ -43,7 +43,6 @@ class Driver:
 
     def press(self, button, condition):
         """Press a button, again where the page was too slow for it, until a condition holds."""
-        selector = f"[data-press={button}]"
         pressed = 0.0
 
         def done():
@@ -52,7 +51,9 @@ class Driver:
                 return True
             if time.monotonic() - pressed > 1.0:
                 pressed = time.monotonic()
-                self.page.locator(selector).first.evaluate("button => button.click()")
+                self.page.evaluate(
+                    "at => document.querySelector(at)?.click()", f"[data-press={button}]"
+                )
             return False
 
         self.robot.until(done)
