@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,9 @@ from cassie_bags.metrics import PHASE_METRICS, RUN_METRICS, Metrics, PhaseMetric
 from cassie_bags.track import TRACKED
 from cassie_msgs.tunables import as_mapping
 
-_HEADINGS = ("vx m/s", "vy m/s", "yaw rad/s", "height m")
+_HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
+_UNITS = "m/s, rad/s, m, deg"
+_WIDTH = 80  # of a terminal, in characters
 
 
 @dataclass(frozen=True)
@@ -83,14 +86,14 @@ def json_line(outcome: Outcome) -> str:
 def table(outcome: Outcome) -> str:
     """The run as a table: what was commanded and achieved in each phase, then the verdict."""
     metrics = outcome.metrics
-    columns = ["phase", "from s", "to s", *_HEADINGS, "drift m", "turn deg"]
-    rows = [columns] + [_row(phase) for phase in metrics.phases]
+    rows: list[Sequence[str]] = [_HEADINGS]
+    for phase in metrics.phases:
+        rows += _rows(phase)
     lines = [
-        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how}: "
-        "commanded > achieved (RMS error)",
-        *_aligned(rows),
+        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how} ({_UNITS})",
+        *_aligned(rows, left=2),
         "",
-        _drawn(outcome.experiment),
+        *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
         f"{metrics.run['duration']:.2f} s of robot time, {metrics.run['steps']:.0f} steps",
         f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
@@ -130,23 +133,32 @@ def _drawn(experiment: Experiment) -> str:
     )
 
 
-def _row(phase: PhaseMetrics) -> list[str]:
-    name = phase.phase.name if phase.reached else f"{phase.phase.name} (not reached)"
-    row = [name, f"{phase.phase.t0:.1f}", f"{phase.phase.t1:.1f}"]
+def _rows(phase: PhaseMetrics) -> list[list[str]]:
+    """Name and time of a phase; what was commanded, achieved, and the error between."""
+    time = f"{phase.phase.t0:.1f} .. {phase.phase.t1:.1f} s"
     if not phase.reached:
-        return [*row, *["-"] * (len(TRACKED) + 2)]
-    for key in TRACKED:
-        commanded, achieved = phase.commanded[key], phase.values[key]
-        row.append(f"{commanded:.2f} > {achieved:.3f} ({phase.values[key + '_rms']:.3f})")
-    return [*row, f"{phase.values['drift']:.2f}", f"{phase.values['turn_deg']:.0f}"]
+        empty = ["-"] * (len(TRACKED) + 2)
+        return [[phase.phase.name, "not", *empty], [time, "reached", *empty]]
+    commanded = [f"{phase.commanded[key]:.2f}" for key in TRACKED]
+    achieved = [f"{phase.values[key]:.3f}" for key in TRACKED]
+    errors = [f"{phase.values[key + '_rms']:.3f}" for key in TRACKED]
+    moved = [f"{phase.values['drift']:.2f}", f"{phase.values['turn_deg']:.0f}"]
+    return [
+        [phase.phase.name, "commanded", *commanded, "", ""],
+        [time, "achieved", *achieved, *moved],
+        ["", "RMS error", *errors, "", ""],
+    ]
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def _aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Rows in columns under a rule, the first `left` of them flush left."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = []
     for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        cells = [
+            cell.ljust(width) if column < left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
         lines.append("  ".join(cells).rstrip())
     lines.insert(1, "-" * max(map(len, lines)))
     return lines

@@ -68,6 +68,17 @@ def test_a_run_as_expected_is_one_line_of_json_and_a_table(file: Path):
     assert process.stderr.rstrip().endswith("passed")
 
 
+def test_the_table_fits_80_columns_and_has_target_and_pass(file: Path):
+    phases = (
+        "expect.phases=[{name: from ahead and the right, t0: 0.6, t1: 1.0, vx: {max: 0.5}},"
+        " {name: later, t0: 2.0, t1: 103.0}]"
+    )
+    lines = experiment(file, "--in-process", "--seed", "7", "--set", phases).stderr.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.split()[-3:] == ["value", "target", "pass"] for line in lines)
+    assert any("vx" in line and line.endswith("<= 0.5   yes") for line in lines)
+
+
 def test_a_run_not_as_expected_exits_with_1_and_says_why(file: Path):
     change = "expect.phases.0.vx={min: 2.0}"
     process = experiment(file, "--in-process", "--set", change)
