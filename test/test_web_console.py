@@ -1,5 +1,6 @@
 """The real robot, driven from a real browser."""
 
+import math
 import re
 import time
 
@@ -42,20 +43,46 @@ def test_stand_walk_turn_stop_stand_and_emergency_stop(robot, browser):
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(address_of(robot))
 
-    def press(button, condition, what):
-        """Press a button, again where the link was too slow for it, until a condition holds."""
-        pressed = 0.0
+    def until(condition, what, act):
+        """Act now and every two seconds, since a page that was late has to begin anew."""
+        acted = -math.inf
 
         def done():
-            nonlocal pressed
+            nonlocal acted
             if condition():
                 return True
-            if time.monotonic() - pressed > 2.0:
-                pressed = time.monotonic()
-                page.evaluate("at => document.querySelector(at)?.click()", f"[data-press={button}]")
+            if time.monotonic() - acted > 2.0:
+                act()
+                acted = time.monotonic()
             return False
 
         eyes.wait_for(done, what)
+
+    def click(button):
+        page.evaluate("at => document.querySelector(at)?.click()", f"[data-press={button}]")
+
+    def press(button, condition, what):
+        until(condition, what, lambda: click(button))
+
+    def hold(keys, condition, what):
+        """Walk with keys held; after a lost link walk again, with keys pressed again."""
+        driven = False
+
+        def act():
+            nonlocal driven
+            if driven and eyes.mode == "walk" and text("driver") == "you drive":
+                return  # it is on its way
+            for key in keys:
+                page.keyboard.up(key)
+            click("walk")
+            driven = eyes.mode == "walk" and text("driver") == "you drive"
+            if driven:
+                for key in keys:
+                    page.keyboard.down(key)
+
+        until(condition, what, act)
+        for key in keys:
+            page.keyboard.up(key)
 
     def text(name):
         return page.locator(f"#{name}").text_content().strip().lower()
@@ -65,15 +92,10 @@ def test_stand_walk_turn_stop_stand_and_emergency_stop(robot, browser):
     press("lower", lambda: eyes.height() < 0.95, "the ground")
     eyes.wait_for(lambda: eyes.mode == "stand" and text("readiness") == "it stands", "standing")
     press("walk", lambda: eyes.mode == "walk", "walking")
-    eyes.wait_for(lambda: text("driver") == "you drive", "sticks that count")
     began, _ = eyes.position()
-    page.keyboard.down("w")
-    eyes.wait_for(lambda: eyes.position()[0] > began + 1.0, "a metre ahead")
-    page.keyboard.down("a")
+    hold("w", lambda: eyes.position()[0] > began + 1.0, "a metre ahead")
     yaw = eyes.yaw()
-    eyes.wait_for(lambda: eyes.yaw() > yaw + 0.5, "a turn to the left")
-    page.keyboard.up("a")
-    page.keyboard.up("w")
+    hold("wa", lambda: eyes.yaw() > yaw + 0.5, "a turn to the left")
     press("stand", lambda: eyes.mode == "stand", "standing again")
     assert robot.stands()
     page.keyboard.press("Escape")
