@@ -16,11 +16,11 @@ bench: build ## speed of the loop, side by side; also in build/bench.json
 	@. ./env.sh && python3 -m cassie_bags.ros.bench --out build/bench.json
 
 experiments: build ## every experiment file, with bags, pictures and one page: build/experiments/report.html; checks all fingerprints
-	@. ./env.sh && { python3 -m cassie_bags.ros.experiments --out build/experiments; status=$$?; \
+	@. ./env.sh && { python3 -m cassie_bags.cli.experiments --out build/experiments; status=$$?; \
 	[ $$status -le 1 ] && python3 -m cassie_bags.cli.fingerprint --bags build/experiments && exit $$status; }
 
 sweeps: build ## what Cassie can do: every figure beside its target and the paper's law; ROWS="push_in_place" for some
-	@. ./env.sh && python3 -m cassie_bags.ros.sweep $(ROWS) $(SWEEP_OPTIONS) --out build/sweeps
+	@. ./env.sh && python3 -m cassie_bags.cli.sweep $(ROWS) $(SWEEP_OPTIONS) --out build/sweeps
 
 lint: build ## ruff, and mypy (strict on the cores)
 	@.workspace/lint.sh

@@ -7,9 +7,9 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-from cassie_bags.cores import connect, make_cores
-from cassie_bags.experiment_file import load_experiment
-from cassie_bags.resolve import resolve
+from cassie_bags.run.cores import connect, make_cores
+from cassie_bags.run.experiment import load_experiment
+from cassie_bags.run.seed import resolve
 from cassie_sim.camera import Camera, Image, frame_of
 from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.scenario import Scenario

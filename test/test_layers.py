@@ -22,6 +22,10 @@ MAY_IMPORT = {
     "cassie_teleop": {"cassie_msgs"},
     "cassie_bags": set(FOLDERS) - {"cassie_bags"},
 }
+LAYERS = ("bag", "signals", "run", "report", "studies")
+"""Subpackages of cassie_bags, from below: each imports from those before it and itself only."""
+FRONT = ("cli", "ros")
+"""What stands above them: commands and nodes, which may start each other."""
 ROS = {"rclpy", "ament_index_python", "rcl_interfaces", "builtin_interfaces", "std_msgs"}
 ROS |= {"sensor_msgs", "nav_msgs", "geometry_msgs", "diagnostic_msgs", "rosgraph_msgs", "tf2_msgs"}
 
@@ -43,6 +47,11 @@ def is_ros(module):
     )
 
 
+def is_command_and_node(path, module):
+    """Whether a command line starts nodes of its own package."""
+    return path.parent.name == "cli" and module.startswith("cassie_bags.ros.")
+
+
 @pytest.mark.parametrize("package", FOLDERS)
 def test_only_ros_folders_import_ros(package):
     wrong = [
@@ -50,7 +59,7 @@ def test_only_ros_folders_import_ros(package):
         for path in FOLDERS[package].rglob("*.py")
         if "ros" not in path.relative_to(FOLDERS[package]).parts
         for module in imports(path)
-        if is_ros(module)
+        if is_ros(module) and not is_command_and_node(path, module)
     ]
     assert not wrong
 
@@ -64,6 +73,34 @@ def test_packages_import_only_what_lies_below_them(package):
         if module.split(".")[0] in set(FOLDERS) - MAY_IMPORT[package] - {package}
     ]
     assert not wrong
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_layers_of_the_bags_import_only_what_lies_below_them(layer):
+    folder = FOLDERS["cassie_bags"] / layer
+    below = {*LAYERS[: LAYERS.index(layer) + 1], "errors"}
+    found = [
+        (path, module.split(".")[1])
+        for path in folder.rglob("*.py")
+        for module in imports(path)
+        if module.startswith("cassie_bags.")
+    ]
+    assert found
+    assert not [f"{path.relative_to(ROOT)}: {name}" for path, name in found if name not in below]
+
+
+def test_bags_are_read_and_written_without_physics():
+    loaded = {
+        module.split(".")[0]
+        for path in (FOLDERS["cassie_bags"] / "bag").rglob("*.py")
+        for module in imports(path)
+    }
+    assert not loaded & {"mujoco", "cassie_sim", "cassie_control", "cassie_gaits", "matplotlib"}
+
+
+def test_every_folder_of_the_bags_has_its_place():
+    folders = {path.parent.name for path in FOLDERS["cassie_bags"].glob("*/__init__.py")}
+    assert folders == {*LAYERS, *FRONT}
 
 
 def test_the_reader_of_imports_sees_them(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bringup import PATIENCE, STAND, WALK, Robot
 
-from cassie_bags.recording import read_recording
+from cassie_bags.bag.recording import read_recording
 from cassie_msgs.layout import Sensors
 
 REPORT_LIMIT = 1.0

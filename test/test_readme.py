@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from rclpy.context import Context
 
-from cassie_bags.sweeps.table import all_rows
+from cassie_bags.studies.sweep.table import all_rows
 from cassie_control.controller.config import ControllerConfig
 from cassie_msgs.tunables import names
 

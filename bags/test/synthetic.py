@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from cassie_bags.leg_geometry import leg_points
-from cassie_bags.recording import GROUND_TRUTH_TOPIC, Recording, from_messages
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, Recording, from_messages
+from cassie_bags.signals.leg_geometry import leg_points
 from cassie_gaits.robot import NEUTRAL_TARSUS, SOLE_RADIUS
 from cassie_msgs.layout import (
     SAMPLE_TYPES,

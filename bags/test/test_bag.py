@@ -14,20 +14,20 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from synthetic import TICK_NS, glide_messages
 
-from cassie_bags.bag_reader import BagIndex, read_messages
-from cassie_bags.continuity import differences, gaps
-from cassie_bags.errors import BagError
-from cassie_bags.mcap_recover import recover
-from cassie_bags.mcap_writer import CHUNK_NS, QOS_LANE, BagWriter
-from cassie_bags.odometry import TYPE as ODOMETRY
-from cassie_bags.recording import (
+from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
     LANE_TOPICS,
     RECORDED_TOPICS,
     from_messages,
     read_recording,
 )
-from cassie_bags.recording import TYPES as RECORDED_TYPES
+from cassie_bags.bag.recording import TYPES as RECORDED_TYPES
+from cassie_bags.bag.recover import recover
+from cassie_bags.bag.standard_messages import TYPE as ODOMETRY
+from cassie_bags.bag.writer import CHUNK_NS, QOS_LANE, BagWriter
+from cassie_bags.errors import BagError
 from cassie_msgs.layout import RobotState
 from cassie_sim import ground_truth, segway_truth
 
@@ -156,7 +156,7 @@ def test_a_killed_writer_loses_at_most_half_a_second(tmp_path: Path):
     script = """
 import sys, time
 from pathlib import Path
-from cassie_bags.mcap_writer import BagWriter
+from cassie_bags.bag.writer import BagWriter
 from cassie_msgs.layout import RobotState
 bag = BagWriter(Path(sys.argv[1]))
 channel = bag.add_topic(RobotState.TOPIC, RobotState.TYPE)

@@ -12,13 +12,13 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from cassie_bags.cores import make_cores
 from cassie_bags.errors import RunError
-from cassie_bags.experiment_file import parse_experiment
-from cassie_bags.resolve import resolve
 from cassie_bags.ros.bench import EXPERIMENT
 from cassie_bags.ros.bench_executor import once
 from cassie_bags.ros.processes import executable
+from cassie_bags.run.cores import make_cores
+from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.seed import resolve
 
 KEYS = (
     "rtf_five_processes_500hz",

@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from cassie_bags.copies import in_copies
 from cassie_bags.errors import RunError
+from cassie_bags.studies.copies import in_copies
 
 COUNT = [0]
 

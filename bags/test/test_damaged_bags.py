@@ -10,11 +10,11 @@ from rosbags.highlevel import AnyReader
 from synthetic import TICK_NS, glide_messages
 from test_bag import write_bag
 
-from cassie_bags.bag_reader import BagIndex, read_messages
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.recording import read_recording
+from cassie_bags.bag.recover import recover
+from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
-from cassie_bags.mcap_recover import recover
-from cassie_bags.mcap_writer import BagWriter
-from cassie_bags.recording import read_recording
 from cassie_msgs.layout import RobotState
 
 

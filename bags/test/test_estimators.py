@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from cassie_bags.estimator_table import compare
 from cassie_bags.ros import estimators
+from cassie_bags.studies.estimators import compare
 
 
 @pytest.fixture(scope="module")

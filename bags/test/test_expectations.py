@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from synthetic import glide
 
+from cassie_bags.bag.recording import Recording
 from cassie_bags.errors import ExperimentError
-from cassie_bags.expectations import read_expectation
-from cassie_bags.metrics import measure
-from cassie_bags.recording import Recording
-from cassie_bags.track import make_track
+from cassie_bags.run.expectations import read_expectation
+from cassie_bags.signals.metrics import measure
+from cassie_bags.signals.track import make_track
 
 
 def failures(section: object, recording: Recording) -> list[str]:

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from cassie_bags.bag_reader import BagIndex, read_messages
-from cassie_bags.ros.experiment import stopped_between
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.cli.experiment import stopped_between
 
 TEXT = """
 start: standing
@@ -26,7 +26,7 @@ expect:
     - {name: stand, t0: 0.6, t1: 1.0, vx: {target: 0.0, tolerance: 0.5}}
 """
 
-COMMAND = [sys.executable, "-m", "cassie_bags.ros.experiment"]
+COMMAND = [sys.executable, "-m", "cassie_bags.cli.experiment"]
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
-from cassie_bags.cores import check_parameters
 from cassie_bags.errors import ExperimentError
-from cassie_bags.experiment_file import Experiment, load_experiment, parse_experiment, to_yaml
-from cassie_bags.phases import phases_of_steps
-from cassie_bags.resolve import delayed, resolve
-from cassie_bags.yaml_file import consistent
+from cassie_bags.run.cores import check_parameters
+from cassie_bags.run.experiment import Experiment, load_experiment, parse_experiment, to_yaml
+from cassie_bags.run.seed import delayed, resolve
+from cassie_bags.run.yaml_file import consistent
+from cassie_bags.signals.phases import phases_of_steps
 from cassie_sim.scenario import Draw
 
 TEXT = """

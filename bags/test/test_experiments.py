@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from cassie_bags.cores import check_parameters, library_path
-from cassie_bags.experiment_file import load_experiment
-from cassie_bags.resolve import resolve
+from cassie_bags.run.cores import check_parameters, library_path
+from cassie_bags.run.experiment import load_experiment
+from cassie_bags.run.seed import resolve
 
 FILES = sorted((Path(__file__).parents[1] / "experiments").glob("*.yaml"))
 

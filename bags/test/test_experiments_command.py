@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from test_experiment_command import TEXT, environment
 
-from cassie_bags.html_report import Entry, page
+from cassie_bags.report.page import Entry, page
 
 
 def experiments(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cassie_bags.ros.experiments", *map(str, words)]
+    command = [sys.executable, "-m", "cassie_bags.cli.experiments", *map(str, words)]
     return subprocess.run(
         command, capture_output=True, text=True, env=environment(), check=False, timeout=110
     )

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from cassie_bags.failsafes import table
-from cassie_bags.failsafes.rows import ON_FOOT, ROWS
-from cassie_bags.failsafes.table import Case, cases, play, with_table
-from cassie_bags.failsafes.wall_paced import UnsafeError
+from cassie_bags.studies.failsafes import table
+from cassie_bags.studies.failsafes.rows import ON_FOOT, ROWS
+from cassie_bags.studies.failsafes.table import Case, cases, play, with_table
+from cassie_bags.studies.failsafes.wall_paced import UnsafeError
 
 README = Path(__file__).parents[2] / "cassie_control" / "README.md"
 

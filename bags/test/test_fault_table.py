@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from cassie_bags.cores import connect, make_cores
-from cassie_bags.fault_table import (
+from cassie_bags.run.cores import connect, make_cores
+from cassie_bags.studies.faults import (
     FAULT_KINDS,
     MODES,
     Cell,
@@ -18,8 +18,8 @@ from cassie_bags.fault_table import (
     run_table,
     table,
 )
-from cassie_bags.sweeps.course import Budget, walk
-from cassie_bags.trial import experiment_of
+from cassie_bags.studies.sweep.course import Budget, walk
+from cassie_bags.studies.trial import experiment_of
 from cassie_msgs.layout import RobotMode, Sensors
 
 CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")

@@ -12,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 from synthetic import glide
 
-from cassie_bags import pictures
-from cassie_bags.figures import draw_all, footsteps, knee_phase_portrait, moving_mean
-from cassie_bags.metrics import Phase
-from cassie_bags.track import Track, make_track
+from cassie_bags.report.figures import draw_all, footsteps, knee_phase_portrait, moving_mean
+from cassie_bags.report.strip import STRIP_LENGTH, moments, strip
+from cassie_bags.signals.metrics import Phase
+from cassie_bags.signals.track import Track, make_track
 from cassie_gaits.names import DRIVES
 from cassie_sim.errors import SimulationError
 from cassie_sim.scenario import Scenario
@@ -68,17 +68,17 @@ def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
     def no_opengl(*_: object, **__: object) -> None:
         raise SimulationError(reason)
 
-    monkeypatch.setattr(pictures, "Camera", no_opengl)
+    monkeypatch.setattr("cassie_bags.report.strip.Camera", no_opengl)
     path = tmp_path / "strip.png"
-    assert pictures.strip(track, Scenario(), PHASES, "try", path) == reason
+    assert strip(track, Scenario(), PHASES, "try", path) == reason
     assert shades(path) > 20
 
 
 def test_a_strip_shows_the_middle_of_each_phase(track: Track):
     phases = [Phase(str(i), 0.4 * i, 0.4 * i + 0.4) for i in range(5)]
-    shown = [track.time[index] for index in pictures.moments(track, phases)]
+    shown = [track.time[index] for index in moments(track, phases)]
     np.testing.assert_allclose(shown, [0.2, 0.6, 1.0, 1.4, 1.8], atol=0.003)
-    assert len(pictures.moments(track, ())) == pictures.STRIP_LENGTH
+    assert len(moments(track, ())) == STRIP_LENGTH
 
 
 def test_a_moving_mean_of_a_line_is_the_line():

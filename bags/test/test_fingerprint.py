@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
+from cassie_bags.bag.recording import Recording
 from cassie_bags.cli import fingerprint as command
-from cassie_bags.cores import make_loop, tick_count
-from cassie_bags.experiment_file import load_experiment, packaged_experiments
-from cassie_bags.in_process import run
-from cassie_bags.observers import BagObserver
-from cassie_bags.recording import Recording
-from cassie_bags.resolve import resolve
 from cassie_bags.run import fingerprint
+from cassie_bags.run.cores import make_loop, tick_count
+from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.fingerprint import (
     FAST,
     Run,
@@ -28,7 +25,10 @@ from cassie_bags.run.fingerprint import (
     record,
     take,
 )
-from cassie_bags.workers import ThisProcess
+from cassie_bags.run.observers import BagObserver
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import run
+from cassie_bags.studies.workers import ThisProcess
 from cassie_msgs.layout import RobotState
 
 TEXT = """

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cassie_bags.continuity import differences, gaps
-from cassie_bags.cores import check_parameters, make_loop, tick_count
+from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.errors import ExperimentError
-from cassie_bags.experiment_file import Experiment, parse_experiment
-from cassie_bags.in_process import Store, run
-from cassie_bags.observers import BagObserver
-from cassie_bags.poses import Puppet
-from cassie_bags.recording import RECORDED_TOPICS, Recording, read_recording
-from cassie_bags.resolve import resolve
-from cassie_bags.track import make_track
+from cassie_bags.report.poses import Puppet
+from cassie_bags.run.cores import check_parameters, make_loop, tick_count
+from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.observers import BagObserver
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Store, run
+from cassie_bags.signals.track import make_track
 from cassie_control.controller.gait_controller import GaitController
 from cassie_msgs.layout import (
     ControllerStatus,

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from test_experiment_command import environment
 
+from cassie_bags.cli.learn_torques import table
 from cassie_bags.errors import ExperimentError
-from cassie_bags.learning import (
+from cassie_bags.studies.learn import (
     Lesson,
     Outcome,
     compared,
@@ -21,9 +22,8 @@ from cassie_bags.learning import (
     lessons,
     merged,
 )
-from cassie_bags.ros.learn_torques import table
-from cassie_bags.sweeps.course import Budget, walk
-from cassie_bags.trial import TRACKING, experiment_of, run_trial
+from cassie_bags.studies.sweep.course import Budget, walk
+from cassie_bags.studies.trial import TRACKING, experiment_of, run_trial
 from cassie_control.controller.learned_torques import JOINTS, nothing_learned, save_torques
 
 
@@ -100,7 +100,7 @@ def test_a_damaged_file_is_an_error_before_anything_runs(tmp_path):
 )
 def test_wrong_arguments_are_one_line(words, message):
     done = subprocess.run(
-        [sys.executable, "-m", "cassie_bags.ros.learn_torques", *words],
+        [sys.executable, "-m", "cassie_bags.cli.learn_torques", *words],
         capture_output=True,
         text=True,
         timeout=120,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from synthetic import LEG, glide, standing_height
 
-from cassie_bags.footsteps import placements
-from cassie_bags.leg_geometry import euler_angles, leg_points, to_world
-from cassie_bags.metrics import Metrics, Phase, measure
-from cassie_bags.recording import Recording
-from cassie_bags.track import make_track
+from cassie_bags.bag.recording import Recording
+from cassie_bags.signals.footsteps import placements
+from cassie_bags.signals.leg_geometry import euler_angles, leg_points, to_world
+from cassie_bags.signals.metrics import Metrics, Phase, measure
+from cassie_bags.signals.track import make_track
 from cassie_sim.poses import set_drives
 
 

@@ -18,10 +18,16 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rosbags.highlevel import AnyReader
 
-from cassie_bags.continuity import differences, gaps
+from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.recording import (
+    RECORDED_TOPICS,
+    TYPES,
+    Recording,
+    from_messages,
+    read_recording,
+)
+from cassie_bags.bag.recover import recover
 from cassie_bags.errors import RunError
-from cassie_bags.mcap_recover import recover
-from cassie_bags.recording import RECORDED_TOPICS, TYPES, Recording, from_messages, read_recording
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import message_class

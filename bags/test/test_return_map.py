@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cassie_bags.errors import RunError
-from cassie_bags.return_map import experiment_of, in_line, measure
-from cassie_bags.return_map_fit import ABOVE_NOISE, Deviations, decay, fit, steps_to_decay
 from cassie_bags.ros import return_map
+from cassie_bags.studies.return_map import experiment_of, in_line, measure
+from cassie_bags.studies.return_map_fit import ABOVE_NOISE, Deviations, decay, fit, steps_to_decay
 
 EIGENVALUES = (0.8, 0.5, 0.4, 0.3, 0.2, 0.1)
 

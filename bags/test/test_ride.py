@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.cores import make_loop, tick_count
-from cassie_bags.in_process import Store, run
-from cassie_bags.leg_geometry import euler_angles
-from cassie_bags.odometry import odometry_dtype
-from cassie_bags.recording import Recording, Rows, stamps
-from cassie_bags.ride import gate_miss, measure_ride
+from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.bag.standard_messages import odometry_dtype
 from cassie_bags.ros import toe_gains as command
-from cassie_bags.sweeps.course import Budget
-from cassie_bags.sweeps.segway_rows import GO, leans, segway_rows
-from cassie_bags.sweeps.segway_rows import ride as segway_ride
-from cassie_bags.toe_gains import (
+from cassie_bags.run.cores import make_loop, tick_count
+from cassie_bags.run.simulate import Store, run
+from cassie_bags.signals.leg_geometry import euler_angles
+from cassie_bags.signals.riding import gate_miss, measure_ride
+from cassie_bags.signals.track import rolled
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.segway_rows import GO, leans, segway_rows
+from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
+from cassie_bags.studies.toe_gains import (
     SOFTNESS,
     Setting,
     Shaking,
@@ -31,8 +32,7 @@ from cassie_bags.toe_gains import (
     trial_of,
     verdict,
 )
-from cassie_bags.track import rolled
-from cassie_bags.trial import experiment_of, run_trial
+from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_control.controller.readings import WEIGHT
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 

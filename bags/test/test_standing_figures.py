@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.standing_figures import STANDING_FIGURES, measure_standing
-from cassie_bags.track import make_track
+from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
+from cassie_bags.signals.track import make_track
 from cassie_msgs.layout import ControllerStatus, RobotState
 
 SPEED = 0.01  # m/s

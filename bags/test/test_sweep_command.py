@@ -14,7 +14,7 @@ from test_experiment_command import environment
 
 
 def sweep(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cassie_bags.ros.sweep", *words]
+    command = [sys.executable, "-m", "cassie_bags.cli.sweep", *words]
     return subprocess.run(
         command, capture_output=True, text=True, env=environment(), check=False, timeout=100
     )
@@ -49,7 +49,7 @@ def test_pieces_of_a_sweep_come_together(tmp_path: Path):
 
 def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
     script = (
-        "from cassie_bags.workers import workers\n"
+        "from cassie_bags.studies.workers import workers\n"
         "if __name__ == '__main__':\n"
         "    crew = workers(2, None)\n"
         "    print(sorted(result for _, result in crew.results(abs, [-1, 2])))\n"
@@ -69,7 +69,7 @@ def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, jobs: int, la
     words = ["speed.+0", "--seeds", "8", "--jobs", str(jobs), "--no-compare"]
     words += ["--out", str(tmp_path)]
     with subprocess.Popen(
-        [sys.executable, "-m", "cassie_bags.ros.sweep", *words],
+        [sys.executable, "-m", "cassie_bags.cli.sweep", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

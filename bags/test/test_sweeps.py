@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.sweeps.course import PAPER_LAW, Budget, push, step_time, walk
-from cassie_bags.sweeps.picture import reached
-from cassie_bags.sweeps.radio_rows import jumps
-from cassie_bags.sweeps.row import Row, RowResult, measure_row
-from cassie_bags.sweeps.table import all_rows, chosen_rows, load, save, table
-from cassie_bags.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
-from cassie_bags.workers import LocalProcesses, Remembering, ThisProcess
-from cassie_bags.yaml_file import spelled_out
+from cassie_bags.run.yaml_file import spelled_out
+from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
+from cassie_bags.studies.sweep.picture import reached
+from cassie_bags.studies.sweep.radio_rows import jumps
+from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
+from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, save, table
+from cassie_bags.studies.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
+from cassie_bags.studies.workers import LocalProcesses, Remembering, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
 

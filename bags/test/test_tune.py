@@ -15,11 +15,11 @@ import yaml
 from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.trial import experiment_of
-from cassie_bags.tuning.objective import DEFAULT, load_objective
-from cassie_bags.tuning.search import Search
-from cassie_bags.tuning.space import Parameter, parameters, values
-from cassie_bags.yaml_file import apply_changes, spelled_out
+from cassie_bags.run.yaml_file import apply_changes, spelled_out
+from cassie_bags.studies.trial import experiment_of
+from cassie_bags.studies.tune.objective import DEFAULT, load_objective
+from cassie_bags.studies.tune.search import Search
+from cassie_bags.studies.tune.space import Parameter, parameters, values
 from cassie_control.controller.config import ControllerConfig
 from cassie_msgs.tunables import entries
 
@@ -171,7 +171,7 @@ QUICK = ["walk.k[pd]_torso_pitch", "--seeds", "1", "--population", "3", "--jobs"
 
 
 def tune(*words: str | Path, **options) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cassie_bags.ros.tune", *map(str, words)]
+    command = [sys.executable, "-m", "cassie_bags.cli.tune", *map(str, words)]
     return subprocess.run(
         command, capture_output=True, text=True, env=environment(), check=False, timeout=110
     )
@@ -212,7 +212,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
     objective.write_text(STAND)
     words = [*QUICK, "--objective", str(objective), "--out", str(out), "--generations", "1000"]
     with subprocess.Popen(
-        [sys.executable, "-m", "cassie_bags.ros.tune", *words],
+        [sys.executable, "-m", "cassie_bags.cli.tune", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

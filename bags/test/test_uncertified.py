@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from cassie_bags.cores import check_parameters, load_gaits
 from cassie_bags.errors import ExperimentError
-from cassie_bags.experiment_file import load_experiment
+from cassie_bags.run.cores import check_parameters, load_gaits
+from cassie_bags.run.experiment import load_experiment
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library_file import save_library
 from cassie_gaits.provisional import provisional_library

@@ -6,12 +6,12 @@ import pytest
 from frost_file import content
 from scipy.io import savemat
 
-from cassie_bags.cores import make_loop, tick_count
-from cassie_bags.experiment_file import parse_experiment
-from cassie_bags.in_process import Store, run
-from cassie_bags.metrics import Phase, measure
-from cassie_bags.resolve import resolve
-from cassie_bags.track import make_track
+from cassie_bags.run.cores import make_loop, tick_count
+from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Store, run
+from cassie_bags.signals.metrics import Phase, measure
+from cassie_bags.signals.track import make_track
 from cassie_gaits.ros import optimize_gaits
 
 TEXT = """

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cassie_bags.cores import connect, make_cores, make_loop, tick_count
-from cassie_bags.experiment_file import load_experiment, parse_experiment, read_experiment
-from cassie_bags.in_process import Store, run
-from cassie_bags.metrics import sole_pitch
-from cassie_bags.recording import Recording, stamps
-from cassie_bags.resolve import resolve
-from cassie_bags.sweeps.course import Budget
-from cassie_bags.sweeps.table import chosen_rows
-from cassie_bags.track import Track, make_track
-from cassie_bags.trial import experiment_of, run_trial
+from cassie_bags.bag.recording import Recording, stamps
+from cassie_bags.run.cores import connect, make_cores, make_loop, tick_count
+from cassie_bags.run.experiment import load_experiment, parse_experiment, read_experiment
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Store, run
+from cassie_bags.signals.metrics import sole_pitch
+from cassie_bags.signals.track import Track, make_track
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.table import chosen_rows
+from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_msgs.layout import ControllerStatus
 
 TEXT = """

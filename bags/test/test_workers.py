@@ -13,7 +13,7 @@ import pytest
 from distributed import LocalCluster
 
 from cassie_bags.errors import RunError
-from cassie_bags.workers import DaskCluster, LocalProcesses, ThisProcess, Workers, workers
+from cassie_bags.studies.workers import DaskCluster, LocalProcesses, ThisProcess, Workers, workers
 
 ITEMS = [3, 1, 2, 5]
 
@@ -113,7 +113,7 @@ def lack_a_package(_: int) -> int:
 
 
 def test_workers_of_a_cluster_that_cannot_are_one_clear_error(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
+    monkeypatch.setattr("cassie_bags.studies.workers.CONNECT_TIMEOUT", 1)
     options = {"processes": False, "dashboard_address": None}
     with LocalCluster(n_workers=0, **options) as cluster:
         with pytest.raises(RunError, match="had no worker within 1 s"):
@@ -132,6 +132,6 @@ def test_as_many_processes_as_cores_unless_said_otherwise():
 
 
 def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("cassie_bags.workers.CONNECT_TIMEOUT", 1)
+    monkeypatch.setattr("cassie_bags.studies.workers.CONNECT_TIMEOUT", 1)
     with pytest.raises(RunError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         workers(None, "tcp://127.0.0.1:9")

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cassie_bags.cores import connect, make_cores, tick_count
-from cassie_bags.experiment_file import Experiment, read_experiment
-from cassie_bags.resolve import resolve
+from cassie_bags.run.cores import connect, make_cores, tick_count
+from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.seed import resolve
 from cassie_control.estimator.channels import CHANNELS
 from cassie_msgs.layout import RobotState
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.experiment_file import packaged_experiments
+from cassie_bags.run.experiment import packaged_experiments
 from cassie_bags.run.fingerprint import (
     FAST,
     ROBOTS,
@@ -31,7 +31,7 @@ from cassie_bags.run.fingerprint import (
     save,
     take,
 )
-from cassie_bags.workers import Workers, workers
+from cassie_bags.studies.workers import Workers, workers
 
 SAME, DIFFERENT, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""

@@ -25,13 +25,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.cores import make_cores, make_loop, tick_count
+from cassie_bags.cli.arguments import positive, seconds
 from cassie_bags.errors import RunError
-from cassie_bags.experiment_file import Experiment, parse_experiment
-from cassie_bags.in_process import Loop, run
-from cassie_bags.resolve import resolve, write_resolved
-from cassie_bags.ros.argument_types import positive, seconds
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_bags.run.cores import make_cores, make_loop, tick_count
+from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.seed import resolve, write_resolved
+from cassie_bags.run.simulate import Loop, run
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -22,10 +22,10 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from cassie_bags.cores import Cores, make_cores, tick_count
-from cassie_bags.experiment_file import load_experiment
-from cassie_bags.recording import GROUND_TRUTH_TOPIC
-from cassie_bags.resolve import resolve
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC
+from cassie_bags.run.cores import Cores, make_cores, tick_count
+from cassie_bags.run.experiment import load_experiment
+from cassie_bags.run.seed import resolve
 from cassie_control.schedule import ModeTable
 from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors

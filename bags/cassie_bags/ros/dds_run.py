@@ -12,11 +12,7 @@ from typing import Any
 import yaml
 from tqdm import tqdm
 
-from cassie_bags.cores import library_path, simulator_config
 from cassie_bags.errors import RunError
-from cassie_bags.experiment_file import Experiment
-from cassie_bags.provenance import metadata_of
-from cassie_bags.resolve import write_resolved
 from cassie_bags.ros.processes import (
     Processes,
     environment,
@@ -26,6 +22,10 @@ from cassie_bags.ros.processes import (
 )
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.spectator import Spectator
+from cassie_bags.run.cores import library_path, simulator_config
+from cassie_bags.run.experiment import Experiment
+from cassie_bags.run.provenance import metadata_of
+from cassie_bags.run.seed import write_resolved
 from cassie_sim.simulator_config import SimulatorConfig
 
 START_PATIENCE = 90.0

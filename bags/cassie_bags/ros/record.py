@@ -15,14 +15,14 @@ from pathlib import Path
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from cassie_bags.continuity import SeqMonitor
+from cassie_bags.bag.clock import RobotClock
+from cassie_bags.bag.continuity import SeqMonitor
+from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
+from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
-from cassie_bags.mcap_writer import BagWriter
-from cassie_bags.provenance import versions
-from cassie_bags.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
-from cassie_bags.robot_clock import RobotClock
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
-from cassie_bags.yaml_file import read_mapping
+from cassie_bags.run.provenance import versions
+from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 

@@ -16,10 +16,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 
-from cassie_bags.bag_reader import BagIndex, read_messages
+from cassie_bags.bag.clock import CLOCK_TOPIC
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.cli.arguments import number
 from cassie_bags.errors import BagError
-from cassie_bags.robot_clock import CLOCK_TOPIC
-from cassie_bags.ros.argument_types import number
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand
 from cassie_msgs.ros.claim import free_domain

@@ -26,12 +26,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cassie_bags.cores import check_parameters, make_loop, simulator_config, tick_count
-from cassie_bags.errors import ExperimentError
-from cassie_bags.experiment_file import load_experiment, packaged_folder
-from cassie_bags.in_process import Store, run
-from cassie_bags.odometry import IMU_FIELDS, ODOMETRY_FIELDS
-from cassie_bags.recording import (
+from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
     LANE_TOPICS,
     SEGWAY_IMU_TOPIC,
@@ -41,7 +36,12 @@ from cassie_bags.recording import (
     read_recording,
     stamps_ns,
 )
-from cassie_bags.resolve import resolve
+from cassie_bags.bag.standard_messages import IMU_FIELDS, ODOMETRY_FIELDS
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.cores import check_parameters, make_loop, simulator_config, tick_count
+from cassie_bags.run.experiment import load_experiment, packaged_folder
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Store, run
 from cassie_msgs.layout import RobotState
 
 ROBOTS = (0, 1, 2)

@@ -1,0 +1,65 @@
+"""Robot time of the messages of a recording, continued over episodes.
+
+Episodes begin at robot time 0 again. So that a bag has one time axis, each new episode begins
+where the one before ended.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from cassie_bags.bag.recording import LANE_TOPICS, TYPES
+from cassie_msgs.layout import OperatorCommand
+
+CLOCK_TOPIC = "/clock"
+
+_EPISODIC = frozenset(LANE_TOPICS) - {OperatorCommand.TOPIC}  # a person's carry wall time
+_STAMPED = (frozenset(TYPES) - frozenset(LANE_TOPICS)) | {CLOCK_TOPIC}
+_STAMP = struct.Struct("<4xiI")
+_STAMP_AND_EPISODE = struct.Struct("<4xiII")
+_PLAUSIBLE = 1_000_000_000  # ns that an unnumbered stamp may be away from the newest one
+
+
+class RobotClock:
+    """Gives each message of a recording its time.
+
+    Attributes:
+        now: Newest robot time, continued over episodes. In ns.
+    """
+
+    def __init__(self) -> None:
+        self.now = 0
+        self._start = 0
+        self._episode: int | None = None
+
+    def time_of(self, topic: str, raw: bytes) -> int:
+        """Robot time of a message; the newest known one if it carries none. In ns.
+
+        Args:
+            topic: Where it was received.
+            raw: Serialized message.
+        """
+        if topic in _EPISODIC:
+            return self._of_lane(raw)
+        if topic in _STAMPED:
+            return self._of_stamped(raw)
+        return self.now
+
+    def _of_lane(self, raw: bytes) -> int:
+        seconds, nanoseconds, episode = _STAMP_AND_EPISODE.unpack_from(raw)
+        if self._episode is None or episode > self._episode:
+            self._start = 0 if self._episode is None else self.now
+            self._episode = episode
+        elif episode < self._episode:
+            return self.now  # a late message of the episode before
+        time: int = self._start + seconds * 1_000_000_000 + nanoseconds
+        self.now = max(self.now, time)
+        return time
+
+    def _of_stamped(self, raw: bytes) -> int:
+        seconds, nanoseconds = _STAMP.unpack_from(raw)
+        time: int = self._start + seconds * 1_000_000_000 + nanoseconds
+        if self._episode is not None and abs(time - self.now) > _PLAUSIBLE:
+            return self.now  # of another episode
+        self.now = max(self.now, time)
+        return time

@@ -1,0 +1,154 @@
+"""Whether a recording is whole: no sample of the control lane is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.recording import LANE_TOPICS, Recording, Rows, stamps_ns
+from cassie_msgs.layout import (
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotState,
+    Sensors,
+    header,
+)
+
+SEQ_STEP: dict[str, int] = {
+    Sensors.TOPIC: 1,
+    RobotState.TOPIC: 1,
+    MotorCommand.TOPIC: 1,
+    Mode.TOPIC: 10,
+    OperatorCommand.TOPIC: 10,
+}
+"""By how much `seq` rises from one message to the next, per topic."""
+
+
+def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
+    """What is missing, one line each; empty if nothing is.
+
+    A repeated sample (the simulator repeats one that was not answered in time) is no gap, nor
+    is a person's command, which has no seq.
+
+    Args:
+        recording: What to look at.
+        from_start: Whether each episode must begin with seq 0.
+    """
+    found = []
+    for topic, step in SEQ_STEP.items():
+        rows = recording.lane[topic]
+        if topic == OperatorCommand.TOPIC:
+            rows = rows[rows["scripted"]]
+        for episode in np.unique(rows["episode"]):
+            seq = rows["seq"][rows["episode"] == episode].astype(np.int64)
+            found += _seq_gaps(topic, int(episode), seq, step, from_start)
+    return found + _truth_gaps(recording)
+
+
+class SeqMonitor:
+    """Counts, while messages come in, those that are missing between them."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[int, int]] = {}
+        self._missing: dict[str, int] = {}
+
+    def note(self, topic: str, raw: bytes) -> None:
+        """Take in a message of any topic."""
+        step = SEQ_STEP.get(topic)
+        if step is None:
+            return
+        _, _, episode, seq = header(raw)
+        if topic == OperatorCommand.TOPIC and seq == 0:
+            return  # a person's
+        before = self._last.get(topic)
+        if before is not None and episode == before[0] and seq > before[1] + step:
+            missing = (seq - before[1]) // step - 1
+            self._missing[topic] = self._missing.get(topic, 0) + missing
+        if before is None or (episode, seq) > before:
+            self._last[topic] = (episode, seq)
+
+    def gaps(self) -> list[str]:
+        """What was missing so far, one line a topic."""
+        return [f"{topic}: {count} samples" for topic, count in self._missing.items()]
+
+
+def first_occurrences(rows: Rows) -> Rows:
+    """The rows without repeats of a (episode, seq), in the order of these."""
+    key = rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
+    return rows[np.unique(key, return_index=True)[1]]
+
+
+def episodes(recording: Recording) -> list[int]:
+    """Episodes of the sensor samples, in the order they began."""
+    values = recording.lane[Sensors.TOPIC]["episode"]
+    _, first = np.unique(values, return_index=True)
+    return [int(values[index]) for index in sorted(first)]
+
+
+def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> list[str]:
+    """Where two runs of one file differ, compared bit for bit; one line per topic.
+
+    Repeats are left out, and the number of the episode, which tells runs apart.
+
+    Args:
+        one: A run.
+        other: Another run.
+        topics: Some of `recording.TYPES`.
+    """
+    found = []
+    for topic in topics:
+        a, b = (_comparable(recording, topic) for recording in (one, other))
+        if len(a) != len(b):
+            found.append(f"{topic}: {len(a)} samples against {len(b)}")
+            continue
+        equal = a == b
+        if not equal.all():
+            first = int(np.argmin(equal))
+            found.append(f"{topic}: {int((~equal).sum())} of {len(a)} differ, first sample {first}")
+    return found
+
+
+def _comparable(recording: Recording, topic: str) -> npt.NDArray[np.object_]:
+    """Each sample's fields as bytes, without padding, repeats and episode."""
+    if topic in LANE_TOPICS:
+        rows = first_occurrences(recording.lane[topic])
+    else:
+        rows = recording.beside[topic]
+        rows = rows[np.unique(stamps_ns(rows), return_index=True)[1]]
+    packed = np.zeros(len(rows), _packed(rows.dtype))
+    for name in packed.dtype.names or ():
+        if name != "episode":
+            packed[name] = rows[name]
+    return np.array([row.tobytes() for row in packed], dtype=object)
+
+
+def _packed(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    """The same fields without gaps between them."""
+    names = dtype.names or ()
+    return np.dtype([(name, dtype[name].base, dtype[name].shape) for name in names])
+
+
+def _seq_gaps(
+    topic: str, episode: int, seq: npt.NDArray[np.int64], step: int, from_start: bool
+) -> list[str]:
+    seq = np.unique(seq)
+    found = []
+    if from_start and seq[0] != 0:
+        found.append(f"{topic}: episode {episode} begins with seq {seq[0]}")
+    jumps = np.flatnonzero(np.diff(seq) > step)
+    if len(jumps):
+        missing = int(((np.diff(seq)[jumps]) // step - 1).sum())
+        where = f"first after seq {seq[jumps[0]]}"
+        found.append(f"{topic}: {missing} samples missing in episode {episode}, {where}")
+    return found
+
+
+def _truth_gaps(recording: Recording) -> list[str]:
+    times = np.unique(stamps_ns(recording.truth))
+    if len(times) < 3:
+        return []
+    spacing = np.diff(times)
+    tick = int(spacing.min())
+    missing = int((spacing // tick - 1).sum())
+    return [f"/cassie/ground_truth: {missing} samples missing"] if missing else []

@@ -1,0 +1,130 @@
+"""What a run recorded, as arrays: the same from a bag and from a run in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.standard_messages import IMU_TYPE, read_imu, read_odometry
+from cassie_bags.bag.standard_messages import TYPE as ODOMETRY
+from cassie_bags.errors import BagError
+from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+Rows = npt.NDArray[Any]
+"""Structured array of a message type: `rows["q"]` is of shape (n, 20)."""
+
+LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
+"""Sample type of each topic of the control lane."""
+
+GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
+SEGWAY_TRUTH_TOPIC = "/segway/ground_truth"
+SEGWAY_IMU_TOPIC = "/segway/imu"
+
+TYPES: dict[str, str] = {
+    **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
+    GROUND_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_IMU_TOPIC: IMU_TYPE,
+}
+"""Message type of each topic that every run is recorded with; the Segway's only where it is."""
+
+RECORDED_TOPICS = tuple(TYPES)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Messages of one run, by topic, in the order they were published.
+
+    Attributes:
+        lane: Rows of each topic of the control lane.
+        truth: Rows of `/cassie/ground_truth`: sec, nanosec, position (m, world), orientation
+            (x, y, z, w, pelvis to world), linear and angular velocity (m/s and rad/s, pelvis
+            axes).
+        segway: The same of `/segway/ground_truth`, of the Segway's chassis; no row without one.
+        segway_imu: Rows of `/segway/imu`: sec, nanosec, angular velocity (rad/s) and specific
+            force (m/s^2), chassis axes.
+        wall_time: Wall time that the run took, from the first sensor sample to the last. In s.
+        metadata: Named records of words: seed, what it drew, versions, the experiment's file.
+    """
+
+    lane: Mapping[str, Rows]
+    truth: Rows
+    wall_time: float
+    metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    segway: Rows = field(default_factory=lambda: read_odometry([]))
+    segway_imu: Rows = field(default_factory=lambda: read_imu([]))
+
+    @property
+    def beside(self) -> dict[str, Rows]:
+        """Rows of each topic beside the control lane."""
+        return {
+            GROUND_TRUTH_TOPIC: self.truth,
+            SEGWAY_TRUTH_TOPIC: self.segway,
+            SEGWAY_IMU_TOPIC: self.segway_imu,
+        }
+
+    def rows(self, kind: type[Sample]) -> Rows:
+        """Rows of one message type, `recording.rows(RobotState)["q"]`."""
+        return self.lane[kind.TOPIC]
+
+
+def from_messages(
+    messages: Mapping[str, list[bytes]],
+    wall_time: float,
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+) -> Recording:
+    """A recording from serialized messages, by topic.
+
+    Raises:
+        BagError: if a message does not have the size of its type.
+    """
+    lane = {topic: _rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
+    truth = read_odometry(messages.get(GROUND_TRUTH_TOPIC, []))
+    segway = read_odometry(messages.get(SEGWAY_TRUTH_TOPIC, []))
+    felt = read_imu(messages.get(SEGWAY_IMU_TOPIC, []))
+    return Recording(lane, truth, wall_time, metadata or {}, segway, felt)
+
+
+def read_recording(path: Path) -> Recording:
+    """A recording from a bag.
+
+    Raises:
+        BagError: if the file is not a bag, or its messages are not of our types.
+    """
+    messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+    first = last = None
+    index = BagIndex()
+    for topic, _, wall, data in read_messages(path, RECORDED_TOPICS, index):
+        messages[topic].append(data)
+        if topic == Sensors.TOPIC:
+            first = wall if first is None else first
+            last = wall
+    span = (last - first) * 1e-9 if first is not None and last is not None else 0.0
+    return from_messages(messages, span, index.metadata)
+
+
+def stamps(rows: Rows) -> FloatArray:
+    """Robot time of each row. Shape (n,), in s."""
+    return rows["sec"].astype(np.float64) + rows["nanosec"] * 1e-9
+
+
+def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
+    """Robot time of each row. Shape (n,), in ns."""
+    return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
+
+
+def _rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
+    size = kind.SIZE
+    trimmed = []
+    for raw in messages:
+        if not 0 <= len(raw) - size <= 3:
+            raise BagError(f"{kind.TYPE} has {size} bytes, the bag holds one of {len(raw)}")
+        trimmed.append(raw[:size])
+    return np.frombuffer(b"".join(trimmed), kind.DTYPE)

@@ -1,0 +1,1 @@
+"""Outcomes for people: text, figures, strips of images, videos and pages."""

@@ -1,0 +1,142 @@
+"""A strip of images and a short video of a run; a stick figure where nothing can render."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
+from cassie_bags.report.poses import Puppet
+from cassie_bags.signals.metrics import Phase
+from cassie_bags.signals.track import Track
+from cassie_sim.errors import SimulationError
+from cassie_sim.scenario import Scenario
+from cassie_sim.video import Camera, Film
+
+FloatArray = npt.NDArray[np.float64]
+
+STRIP_LENGTH = 10
+"""Images in a strip."""
+
+VIDEO_FPS = 16.0
+VIDEO_LENGTH = 10.0
+"""Longest playing time of a video; a longer run is played faster. In s."""
+
+_SKY = 150  # upper rows of an image that show nothing
+_BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
+
+
+def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) -> list[int]:
+    """Samples worth showing: the middle of each phase, or evenly spread if there are few.
+
+    Args:
+        track: Signals of the run.
+        phases: Its phases.
+        count: Number of samples, at most.
+    """
+    if not 4 <= len(phases) <= count:
+        return [round(i) for i in np.linspace(0, len(track.time) - 1, min(count, len(track.time)))]
+    middles = [0.5 * (phase.t0 + phase.t1) for phase in phases]
+    found = np.searchsorted(track.time, middles).clip(0, len(track.time) - 1)
+    return sorted({int(index) for index in found})
+
+
+def strip(
+    track: Track, scenario: Scenario, phases: Sequence[Phase], title: str, path: Path
+) -> str | None:
+    """Draw a strip of images.
+
+    Args:
+        track: Signals of the run.
+        scenario: What it was made in.
+        phases: To choose the moments from.
+        title: Name of the run.
+        path: PNG file.
+
+    Returns:
+        Why it shows stick figures instead of the robot, or None if it shows the robot.
+    """
+    shown = moments(track, phases)
+    reason = None
+    images: list[npt.NDArray[np.uint8]] | None = None
+    try:
+        images = _images(track, scenario, shown)
+    except SimulationError as error:
+        reason = str(error)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(1.3 * len(shown), 1.9), layout="constrained")
+        panels = figure.subplots(1, len(shown), squeeze=False)[0]
+        for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
+            if images is None:
+                draw_stick_figure(axes, track, index)
+            else:
+                axes.imshow(images[position][_SKY:])
+            axes.set_axis_off()
+            name = _phase_at(phases, float(track.time[index]))
+            axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        figure.savefig(path)
+    return reason
+
+
+def video(track: Track, scenario: Scenario, path: Path) -> None:
+    """Film a run, faster than it was if it is long.
+
+    Raises:
+        SimulationError: if this machine cannot render or write videos.
+    """
+    puppet = Puppet(scenario)
+    length = float(track.time[-1] - track.time[0])
+    speed = max(1.0, math.ceil(length / VIDEO_LENGTH))
+    count = max(1, round(length / speed * VIDEO_FPS))
+    film = Film(puppet.model, path, VIDEO_FPS)
+    try:
+        for index in np.linspace(0, len(track.time) - 1, count).round().astype(int):
+            film.snap(puppet.pose(track, int(index)))
+    finally:
+        film.close()
+
+
+def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> None:
+    """The robot from its left as lines: pelvis, thighs, shins, tarsi, feet, ground.
+
+    Args:
+        axes: Where to draw.
+        track: Signals of the run.
+        index: Sample.
+    """
+    yaw = track.angles[index, 0]
+    ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    origin = track.position[index]
+    for leg, colour in ((1, ORANGE), (0, BLUE)):
+        points = track.legs[index, leg]
+        bones = np.vstack([origin, points[list(_BONES)]])
+        axes.plot((bones - origin) @ ahead, bones[:, 2], color=colour, linewidth=1.6)
+        foot = points[-2:]
+        axes.plot((foot - origin) @ ahead, foot[:, 2], color=colour, linewidth=2.6)
+    pitch = track.angles[index, 1]
+    up = np.array([math.sin(pitch), math.cos(pitch)])
+    axes.plot([0.0, 0.18 * up[0]], [origin[2], origin[2] + 0.18 * up[1]], color=DARK, linewidth=6)
+    axes.axhline(track.sole_height[index].min(), color=GREY, linewidth=0.8)
+    axes.set_xlim(-0.45, 0.45)
+    axes.set_ylim(-0.1, 1.45)
+    axes.set_aspect("equal")
+
+
+def _phase_at(phases: Sequence[Phase], time: float) -> str:
+    return next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
+
+
+def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
+    puppet = Puppet(scenario)
+    camera = Camera(puppet.model, width=360, height=480, fine=True)
+    try:
+        return [camera.picture(puppet.pose(track, index)) for index in shown]
+    finally:
+        camera.close()

@@ -1,0 +1,160 @@
+"""The outcome of a run: a table for people and one line of JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cassie_bags.run.experiment import Experiment
+from cassie_bags.run.judge import Outcome
+from cassie_bags.signals.metrics import PHASE_METRICS, RUN_METRICS, PhaseMetrics
+from cassie_bags.signals.track import TRACKED
+from cassie_msgs.tunables import as_mapping
+
+_HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
+_UNITS = "m/s, rad/s, m, deg"
+_WIDTH = 80  # of a terminal, in characters
+
+
+def json_line(outcome: Outcome) -> str:
+    """The run as one line of JSON; what does not exist (NaN) is null."""
+    experiment, metrics = outcome.experiment, outcome.metrics
+    content = {
+        "name": experiment.name,
+        "how": outcome.how,
+        "passed": outcome.passed,
+        "failures": list(outcome.failures),
+        "fell": metrics.fell,
+        "fall_time": metrics.fall_time,
+        "lockstep_broken": outcome.lockstep_broken,
+        "real_time_factor": metrics.run["real_time_factor"],
+        "duration": metrics.run["duration"],
+        "tracked": {
+            name: {
+                "mean": metrics.run[f"{name}_mean"],
+                "mean_error": metrics.run[f"{name}_mean_error"],
+                "rms_error": metrics.run[f"{name}_rms_error"],
+            }
+            for name in TRACKED
+        },
+        "peak_torque": metrics.peak_torque,
+        "metrics": {name: metrics.run[name] for name in RUN_METRICS},
+        "phases": [_phase_content(phase) for phase in metrics.phases],
+        "seed": experiment.seed,
+        "draw": as_mapping(experiment.scenario.draw),
+        "event_times": {
+            "operator": [step["t"] for step in experiment.operator],
+            "gantry": [move.t for move in experiment.scenario.gantry],
+            "pushes": [push.t for push in experiment.scenario.pushes],
+            "faults": [fault.t for fault in experiment.scenario.faults],
+        },
+        "files": dict(outcome.files),
+    }
+    return json.dumps(finite(content), allow_nan=False)
+
+
+def table(outcome: Outcome) -> str:
+    """The run as a table: what was commanded and achieved in each phase, then the verdict."""
+    metrics = outcome.metrics
+    rows: list[Sequence[str]] = [_HEADINGS]
+    for phase in metrics.phases:
+        rows += _rows(phase)
+    lines = [
+        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how} ({_UNITS})",
+        *_aligned(rows, left=2),
+        "",
+        *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
+        f"real-time factor {metrics.run['real_time_factor']:.2f}, "
+        f"{metrics.run['duration']:.2f} s of robot time, {metrics.run['steps']:.0f} steps",
+        f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
+        f"greatest tilt {metrics.run['tilt_deg']:.1f} deg",
+    ]
+    if metrics.fall_time is not None:
+        lines.append(f"fell at {metrics.fall_time:.2f} s")
+    if checks := outcome.experiment.expect.checks(metrics):
+        rows = [["expected of", "measured", "value", "target", "pass"]]
+        rows += [
+            [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
+            for c in checks
+        ]
+        lines += ["", *_aligned(rows), ""]
+    lines += [f"not as expected: {failure}" for failure in outcome.failures]
+    lines.append(_verdict(outcome))
+    return "\n".join(lines)
+
+
+def _verdict(outcome: Outcome) -> str:
+    """Whether it passed, and where the pictures are."""
+    count = len(outcome.failures)
+    verdict = "passed" if outcome.passed else f"FAILED: {count} not as expected"
+    pictures = [path for path in outcome.files.values() if path.endswith((".png", ".gif", ".mp4"))]
+    return f"{verdict}; pictures in {Path(pictures[0]).parent}" if pictures else verdict
+
+
+def _drawn(experiment: Experiment) -> str:
+    """What the seed drew, in short."""
+    draw = experiment.scenario.draw
+    torque = draw.torque_constant
+    roll, pitch = (math.degrees(bias) for bias in draw.attitude_bias)
+    return (
+        f"robot drawn: mass {draw.mass:.3f}, friction {draw.friction:.3f}, "
+        f"torque constants {min(torque):.3f} .. {max(torque):.3f}, "
+        f"yaw {math.degrees(draw.initial_yaw):.2f} deg, IMU roll {roll:.2f}, pitch {pitch:.2f} deg"
+    )
+
+
+def _rows(phase: PhaseMetrics) -> list[list[str]]:
+    """Name and time of a phase; what was commanded, achieved, and the error between."""
+    time = f"{phase.phase.t0:.1f} .. {phase.phase.t1:.1f} s"
+    if not phase.reached:
+        empty = ["-"] * (len(TRACKED) + 2)
+        return [[phase.phase.name, "not", *empty], [time, "reached", *empty]]
+    commanded = [f"{phase.commanded[key]:.2f}" for key in TRACKED]
+    achieved = [f"{phase.values[key]:.3f}" for key in TRACKED]
+    errors = [f"{phase.values[key + '_rms']:.3f}" for key in TRACKED]
+    moved = [f"{phase.values['drift']:.2f}", f"{phase.values['turn_deg']:.0f}"]
+    return [
+        [phase.phase.name, "commanded", *commanded, "", ""],
+        [time, "achieved", *achieved, *moved],
+        ["", "RMS error", *errors, "", ""],
+    ]
+
+
+def _aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Rows in columns under a rule, the first `left` of them flush left."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if column < left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    lines.insert(1, "-" * max(map(len, lines)))
+    return lines
+
+
+def _phase_content(phase: PhaseMetrics) -> dict[str, Any]:
+    return {
+        "name": phase.phase.name,
+        "t0": phase.phase.t0,
+        "t1": phase.phase.t1,
+        "reached": phase.reached,
+        "commanded": phase.commanded,
+        "achieved": {name: phase.values[name] for name in PHASE_METRICS},
+    }
+
+
+def finite(content: Any) -> Any:
+    """NaN and infinity as null, through nested mappings and lists."""
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [finite(value) for value in content]
+    return content

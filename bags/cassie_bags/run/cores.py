@@ -1,0 +1,185 @@
+"""The cores of one experiment, built from its file as the nodes build theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.experiment import Experiment
+from cassie_bags.run.simulate import Loop, Observer
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.controller.learned_torques import LearnedTorques, load_beside
+from cassie_control.estimator.choice import make_monitored
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.monitor import MonitoredEstimator
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import library_path as packaged_or_path
+from cassie_msgs.tunables import ParameterError, from_mapping
+from cassie_sim.plant import Plant
+from cassie_sim.scenes import scene_spec
+from cassie_sim.simulator_config import SimulatorConfig
+from cassie_teleop.script import ScriptedOperator
+
+SET_BY_FILE = (
+    *("scenario", "scene", "scene_parameters", "start", "seed", "duration"),
+    *("paused", "scripted_operator"),
+)
+"""Parameters of the simulator that follow from other keys of an experiment."""
+
+UNCERTIFIED, LEARNED_FILE = "allow_uncertified", "learned_torques_file"
+"""Parameters of the controller's node, not of its core."""
+
+_OF_NODE = (UNCERTIFIED, LEARNED_FILE)
+ConfigT = TypeVar("ConfigT")
+
+
+def simulator_config(experiment: Experiment) -> SimulatorConfig:
+    """The simulator's parameters, `max_rate` 0 unless the file says otherwise.
+
+    Raises:
+        ExperimentError: if one is unknown, out of range, or set by another key of the file.
+    """
+    given = experiment.parameters["simulator"]
+    for name in SET_BY_FILE:
+        if name in given:
+            raise ExperimentError(f"simulator.{name} follows from other keys of an experiment")
+    return _config(SimulatorConfig, {"max_rate": 0.0, **given}, "simulator")
+
+
+def check_parameters(experiment: Experiment) -> None:
+    """Hold what the nodes will be given against what they have, before any of them starts.
+
+    Raises:
+        CassieError, ParameterError: naming parameter, value and range, or the file.
+    """
+    simulator_config(experiment)
+    scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
+    load_gaits(experiment)
+    load_learned(experiment)
+    _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
+    _controller_config(experiment)
+    _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
+
+
+def library_path(experiment: Experiment) -> Path:
+    """File of the experiment's gait library."""
+    name = experiment.gait_library
+    return packaged_or_path(name) if name else default_library_path()
+
+
+def load_gaits(experiment: Experiment) -> GaitLibrary:
+    """The experiment's gait library, certified unless `controller.allow_uncertified` is true.
+
+    Raises:
+        CassieError: as `load_certified`.
+        ExperimentError: if `allow_uncertified` is neither true nor false.
+    """
+    allow = experiment.parameters["controller"].get(UNCERTIFIED, False)
+    if not isinstance(allow, bool):
+        raise ExperimentError(f"controller.{UNCERTIFIED} is {allow!r}, expected true or false")
+    return load_certified(library_path(experiment), allow_uncertified=allow)
+
+
+def load_learned(experiment: Experiment) -> LearnedTorques:
+    """The torques of `controller.learned_torques_file`, or those beside the gait library.
+
+    Raises:
+        CassieError: as `load_torques`.
+        ExperimentError: if the parameter is no path.
+    """
+    path = experiment.parameters["controller"].get(LEARNED_FILE, "")
+    if not isinstance(path, str):
+        raise ExperimentError(f"controller.{LEARNED_FILE} is {path!r}, expected a path")
+    return load_beside(library_path(experiment), path)
+
+
+def _controller_config(experiment: Experiment) -> ControllerConfig:
+    section = experiment.parameters["controller"]
+    given = {name: value for name, value in section.items() if name not in _OF_NODE}
+    return _config(ControllerConfig, given, "controller")
+
+
+@dataclass(frozen=True)
+class Cores:
+    """What computes in an experiment, without anything between."""
+
+    plant: Plant
+    estimator: MonitoredEstimator
+    controller: GaitController
+    supervisor: ModeSupervisor
+    operator: ScriptedOperator
+    fixed_lag: bool
+
+
+def make_cores(experiment: Experiment) -> Cores:
+    """The cores of a drawn experiment, at tick 0.
+
+    Raises:
+        CassieError, ParameterError: naming what cannot be used.
+    """
+    config = simulator_config(experiment)
+    period = 1.0 / config.control_rate
+    parameters = experiment.parameters
+    return Cores(
+        Plant(config, experiment.scenario),
+        make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
+        GaitController(
+            _controller_config(experiment),
+            load_gaits(experiment),
+            period,
+            load_learned(experiment),
+        ),
+        ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
+        ScriptedOperator(experiment.operator, experiment.rider),
+        config.pacing == "fixed_lag",
+    )
+
+
+def make_loop(experiment: Experiment, observer: Observer) -> Loop:
+    """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
+
+    Args:
+        experiment: What to run, drawn.
+        observer: Gets every message.
+
+    Raises:
+        CassieError, ParameterError: naming what cannot be used.
+    """
+    if simulator_config(experiment).pacing == "realtime":
+        raise ExperimentError(
+            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
+            "fixed_lag"
+        )
+    return connect(make_cores(experiment), observer)
+
+
+def connect(cores: Cores, observer: Observer) -> Loop:
+    """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
+    return Loop(
+        cores.plant,
+        cores.estimator,
+        cores.controller,
+        cores.supervisor,
+        cores.operator,
+        observer,
+        fixed_lag=cores.fixed_lag,
+    )
+
+
+def tick_count(experiment: Experiment) -> int:
+    """Control ticks of the run, as the simulator counts them."""
+    return round(experiment.duration * simulator_config(experiment).control_rate)
+
+
+def _config(cls: type[ConfigT], given: Mapping[str, Any], section: str) -> ConfigT:
+    try:
+        return from_mapping(cls, given)
+    except ParameterError as error:
+        raise ExperimentError(f"{section}: {error}") from None

@@ -1,0 +1,56 @@
+"""Where the messages of a run in one process go besides its evaluation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+from cassie_bags.bag.recording import TYPES
+from cassie_bags.bag.writer import QOS_LANE, BagWriter
+from cassie_bags.run.experiment import Experiment
+from cassie_bags.run.provenance import metadata_of
+from cassie_bags.run.simulate import Observer
+
+
+class BagObserver:
+    """Writes every message into a bag, which leaving its `with` statement closes.
+
+    Args:
+        path: The bag.
+        experiment: What is run, drawn; it goes into the bag.
+
+    Raises:
+        BagError: if the bag cannot be written.
+    """
+
+    def __init__(self, path: Path, experiment: Experiment) -> None:
+        self._bag = BagWriter(path)
+        for name, content in metadata_of(experiment).items():
+            self._bag.add_metadata(name, content)
+        self._channels = {
+            topic: self._bag.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()
+        }
+
+    def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
+        self._bag.write(self._channels[topic], raw, stamp, stamp)
+
+    def __enter__(self) -> BagObserver:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bag.close()
+
+
+def both(first: Observer, second: Observer) -> Observer:
+    """An observer that passes each message on to two."""
+
+    def observe(topic: str, raw: bytes, stamp: int) -> None:
+        first(topic, raw, stamp)
+        second(topic, raw, stamp)
+
+    return observe

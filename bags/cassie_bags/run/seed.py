@@ -1,0 +1,95 @@
+"""Drawing what an experiment leaves to its seed, once and for all nodes.
+
+The result is an experiment again, with `drawn: true`: its file can be run as it is and gives
+the same run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.experiment import Experiment, drawn_robot, to_yaml
+from cassie_teleop.script import ScriptedOperator
+
+STEP_DELAY = 0.2
+"""Operator steps and gantry moves come up to this much later than written. In s."""
+
+EVENT_DELAY = 0.4
+"""Pushes and faults do. In s."""
+
+_EVENT_STREAM = 1  # keeps these draws apart from those of the robot
+
+
+def resolve(experiment: Experiment) -> Experiment:
+    """Draw the robot and the moments of events from the experiment's seed.
+
+    What is written at 0 s is the state at the start and stays there. Entries of one list keep
+    their order. Seed 0 gives the nominal robot at the written times.
+
+    Raises:
+        ExperimentError: if a drawn value that the file fixes is out of its range.
+    """
+    if experiment.drawn:
+        robot = drawn_robot(experiment, 0)
+        return dataclasses.replace(
+            experiment, scenario=dataclasses.replace(experiment.scenario, draw=robot)
+        )
+    scenario = dataclasses.replace(
+        experiment.scenario, draw=drawn_robot(experiment, experiment.seed)
+    )
+    operator = experiment.operator
+    if experiment.seed:
+        rng = np.random.default_rng([experiment.seed, _EVENT_STREAM])
+        times = delayed([float(step["t"]) for step in operator], STEP_DELAY, rng)
+        operator = tuple({**step, "t": t} for step, t in zip(operator, times, strict=True))
+        scenario = dataclasses.replace(
+            scenario,
+            gantry=_later(scenario.gantry, STEP_DELAY, rng),
+            pushes=_later(scenario.pushes, EVENT_DELAY, rng),
+            faults=_later(scenario.faults, EVENT_DELAY, rng),
+        )
+    rider = experiment.rider
+    if rider is not None and not rider.get("seed"):
+        rider = {**rider, "seed": experiment.seed}
+    try:
+        ScriptedOperator(operator, rider)
+    except ValueError as error:
+        raise ExperimentError(str(error)) from None
+    return dataclasses.replace(
+        experiment, drawn=True, scenario=scenario, operator=operator, rider=rider
+    )
+
+
+def write_resolved(experiment: Experiment, path: Path) -> None:
+    """Write the file that all nodes get.
+
+    Raises:
+        ExperimentError: if it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(to_yaml(experiment), encoding="utf-8")
+    except OSError as error:
+        raise ExperimentError(f"cannot write {path}: {error.strerror}") from None
+
+
+def delayed(times: Sequence[float], most: float, rng: np.random.Generator) -> list[float]:
+    """Each time later by up to `most` (uniform), in the same order; 0 stays 0. In s."""
+    result: list[float] = []
+    for time, delay in zip(times, rng.uniform(0.0, most, len(times)).tolist(), strict=True):
+        later = time if time == 0.0 else time + delay
+        result.append(max(later, result[-1]) if result else later)
+    return result
+
+
+def _later(events: tuple[Any, ...], most: float, rng: np.random.Generator) -> tuple[Any, ...]:
+    times = delayed([event.t for event in events], most, rng)
+    return tuple(
+        dataclasses.replace(event, t=time) for event, time in zip(events, times, strict=True)
+    )

@@ -1,0 +1,151 @@
+"""A run of the same cores in one process, without ROS and as fast as it goes.
+
+The schedule is that of the nodes in lock-step (see the package's README), so the trajectory
+is the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, from_messages
+from cassie_control.guarded import (
+    Controller,
+    Estimator,
+    GuardedController,
+    GuardedEstimator,
+    GuardedSupervisor,
+    Supervisor,
+)
+from cassie_control.schedule import STATUS_TICKS
+from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
+from cassie_sim import ground_truth
+from cassie_sim.errors import CommandError
+from cassie_sim.plant import Plant
+from cassie_sim.power_switch import PERIOD
+from cassie_sim.segway_truth import SegwayTruth
+from cassie_teleop.script import ScriptedOperator
+
+Observer = Callable[[str, bytes, int], None]
+"""Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
+
+
+class Loop:
+    """One run of the cores on the schedule of lock-step.
+
+    On tick k: sample k, state k; on every 10th the operator's command and the supervisor's
+    mode, which hold from tick k + 10; command k from the mode in force; power as the operator
+    had it set for this tick; then the plant steps, with command k, or with command k - 1 if
+    `fixed_lag`.
+
+    Args:
+        plant: At tick 0.
+        estimator: Reset.
+        controller: Reset.
+        supervisor: Reset.
+        operator: The scripted operator.
+        observer: Gets each message.
+        fixed_lag: Whether the plant steps with the command before.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        estimator: Estimator,
+        controller: Controller,
+        supervisor: Supervisor,
+        operator: ScriptedOperator,
+        observer: Observer,
+        *,
+        fixed_lag: bool = False,
+    ) -> None:
+        self._plant, self._operator, self._observer = plant, operator, observer
+        self._estimator = GuardedEstimator(estimator)
+        self._controller = GuardedController(controller)
+        self._supervisor = GuardedSupervisor(supervisor)
+        self._fixed_lag = fixed_lag
+        self._truth, self._segway = ground_truth.GroundTruth(), SegwayTruth()
+        self._mode, self._next_mode = Mode(), Mode()
+        self._lagging = MotorCommand()
+        self._power = self._next_power = False
+        self._has_lagging = False
+        self.problems: dict[str, tuple[str, float]] = {}
+        """What first went wrong with a core, by its node, and at what robot time. In s."""
+
+    def tick(self) -> None:
+        """Run one control tick."""
+        plant = self._plant
+        seq, stamp = plant.seq, plant.seq * plant.tick_ns
+        sensors = plant.sense()
+        self._observe(sensors, stamp)
+        truth = self._truth.write(plant)
+        self._observer(ground_truth.TOPIC, truth, stamp)
+        for topic, raw in self._segway.messages(plant):
+            self._observer(topic, raw, stamp)
+        self._operator.watch(stamp, truth)
+        state = self._estimator.step(sensors)
+        self._observe(state, stamp)
+        self._note("state_estimator", self._estimator.problem, stamp)
+        if seq % PERIOD == 0:
+            self._answer(state, stamp)
+        command = self._controller.step(state, self._mode)
+        self._observe(command, stamp)
+        if seq % STATUS_TICKS == 0:
+            self._observe(self._controller.status(state), stamp)
+        self._note("gait_controller", self._controller.problem, stamp)
+        plant.power(self._power)
+        self._step_plant(command)
+
+    def _answer(self, state: RobotState, stamp: int) -> None:
+        """Put in force what was answered to the state before, answer this one."""
+        self._mode.copy_from(self._next_mode)
+        self._power = self._next_power
+        operator = self._operator.answer(state)
+        self._observe(operator, stamp)
+        self._next_power = bool(operator.power)
+        mode = self._supervisor.step(state, operator)
+        self._observe(mode, stamp)
+        self._note("mode_supervisor", self._supervisor.problem, stamp)
+        self._next_mode.copy_from(mode)
+
+    def _step_plant(self, command: MotorCommand) -> None:
+        applied: MotorCommand | None = command
+        if self._fixed_lag:
+            applied = self._lagging if self._has_lagging else None
+        try:
+            self._plant.step(applied)
+        except CommandError as error:
+            self._note("simulator", str(error), self._plant.seq * self._plant.tick_ns)
+        if self._fixed_lag:
+            self._lagging.copy_from(command)
+            self._has_lagging = True
+
+    def _note(self, node: str, problem: str, stamp: int) -> None:
+        if problem and node not in self.problems:
+            self.problems[node] = (problem, stamp * 1e-9)
+
+    def _observe(self, sample: Sample, stamp: int) -> None:
+        self._observer(sample.TOPIC, sample.to_bytes(), stamp)
+
+
+def run(loop: Loop, ticks: Iterable[int]) -> float:
+    """Run a loop over ticks, which may show progress; returns the wall time it took. In s."""
+    started = time.perf_counter()
+    for _ in ticks:
+        loop.tick()
+    return time.perf_counter() - started
+
+
+class Store:
+    """An observer that keeps every message."""
+
+    def __init__(self) -> None:
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+
+    def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
+        self.messages[topic].append(raw)
+
+    def recording(self, wall_time: float) -> Recording:
+        """What was kept, as arrays."""
+        return from_messages(self.messages, wall_time)

@@ -1,0 +1,1 @@
+"""What a recording says, each number once: tracking, walking, standing, riding, falling."""

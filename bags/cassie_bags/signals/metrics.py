@@ -1,0 +1,228 @@
+"""How a run went, in numbers: over the whole run and over each of its phases.
+
+The velocities are those of the pelvis origin in the heading frame, from the true pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.recording import Recording
+from cassie_bags.signals.riding import gate_miss
+from cassie_bags.signals.track import TRACKED, Track
+from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
+from cassie_gaits.robot import DRIVES as DRIVE_TABLE
+from cassie_msgs.layout import ControllerStatus
+
+FloatArray = npt.NDArray[np.float64]
+
+FALLEN_TILT = math.radians(60.0)
+"""Tilt of the pelvis beyond which the robot has fallen. In rad."""
+
+FALLEN_HEIGHT = 0.30
+"""Pelvis height above the lowest sole below which it has. In m."""
+
+PHASE_METRICS = (
+    *TRACKED,
+    *(f"{name}_rms" for name in TRACKED),
+    "roll_deg",
+    "pitch_deg",
+    "drift",
+    "distance",
+    "turn_deg",
+    "speed_peak",
+    "vx_min",
+    "vx_max",
+    "sole_pitch_deg",
+)
+"""Mean of each tracked quantity, RMS of its error, mean roll and pitch, greatest horizontal
+distance from the start of the phase, distance and turn from its start to its end, greatest
+mean speed over a second, least and greatest speed forward, see `sole_pitch`."""
+
+RUN_METRICS = (
+    *(f"{name}_mean" for name in TRACKED),
+    *(f"{name}_mean_error" for name in TRACKED),
+    *(f"{name}_rms_error" for name in TRACKED),
+    "fall_time",
+    "duration",
+    "drift",
+    "distance",
+    "tilt_deg",
+    "height_min",
+    "height_max",
+    "peak_torque_ratio",
+    "steps",
+    "gate_miss",
+    "real_time_factor",
+)
+"""Means and errors of the tracked quantities while the robot carries itself, time of the fall
+(NaN if none), greatest and final horizontal distance from where it began to carry itself,
+greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
+walked, greatest distance of a Segway from the middle of a gate (NaN without gates)."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a run: name, start and end in robot time (s)."""
+
+    name: str
+    t0: float
+    t1: float
+
+
+@dataclass(frozen=True)
+class PhaseMetrics:
+    """A phase in numbers: `PHASE_METRICS` and what was commanded, the mean of each."""
+
+    phase: Phase
+    reached: bool
+    values: dict[str, float]
+    commanded: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """A run in numbers.
+
+    Attributes:
+        fell: Whether the robot fell.
+        fall_time: When. In s, or None.
+        run: `RUN_METRICS` by name.
+        peak_torque: Largest torque of each drive by name. In Nm.
+        phases: In the order asked for.
+    """
+
+    fell: bool
+    fall_time: float | None
+    run: dict[str, float]
+    peak_torque: dict[str, float]
+    phases: tuple[PhaseMetrics, ...]
+
+
+def measure(
+    recording: Recording,
+    track: Track,
+    phases: Iterable[Phase],
+    rider: Mapping[str, Any] | None = None,
+) -> Metrics:
+    """A run in numbers.
+
+    Args:
+        recording: The run.
+        track: Its signals.
+        phases: Parts of it to look at.
+        rider: Section of the operator who rode, with the gates that he was to pass.
+    """
+    fall_time = _fall_time(track)
+    peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
+    run = _tracking(track) | _journey(track)
+    run["fall_time"] = math.nan if fall_time is None else fall_time
+    run["peak_torque_ratio"] = float((peak / _torque_limits()).max())
+    status = recording.rows(ControllerStatus)
+    run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
+    run["gate_miss"] = gate_miss(recording, rider)
+    run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
+    return Metrics(
+        fell=fall_time is not None,
+        fall_time=fall_time,
+        run=run,
+        peak_torque=dict(zip(DRIVES, peak.tolist(), strict=True)),
+        phases=tuple(_phase(track, phase) for phase in phases),
+    )
+
+
+def _fall_time(track: Track) -> float | None:
+    up = np.cos(track.angles[:, 1]) * np.cos(track.angles[:, 2])
+    height = track.position[:, 2] - track.sole_height.min(axis=1)
+    fallen = (up < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
+    return float(track.time[np.argmax(fallen)]) if fallen.any() else None
+
+
+def _tracking(track: Track) -> dict[str, float]:
+    values = {}
+    for name in TRACKED:
+        achieved = track.achieved[name][track.carries]
+        error = achieved - track.commanded[name][track.carries]
+        values[f"{name}_mean"] = float(achieved.mean()) if len(error) else math.nan
+        values[f"{name}_mean_error"] = float(error.mean()) if len(error) else math.nan
+        values[f"{name}_rms_error"] = _rms(error)
+    return values
+
+
+def _journey(track: Track) -> dict[str, float]:
+    start = int(np.argmax(track.carries)) if track.carries.any() else 0
+    away = np.linalg.norm(track.position[start:, :2] - track.position[start, :2], axis=1)
+    up = np.cos(track.angles[start:, 1]) * np.cos(track.angles[start:, 2])
+    height = track.achieved["height"][start:]
+    return {
+        "duration": float(track.time[-1] - track.time[0]),
+        "drift": float(away.max()),
+        "distance": float(away[-1]),
+        "tilt_deg": math.degrees(math.acos(float(np.clip(up.min(), -1.0, 1.0)))),
+        "height_min": float(height.min()),
+        "height_max": float(height.max()),
+    }
+
+
+def _phase(track: Track, phase: Phase) -> PhaseMetrics:
+    tick = track.time[1] - track.time[0] if len(track.time) > 1 else 0.0
+    reached = bool(track.time[-1] >= phase.t1 - 1.5 * tick)
+    inside = (track.time >= phase.t0 - 1e-9) & (track.time < phase.t1 - 1e-9)
+    if not inside.any():
+        nothing = dict.fromkeys(PHASE_METRICS, math.nan)
+        return PhaseMetrics(phase, False, nothing, dict.fromkeys(TRACKED, math.nan))
+    commanded = {name: float(track.commanded[name][inside].mean()) for name in TRACKED}
+    values = {name: float(track.achieved[name][inside].mean()) for name in TRACKED}
+    for name in TRACKED:
+        values[f"{name}_rms"] = _rms((track.achieved[name] - track.commanded[name])[inside])
+    yaw, pitch, roll = track.angles[inside].T
+    away = np.linalg.norm(track.position[inside, :2] - track.position[inside][0, :2], axis=1)
+    values |= {
+        "roll_deg": math.degrees(float(roll.mean())),
+        "pitch_deg": math.degrees(float(pitch.mean())),
+        "drift": float(away.max()),
+        "distance": float(away[-1]),
+        "turn_deg": math.degrees(float(yaw[-1] - yaw[0])),
+        "speed_peak": _speed_peak(track.position[inside, :2], tick),
+        "vx_min": float(track.achieved["vx"][inside].min()),
+        "vx_max": float(track.achieved["vx"][inside].max()),
+        "sole_pitch_deg": sole_pitch(track, inside),
+    }
+    return PhaseMetrics(phase, reached, values, commanded)
+
+
+def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
+    """Pitch, toe up, that a foot which carries load exceeds for a twentieth of the time, in deg.
+
+    NaN while she hangs.
+    """
+    loaded = track.foot_load[inside] > 0.5
+    pitches = track.sole_pitch[inside][loaded]
+    return math.degrees(float(np.percentile(pitches, 95.0))) if len(pitches) else math.nan
+
+
+def _speed_peak(position: FloatArray, tick: float) -> float:
+    """Greatest distance covered in a second, as a speed (m/s); NaN of a shorter phase."""
+    second = round(1.0 / tick) if tick > 0.0 else 0
+    if not 0 < second < len(position):
+        return math.nan
+    moved = position[second:] - position[:-second]
+    return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
+
+
+def _torque_limits() -> FloatArray:
+    return np.array([DRIVE_TABLE[drive].torque_limit for _ in LEGS for drive in LEG_DRIVES])
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt((values**2).mean())) if len(values) else math.nan
+
+
+def _ratio(numerator: float, denominator: float) -> float:
+    return numerator / denominator if denominator > 0.0 else math.nan

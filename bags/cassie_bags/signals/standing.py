@@ -1,0 +1,65 @@
+"""How well a part of a run was stood, in figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.continuity import first_occurrences
+from cassie_bags.bag.recording import Rows, stamps, stamps_ns
+from cassie_bags.signals.track import Track
+
+STANDING_FIGURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
+"""What `measure_standing` gives."""
+
+_ENDS = 1.0  # s, over which places are taken at both ends of the window
+
+
+def measure_standing(
+    track: Track, state: Rows, status: Rows, inside: npt.NDArray[np.bool_]
+) -> dict[str, float]:
+    """Standing over a window.
+
+    Args:
+        track: Signals of the run.
+        state: Rows of `RobotState`.
+        status: Rows of `ControllerStatus`.
+        inside: Which samples of the track count.
+
+    Returns:
+        com_rms: of the CoM's place on the ground about its mean (m); creep: of the foot that
+        moved more, from the first second to the last (m); height_off: greatest error of the
+        pelvis height (m); shaking: greatest speed of the pelvis in the last second (m/s);
+        stepped: whether she stepped at all (0 or 1). NaN where the window holds no two seconds.
+    """
+    time = track.time[inside]
+    if not len(time) or time[-1] - time[0] < 2.0 * _ENDS:
+        return dict.fromkeys(STANDING_FIGURES, math.nan)
+    first, last = time < time[0] + _ENDS, time > time[-1] - _ENDS
+    feet = track.legs[inside][:, :, -2:, :2].mean(axis=2)
+    moved = np.linalg.norm(feet[last].mean(axis=0) - feet[first].mean(axis=0), axis=1)
+    height = track.achieved["height"][inside] - track.commanded["height"][inside]
+    walked = status[(stamps(status) >= time[0]) & (stamps(status) <= time[-1])]["stance_leg"] >= 0.0
+    return {
+        "com_rms": _sway(track, state, inside, feet.mean(axis=1)),
+        "creep": float(moved.max()),
+        "height_off": float(np.abs(height).max()),
+        "shaking": float(np.abs(track.velocity[inside][last]).max()),
+        "stepped": float(walked.any()),
+    }
+
+
+def _sway(
+    track: Track, state: Rows, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]
+) -> float:
+    """RMS of the CoM's distance from its mean place, from its place over the true feet. In m."""
+    state = first_occurrences(state)
+    rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
+    if len(rows) != len(middle):
+        return math.nan
+    cos, sin = np.cos(track.angles[inside, 0]), np.sin(track.angles[inside, 0])
+    x, y, _ = rows["com_position"].T
+    place = middle + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return float(np.sqrt(((place - place.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -1,0 +1,233 @@
+"""A recording as signals over time: what was commanded and what the robot truly did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.continuity import first_occurrences
+from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
+from cassie_bags.errors import BagError
+from cassie_bags.signals.leg_geometry import euler_angles, leg_points, rotation_matrices, to_world
+from cassie_gaits.robot import SOLE_RADIUS
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
+from cassie_sim.segway import TRACK, WHEEL_RADIUS
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+TRACKED = ("vx", "vy", "yaw_rate", "height")
+"""Quantities that an operator commands and a run is judged by. In m/s, m/s, rad/s, m."""
+
+AVERAGED_OVER = 0.8
+"""Width of a moving mean over the sway of the gait, about two steps. In s."""
+
+FLIGHT = 0.25
+"""Time around a step for which no foot need carry load. In s."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Signals of one episode on the ticks that have a true pose, a sample and a state.
+
+    Attributes:
+        time: Robot time. Shape (n,), in s.
+        position: True pelvis origin in the world. Shape (n, 3), in m.
+        orientation: True pelvis to world, x y z w. Shape (n, 4).
+        velocity: True velocity of the pelvis origin in the world. Shape (n, 3), in m/s.
+        angles: True yaw (unwrapped), pitch, roll. Shape (n, 3), in rad.
+        achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame,
+            yaw rate, pelvis height above the loaded soles. Each of shape (n,).
+        commanded: The same as the operator asked for.
+        mode: Mode that the supervisor set. Shape (n,).
+        legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
+        foot_load: Share of the load threshold on each foot. Shape (n, 2).
+        carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
+            within `FLIGHT` of the sample. Shape (n,).
+        sensors: Rows of `Sensors` on these ticks.
+        vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
+            the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
+        wheels: What its left and right wheel have turned in the chassis, if they did not slip.
+            Shape (n, 2), or (0, 2), in rad.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    orientation: FloatArray
+    velocity: FloatArray
+    angles: FloatArray
+    achieved: dict[str, FloatArray]
+    commanded: dict[str, FloatArray]
+    mode: npt.NDArray[np.int64]
+    legs: FloatArray
+    foot_load: FloatArray
+    carries: BoolArray
+    sensors: Rows
+    vehicle: FloatArray
+    wheels: FloatArray
+
+    @property
+    def sole_height(self) -> FloatArray:
+        """Height of the middle of each sole in the world. Shape (n, 2), in m."""
+        heights: FloatArray = self.legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+        return heights
+
+    @property
+    def sole_pitch(self) -> FloatArray:
+        """Pitch of each sole, toe up. Shape (n, 2), in rad."""
+        tip, heel = self.legs[:, :, -2], self.legs[:, :, -1]
+        ahead = np.linalg.norm((tip - heel)[:, :, :2], axis=2)
+        pitch: FloatArray = np.arctan2((tip - heel)[:, :, 2], ahead)
+        return pitch
+
+
+def make_track(recording: Recording) -> Track:
+    """Signals of the last episode of a recording.
+
+    Raises:
+        BagError: if it holds no tick with sensors, state and true pose.
+    """
+    sensors, state, truth = _aligned(recording)
+    orientation = truth["orientation"]
+    legs = to_world(leg_points(state["q"][:, 6:]), truth["position"], orientation)
+    angles = euler_angles(orientation)
+    seq = sensors["seq"].astype(np.int64)
+    mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
+    load = state["foot_load"]
+    own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY])
+    own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), FLIGHT)
+    velocity = np.einsum("nij,nj->ni", rotation_matrices(orientation), truth["linear"])
+    achieved = _velocities(truth, velocity, angles)
+    achieved["height"] = truth["position"][:, 2] - _ground(legs, load)
+    vehicle, wheels = _vehicle(recording, stamps_ns(sensors))
+    return Track(
+        time=stamps(sensors),
+        position=truth["position"],
+        orientation=orientation,
+        velocity=velocity,
+        angles=angles,
+        achieved=achieved,
+        commanded=_commanded(recording, sensors, seq),
+        mode=mode,
+        legs=legs,
+        foot_load=load,
+        carries=own,
+        sensors=sensors,
+        vehicle=vehicle,
+        wheels=wheels,
+    )
+
+
+def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
+    """Rows of sensors, state and truth on the ticks that have all three."""
+    sensors = first_occurrences(recording.rows(Sensors))
+    state = first_occurrences(recording.rows(RobotState))
+    if not len(sensors):
+        raise BagError("the recording holds no sample of /cassie/sensors")
+    episode = sensors["episode"].max()
+    sensors, state = (rows[rows["episode"] == episode] for rows in (sensors, state))
+    truth = recording.truth[_last_rise(stamps_ns(recording.truth)) :]
+    ticks = np.intersect1d(stamps_ns(sensors), stamps_ns(state))
+    ticks = np.intersect1d(ticks, stamps_ns(truth))
+    if not len(ticks):
+        raise BagError("the recording holds no tick with sensors, state and true pose")
+    sensors, state, truth = (
+        rows[np.unique(stamps_ns(rows), return_index=True)[1]] for rows in (sensors, state, truth)
+    )
+    return (
+        sensors[np.isin(stamps_ns(sensors), ticks)],
+        state[np.isin(stamps_ns(state), ticks)],
+        truth[np.isin(stamps_ns(truth), ticks)],
+    )
+
+
+def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """`vehicle` and `wheels` of a track."""
+    rows = recording.segway[_last_rise(stamps_ns(recording.segway)) :]
+    if not len(rows):
+        return np.zeros((0, 7)), np.zeros((0, 2))
+    index = (np.searchsorted(stamps_ns(rows), ticks, side="right") - 1).clip(0)
+    pose = np.hstack([rows["position"], rows["orientation"]])
+    return pose[index], rolled(pose)[index]
+
+
+def rolled(pose: FloatArray) -> FloatArray:
+    """What the wheels of a Segway have turned in its chassis, left and right.
+
+    Args:
+        pose: Of the chassis: x, y, z (m), quaternion x y z w. Shape (n, 7).
+
+    Returns:
+        From the first pose on, without slip. Shape (n, 2), in rad.
+    """
+    yaw, pitch, _ = euler_angles(pose[:, 3:]).T
+    yaw = np.unwrap(yaw)
+    middle, moved = 0.5 * (yaw[1:] + yaw[:-1]), np.diff(pose[:, :2], axis=0)
+    ahead = np.cos(middle) * moved[:, 0] + np.sin(middle) * moved[:, 1]
+    ways = ahead[:, None] - 0.5 * TRACK * np.diff(yaw)[:, None] * np.array([1.0, -1.0])
+    angles = np.vstack([np.zeros(2), np.cumsum(ways, axis=0)]) / WHEEL_RADIUS
+    turned: FloatArray = angles - (pitch - pitch[0])[:, None]
+    return turned
+
+
+def _last_rise(times: npt.NDArray[np.int64]) -> int:
+    """Index after the last step back in time, where the last episode begins."""
+    back = np.flatnonzero(np.diff(times) < 0)
+    return int(back[-1]) + 1 if len(back) else 0
+
+
+def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:
+    """Where a flag is set at most `width` (s) away."""
+    if not flags.any():
+        return flags
+    set_at = time[flags]
+    after = np.searchsorted(set_at, time).clip(0, len(set_at) - 1)
+    before = (after - 1).clip(0)
+    distance = np.minimum(np.abs(set_at[after] - time), np.abs(set_at[before] - time))
+    near: BoolArray = distance <= width
+    return near
+
+
+def _velocities(truth: Rows, world: FloatArray, angles: FloatArray) -> dict[str, FloatArray]:
+    yaw, pitch, roll = angles.T
+    rate = truth["angular"]
+    return {
+        "vx": np.cos(yaw) * world[:, 0] + np.sin(yaw) * world[:, 1],
+        "vy": -np.sin(yaw) * world[:, 0] + np.cos(yaw) * world[:, 1],
+        "yaw_rate": (np.sin(roll) * rate[:, 1] + np.cos(roll) * rate[:, 2]) / np.cos(pitch),
+    }
+
+
+def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
+    """Height of the ground under the robot: of the soles, weighted by their load."""
+    soles = legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+    weight = load.clip(0.0, 1.0)
+    total = weight.sum(axis=1)
+    loaded = (soles * weight).sum(axis=1) / np.where(total > 0.0, total, 1.0)
+    ground: FloatArray = np.where(total > 0.05, loaded, soles.min(axis=1))
+    return ground
+
+
+def _commanded(
+    recording: Recording, sensors: Rows, seq: npt.NDArray[np.int64]
+) -> dict[str, FloatArray]:
+    """Set-points of a scripted operator, else those that the supervisor passed on."""
+    operator = recording.rows(OperatorCommand)
+    scripted = operator[operator["scripted"]]
+    source = scripted if len(scripted) else recording.rows(Mode)
+    return _held(source, sensors, TRACKED)
+
+
+def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Fields of a scheduled message on each tick, held from `effective_seq` on.
+
+    Before the first one takes effect its values stand, so that means are of what was asked for.
+    """
+    rows = rows[rows["episode"] == sensors["episode"][0]] if len(rows) else rows
+    if not len(rows):
+        return {name: np.zeros(len(sensors)) for name in names}
+    rows = rows[np.argsort(rows["effective_seq"], kind="stable")]
+    index = np.searchsorted(rows["effective_seq"], sensors["seq"], side="right") - 1
+    return {name: rows[name].astype(np.float64)[index.clip(0)] for name in names}

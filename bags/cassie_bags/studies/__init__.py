@@ -1,0 +1,1 @@
+"""Many runs: sweeps, tuning, learning, faults, return maps, and who computes them."""

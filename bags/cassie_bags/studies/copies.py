@@ -1,0 +1,86 @@
+"""Runs that go on from a common beginning: each in a process that starts as a copy of this one."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import connection, get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeVar, cast
+
+from cassie_bags.errors import RunError
+from cassie_bags.studies.workers import DIED, children_without_ctrl_c, obey_parent
+from cassie_gaits.processes import end_with_parent
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def in_copies(
+    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
+) -> Iterator[Result]:
+    """Apply a function to items, each in a copy of this process as it is when its turn comes.
+
+    Args:
+        function: What each copy does; what it raises comes back.
+        items: One for each copy.
+        jobs: Copies at a time.
+
+    Yields:
+        Results in the order of the items.
+
+    Raises:
+        RunError: if a copy died, as when the system had no memory left for it.
+    """
+    waiting = deque(enumerate(items))
+    running: dict[Connection, tuple[int, BaseProcess]] = {}
+    found: dict[int, Result] = {}
+    try:
+        for due in range(len(items)):
+            while due not in found:
+                while waiting and len(running) < jobs:
+                    index, item = waiting.popleft()
+                    receiver, process = _begin(function, item)
+                    running[receiver] = (index, process)
+                for ready in connection.wait(list(running)):
+                    receiver = cast(Connection, ready)
+                    found[running[receiver][0]] = _received(receiver)
+                    _, process = running.pop(receiver)
+                    process.join()
+                    receiver.close()
+            yield found.pop(due)
+    finally:
+        for _, process in running.values():
+            process.kill()
+            process.join()
+
+
+def _begin(function: Callable[[Item], Result], item: Item) -> tuple[Connection, BaseProcess]:
+    context = get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(sender, function, item), daemon=True)
+    with children_without_ctrl_c():
+        process.start()
+    sender.close()  # so that the end of the copy is the end of what can be received
+    return receiver, process
+
+
+def _received(receiver: Connection) -> Any:
+    try:
+        result, error = receiver.recv()
+    except EOFError:
+        raise RunError(DIED) from None
+    if error is not None:
+        raise error
+    return result
+
+
+def _answer(sender: Connection, function: Callable[[Item], Result], item: Item) -> None:
+    obey_parent()
+    end_with_parent()
+    try:
+        answer: tuple[Result | None, Exception | None] = (function(item), None)
+    except Exception as error:
+        answer = (None, error)
+    sender.send(answer)

@@ -1,0 +1,142 @@
+"""Both estimators on the same sensor samples, against the truth, on several grounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.run.cores import make_loop, tick_count
+from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Store
+from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
+from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
+from cassie_msgs.layout import RobotState, Sensors
+
+FloatArray = npt.NDArray[np.float64]
+
+GROUNDS: dict[str, tuple[str, dict[str, Any], float]] = {
+    "flat": ("flat", {}, 0.5),
+    "low friction": ("flat", {"friction": 0.3}, 0.5),
+    "soft": ("sand", {"sinking": 0.03}, 0.3),
+}
+"""Scene, its parameters and the speed walked, by the name of the ground."""
+
+FROM, UNTIL = 10.0, 40.0
+"""Part of the run that is looked at. In s."""
+
+COLUMNS = ("vx m/s", "vy m/s", "vz m/s", "roll deg", "pitch deg", "drift %")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far an estimator was off on one ground.
+
+    Attributes:
+        ground, estimator: What.
+        velocity: RMS error of the pelvis's velocity in the heading frame. Shape (3,), in m/s.
+        tilt: RMS error of roll and pitch. Shape (2,), in rad.
+        drift: Error of the horizontal displacement by the way walked.
+    """
+
+    ground: str
+    estimator: str
+    velocity: FloatArray
+    tilt: FloatArray
+    drift: float
+
+
+def experiment_on(ground: str, seed: int) -> Experiment:
+    """Walking straight ahead on one of `GROUNDS`."""
+    scene, parameters, speed = GROUNDS[ground]
+    content = {
+        "name": ground,
+        "seed": seed,
+        "scene": scene,
+        "scene_parameters": parameters,
+        "start": "standing",
+        "duration": UNTIL,
+        "operator": [
+            {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
+            {"t": 2.0, "mode": "walk"},
+            {"t": 4.0, "vx": speed},
+        ],
+    }
+    return resolve(read_experiment(content))
+
+
+def compare(ground: str, seed: int, show: Callable[[range], Iterable[int]]) -> Iterator[Errors]:
+    """Run one ground once, then give its samples to each estimator.
+
+    Args:
+        ground: Of `GROUNDS`.
+        seed: Of the robot.
+        show: Passes ticks on and shows how far they are.
+    """
+    experiment, store = experiment_on(ground, seed), Store()
+    loop = make_loop(experiment, store)
+    for _ in show(range(tick_count(experiment))):
+        loop.tick()
+    recording = store.recording(0.0)
+    for name in ESTIMATORS:
+        states = replay(recording.rows(Sensors), EstimatorConfig(estimator=name))
+        yield errors_of(ground, name, states, recording)
+
+
+def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
+    """States that an estimator gives for recorded samples.
+
+    Args:
+        sensors: Rows of `Sensors`.
+        config: Of the estimator.
+
+    Returns:
+        Rows of `RobotState`.
+    """
+    period = float(np.median(np.diff(stamps(sensors))))
+    core, sample, states = make_estimator(config, period), Sensors(), []
+    raw, size = sensors.tobytes(), Sensors.SIZE
+    for k in range(len(sensors)):
+        sample.load(raw[k * size : (k + 1) * size])
+        states.append(core.step(sample).to_bytes())
+    return np.frombuffer(b"".join(states), RobotState.DTYPE)
+
+
+def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Errors:
+    """Hold states against the truth of the same ticks, from `FROM` on."""
+    inside = stamps(states) >= FROM
+    truth, rows = recording.truth[inside], states[inside]
+    world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
+    angles = euler_angles(truth["orientation"])
+    error = rows["v"][:, :3] - world
+    c, s = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    forward, left = c * error[:, 0] + s * error[:, 1], c * error[:, 1] - s * error[:, 0]
+    ends = [0, -1]
+    moved = np.diff(rows["q"][ends, :2] - truth["position"][ends, :2], axis=0)[0]
+    way = np.linalg.norm(np.diff(truth["position"][:, :2], axis=0), axis=1).sum()
+    return Errors(
+        ground,
+        name,
+        np.sqrt(np.square([forward, left, error[:, 2]]).mean(axis=1)),
+        np.sqrt(np.square(rows["q"][:, [5, 4]] - angles[:, [2, 1]]).mean(axis=0)),
+        float(np.linalg.norm(moved) / way),
+    )
+
+
+def table(errors: Iterable[Errors]) -> list[str]:
+    """A Markdown table, one row each."""
+    lines = ["| ground | estimator | " + " | ".join(COLUMNS) + " |"]
+    lines.append("|---" * (2 + len(COLUMNS)) + "|")
+    for e in errors:
+        figures = [f"{v:.4f}" for v in e.velocity]
+        figures += [f"{np.degrees(a):.3f}" for a in e.tilt]
+        lines.append(
+            f"| {e.ground} | {e.estimator} | {' | '.join(figures)} | {100 * e.drift:.2f} |"
+        )
+    return lines

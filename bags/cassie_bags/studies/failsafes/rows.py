@@ -1,0 +1,436 @@
+"""The rows of the table of fail-safes: what happens, what the robot does, how one goes on.
+
+The README of `cassie_control` has the texts of these rows, and the tests play them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cassie_bags.studies.failsafes.wall_paced import (
+    CONTROLLER,
+    ESTIMATOR,
+    SUPERVISOR,
+    Person,
+    UnsafeError,
+    WallPaced,
+)
+from cassie_msgs.layout import OperatorCommand, RobotMode
+
+Rng = np.random.Generator
+
+SPEEDS = {"stand": None, "step in place": 0.0, "walk": 0.8, "ride": None}
+"""What the robot does when a row begins, with the speed it walks at. In m/s."""
+
+WALKING = ("step in place", "walk")
+ON_FOOT = ("stand", *WALKING)
+ALL = (*ON_FOOT, "ride")
+
+_STOP_TIME = 8.0  # s: from 0.8 m/s at 0.3 m/s^2, then stepping in place
+_WATCHDOG = 0.022  # s: 20 ms without a command and a tick
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes:
+        name: For commands.
+        trigger: What goes wrong.
+        time: When the robot acts.
+        action: What it does.
+        recovery: How one goes on.
+        play: Makes it happen in a run, and raises `UnsafeError` if the robot does something else.
+        states: Keys of `SPEEDS`: what the robot does before.
+        sections: Further sections of the experiment, drawn with the generator.
+    """
+
+    name: str
+    trigger: str
+    time: str
+    action: str
+    recovery: str
+    play: Callable[[WallPaced, Rng, str], None]
+    states: tuple[str, ...] = ON_FOOT
+    sections: Callable[[Rng, float], dict[str, Any]] = field(default=lambda rng, t: {})
+
+
+def _rests(run: WallPaced, state: str, limit: float = _STOP_TIME) -> None:
+    """The robot stops and stands, or goes on riding without speed and lean, and does not fall."""
+    if state == "ride":
+        run.run(2.0)
+        _hold_ride(run)
+        return
+    run.until(lambda: run.mode is RobotMode.STAND, limit, "stop and stand")
+    run.run(1.0)
+
+
+def _hold_ride(run: WallPaced) -> None:
+    if run.mode is not RobotMode.SEGWAY:
+        raise UnsafeError(f"left the Segway; {run.describe()}")
+
+
+def _wants_arming(run: WallPaced, state: str) -> None:
+    """With the old speeds asked for nothing moves; once they were zero they count."""
+    since = run.now
+    run.person.changes |= {"vx": 0.4}
+    run.run(1.5)
+    if run.armed or any(run.figures(since).values()):
+        raise UnsafeError(f"old speeds count: {dict(run.figures(since))}")
+    run.person.changes |= {"vx": 0.0, "vy": 0.0, "yaw_rate": 0.0, "com_x": 0.0, "com_y": 0.0}
+    run.until(lambda: run.armed, 0.5, "arming")
+    if state in WALKING:
+        run.person.changes |= {"vx": 0.3}
+        run.until(lambda: run.figures(run.now - 0.1)["vx"] > 0.25, 8.0, "the speed asked for")
+        run.run(1.0)
+
+
+def _recovers(run: WallPaced) -> None:
+    """Power off, hung up until the fault is over, let down and switched on again it stands."""
+    run.person.changes |= {"power": False, "mode": RobotMode.STAND, "vx": 0.0, "yaw_rate": 0.0}
+    run.run(0.1, upright=False)
+    run.hang_up()
+    run.run(3.0, upright=False)
+    run.until(
+        lambda: "learned anew" not in str(run.faults),
+        20.0,
+        "sensors to be learned anew",
+        upright=False,
+    )
+    run.person.changes |= {"power": True, "emergency_stop": False, "height": 0.9}
+    run.until(lambda: run.mode is RobotMode.STAND, 4.0, "stand in the gantry", upright=False)
+    run.let_down()
+    run.run(3.0, upright=False)
+    run.fallen = False
+    run.run(1.5)
+    if run.mode is not RobotMode.STAND or abs(run.height - 0.9) > 0.06:
+        raise UnsafeError(f"does not stand after it was let down; {run.describe()}")
+
+
+def _link_lost(run: WallPaced, rng: Rng, state: str) -> None:
+    run.person.changes |= {"link": False}
+    _rests(run, state)
+    run.person.changes |= {"link": True}
+    _wants_arming(run, state)
+
+
+def _operator_silent(run: WallPaced, rng: Rng, state: str) -> None:
+    run.person.silent = True
+    run.until(lambda: "operator lost" in str(run.faults), 0.6, "the fault")
+    _rests(run, state)
+    run.person.silent = False
+    _wants_arming(run, state)
+
+
+def _flapping(run: WallPaced, rng: Rng, state: str) -> None:
+    for _ in range(8):
+        good = bool(rng.integers(2))
+        run.person.changes["link"] = good
+        run.person.silent = not good and bool(rng.integers(2))
+        run.run(float(rng.uniform(0.05, 0.7)))
+    run.person.silent = False
+    run.person.changes["link"] = False
+    _rests(run, state)
+    run.person.changes["link"] = True
+    _wants_arming(run, state)
+
+
+def _wild_values(run: WallPaced, rng: Rng, state: str) -> None:
+    def garble(command: OperatorCommand) -> None:
+        wild = rng.choice([np.nan, np.inf, -np.inf, 1e300, -1e9, 1e4, -50.0, 5.0], 12)
+        chosen = rng.random(12) < 0.5
+        command.floats[chosen] = wild[chosen]
+        command.mode[...] = rng.integers(256)
+
+    since = run.now
+    run.person.garble = garble
+    run.run(0.3)
+    run.person.garble, run.person.silent = None, True
+    _rests(run, state)
+    most = {"vx": 4.2 if state == "ride" else 1.2, "vy": 0.3, "yaw_rate": 1.0}
+    for name, value in run.figures(since).items():
+        if not value <= most[name] + 1e-9:
+            raise UnsafeError(f"{name} = {value:g} came through")
+    run.person.silent = False
+    _wants_arming(run, state)
+
+
+def _power_on_refused(run: WallPaced, rng: Rng, state: str) -> None:
+    run.person.changes |= {"power": False}
+    run.hang_up()
+    run.run(2.0, upright=False)
+    asked: list[dict[str, Any]] = [
+        {"mode": RobotMode.WALK},
+        {"vx": 0.4},
+        {"yaw_rate": -0.5},
+        {"mode": RobotMode.SEGWAY},
+    ]
+    changes = asked[int(rng.integers(len(asked)))]
+    run.person.changes |= {"power": True, **changes}
+    run.hold(lambda: not run.powered, 1.0, "no power")
+    if "power comes on only with stand" not in str(run.faults):
+        raise UnsafeError(f"not told: {run.faults}")
+    _recovers(run)
+
+
+def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
+    run.person.changes |= {"power": False}
+    # What is sent takes until the robot hears it; from then on it has a physics step.
+    run.until(lambda: not run.powered, 0.03, "no power", upright=False)
+    run.hold(lambda: run.torque == 0.0, float(rng.uniform(0.3, 1.5)), "no torque")
+    run.person.changes |= {"power": True, "mode": RobotMode.WALK, "vx": 0.4}
+    run.hold(lambda: not run.powered, 0.5, "no power while it is asked to walk")
+    _recovers(run)
+
+
+def _silent_node(node: str) -> Callable[[WallPaced, Rng, str], None]:
+    def play(run: WallPaced, rng: Rng, state: str) -> None:
+        run.silent.add(node)
+        damped = run.plant.drives
+        run.until(lambda: bool(damped.damped), _WATCHDOG, "damping", upright=False)
+        run.hold(lambda: bool(damped.damped), float(rng.uniform(0.8, 2.5)), "damping")
+        run.restart(node)
+        run.run(1.0, upright=False)
+        _recovers(run)
+
+    return play
+
+
+def _supervisor_lost(run: WallPaced, rng: Rng, state: str) -> None:
+    run.silent.add(SUPERVISOR)
+    run.run(float(rng.uniform(5.0, 7.0)))
+    run.person.changes |= {"mode": RobotMode.STAND, "vx": 0.0}
+    run.restart(SUPERVISOR)
+    run.until(lambda: run.mode is RobotMode.STAND, 4.0, "stand")
+    run.run(1.0)
+    if state in WALKING:
+        run.person.changes |= {"mode": RobotMode.WALK}
+        run.until(lambda: run.mode is RobotMode.WALK, 5.0, "walk")
+        run.run(1.5)
+
+
+def _torque_sensor(rng: Rng, t: float) -> dict[str, Any]:
+    kind = str(rng.choice(["off", "stuck", "nan", "spike"]))
+    channel = f"drive_torque.{rng.integers(10)}"
+    return {"faults": [{"t": t, "channel": channel, "kind": kind, **_SIZES.get(kind, {})}]}
+
+
+_SIZES: dict[str, dict[str, float]] = {"spike": {"size": 200.0}, "off": {}}
+
+
+def _fault_in_samples(run: WallPaced, rng: Rng, state: str) -> None:
+    run.run(12.0)  # an error that stays below the channel's bound is not told
+    if "without drive_torque" in str(run.faults) and run.mode is not RobotMode.STAND:
+        raise UnsafeError(f"does not stand; {run.describe()}")
+
+
+def _attitude(run: WallPaced, rng: Rng, state: str) -> None:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    run.push((600.0 * float(np.cos(angle)), 600.0 * float(np.sin(angle)), 0.0), 0.3)
+    run.until(lambda: run.mode is RobotMode.DAMP, 5.0, "damp", upright=False)
+    run.run(2.0, upright=False)
+    if run.mode is not RobotMode.DAMP:
+        raise UnsafeError(f"does not damp where it lies; {run.describe()}")
+    _recovers(run)
+
+
+def _battery(run: WallPaced, rng: Rng, state: str) -> None:
+    run.charge = float(rng.uniform(0.12, 0.18))
+    run.until(lambda: "stop and charge it" in str(run.faults), 0.1, "the warning")
+    before = run.mode
+    run.hold(lambda: run.mode is before, 1.0, "to go on")
+    run.charge = float(rng.uniform(0.01, 0.09))
+    run.until(lambda: run.mode is RobotMode.STAND, _STOP_TIME, "stop and stand")
+    run.until(lambda: run.height < 0.5, 4.0, "sit down")
+    run.run(1.0)
+
+
+def _other_stops(run: WallPaced, rng: Rng, state: str) -> None:
+    other = Person("person-2")
+    other.changes |= {"power": False}
+    run.others.append(other)
+    run.run(0.5)
+    other.changes |= {"emergency_stop": True}
+    run.until(lambda: not run.powered, 0.05, "no power", upright=False)
+    other.changes |= {"emergency_stop": False}
+    run.hold(lambda: not run.powered, 1.0, "no power until it was switched off and on")
+    _recovers(run)
+
+
+def _missed_ticks(run: WallPaced, rng: Rng, state: str) -> None:
+    share = float(rng.uniform(0.3, 0.5))
+    run.drops = lambda: bool(rng.random() < share)
+    run.until(lambda: "control ticks missed" in str(run.faults), 1.5, "the fault")
+    _rests(run, state)
+
+
+def _link_lost_and_push(run: WallPaced, rng: Rng, state: str) -> None:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    force = 8.0 / 0.1
+    run.person.changes |= {"link": False}
+    run.run(float(rng.uniform(0.0, 0.5)))
+    run.push((force * float(np.cos(angle)), force * float(np.sin(angle)), 0.0), 0.1)
+    _rests(run, state, limit=12.0)
+
+
+def _any_sensor(rng: Rng, t: float) -> dict[str, Any]:
+    quantity, count = [
+        ("drive_position", 10),
+        ("drive_velocity", 10),
+        ("joint_position", 6),
+        ("joint_velocity", 6),
+        ("drive_torque", 10),
+    ][int(rng.integers(5))]
+    channel = f"{quantity}.{rng.integers(count)}"
+    kind = str(rng.choice(["off", "stuck", "nan"]))
+    return {"faults": [{"t": t + float(rng.uniform(0.0, 0.5)), "channel": channel, "kind": kind}]}
+
+
+def _link_lost_and_sensor(run: WallPaced, rng: Rng, state: str) -> None:
+    run.person.changes |= {"link": False}
+    _rests(run, state, limit=12.0)
+
+
+ROWS = (
+    Row(
+        "link_lost",
+        "The radio's or page's link is bad",
+        "at once",
+        "stops and stands; on a Segway brakes and rides on",
+        "good link, then the speeds at zero once",
+        _link_lost,
+        ALL,
+    ),
+    Row(
+        "operator_silent",
+        "The operator's node is killed or stopped",
+        "0.5 s",
+        "stops and stands; on a Segway brakes and rides on",
+        "commands again, then the speeds at zero once",
+        _operator_silent,
+        ALL,
+    ),
+    Row(
+        "flapping_link",
+        "The link comes and goes every 0.05 to 0.7 s",
+        "at once",
+        "stops and stands; on a Segway brakes and rides on",
+        "good link, then the speeds at zero once",
+        _flapping,
+        ALL,
+    ),
+    Row(
+        "wild_values",
+        "Values that mean nothing arrive, and then nothing",
+        "at once",
+        "refuses them; stops and stands; on a Segway brakes and rides on",
+        "commands again, then the speeds at zero once",
+        _wild_values,
+        ALL,
+    ),
+    Row(
+        "power_on_refused",
+        "Power is switched on while a mode or speed is asked for",
+        "at once",
+        "no power",
+        "ask for stand and no speed",
+        _power_on_refused,
+        ("stand",),
+    ),
+    Row(
+        "power_cut",
+        "The operator cuts the power, and asks for it while asking to walk",
+        "one physics step",
+        "no torque, no power",
+        "hang it up, ask for stand, power on, let it down",
+        _power_cut,
+    ),
+    Row(
+        "other_operator_stops",
+        "Another operator presses the emergency stop",
+        "one physics step",
+        "no power, until the holder of the lease switches it off and on",
+        "hang it up, power off and on, let it down",
+        _other_stops,
+    ),
+    Row(
+        "estimator_silent",
+        "The state estimator is killed, stopped or restarted",
+        "20 ms",
+        "drives damp",
+        "restart it; hang it up, power off and on, let it down",
+        _silent_node(ESTIMATOR),
+    ),
+    Row(
+        "controller_silent",
+        "The gait controller is killed, stopped or restarted",
+        "20 ms",
+        "drives damp",
+        "restart it; hang it up, power off and on, let it down",
+        _silent_node(CONTROLLER),
+    ),
+    Row(
+        "supervisor_silent",
+        "The mode supervisor is killed, stopped or restarted",
+        "0.4 s",
+        "the controller stops and stands by itself",
+        "restart it",
+        _supervisor_lost,
+    ),
+    Row(
+        "torque_differs",
+        "A drive reports a torque other than the one commanded",
+        "0.1 s",
+        "stops and stands without that channel, if the error exceeds its bound",
+        "repair it",
+        _fault_in_samples,
+        ON_FOOT,
+        _torque_sensor,
+    ),
+    Row(
+        "attitude",
+        "The torso tilts by more than 0.8 rad",
+        "20 ms",
+        "drives damp until the torso has been upright for 1 s",
+        "power off, hang it up, power on, let it down",
+        _attitude,
+    ),
+    Row(
+        "battery",
+        "The battery is low, and then empty",
+        "20 ms",
+        "warns; then stops, stands and sits down",
+        "charge it",
+        _battery,
+    ),
+    Row(
+        "missed_ticks",
+        "A busy machine misses more than a fifth of the control ticks of a second",
+        "1 s",
+        "stops and stands",
+        "end what keeps the machine busy; walking may begin again",
+        _missed_ticks,
+    ),
+    Row(
+        "link_lost_and_push",
+        "The link is lost and a push of 8 Ns comes",
+        "at once",
+        "stops and stands",
+        "good link, then the speeds at zero once",
+        _link_lost_and_push,
+    ),
+    Row(
+        "link_lost_and_sensor",
+        "The link is lost and a sensor fails",
+        "at once",
+        "stops and stands without that channel",
+        "repair it",
+        _link_lost_and_sensor,
+        ON_FOOT,
+        _any_sensor,
+    ),
+)

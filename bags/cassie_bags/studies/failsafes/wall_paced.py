@@ -1,0 +1,289 @@
+"""The cores of all nodes as if each ran by the wall clock: nobody waits for anybody.
+
+What a node would do that is silent, restarted, or driven by a person is done here on robot time, so
+that a run is the same on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cassie_bags.run.cores import Cores, make_cores
+from cassie_bags.run.experiment import Experiment
+from cassie_bags.studies.trial import has_fallen
+from cassie_control.guarded import (
+    BRIDGED,
+    GuardedController,
+    GuardedEstimator,
+    GuardedSupervisor,
+)
+from cassie_control.schedule import ModeInForce
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
+from cassie_msgs.operators import Operators, write_sender
+from cassie_sim import ground_truth, orders
+from cassie_sim.power_switch import PERIOD, PowerSwitch
+from cassie_teleop.script import ScriptedOperator
+
+ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
+
+CONTROLLER_PATIENCE = 0.7
+"""Silence of the controller after which the supervisor counts it as lost. In s."""
+
+_LOOK = 25  # ticks between looks at whether the robot has fallen
+
+
+class UnsafeError(Exception):
+    """The robot did not do what the table promises; the message says what and when."""
+
+
+@dataclass
+class Person:
+    """An operator: a script's commands, as a person sends them.
+
+    Attributes:
+        name: Who speaks.
+        script: What is asked for by time; None asks for stand without a speed.
+        changes: Fields that are said in place of the script's.
+        silent: Whether nothing is sent.
+        garble: Changes a command on its way, or None.
+    """
+
+    name: str
+    script: ScriptedOperator | None = None
+    changes: dict[str, Any] = field(default_factory=dict)
+    silent: bool = False
+    garble: Callable[[OperatorCommand], None] | None = None
+
+    @property
+    def writer(self) -> bytes:
+        """Identity, as DDS would give it."""
+        return self.name.encode().ljust(16, b"\0")
+
+    def say(self, state: RobotState) -> OperatorCommand:
+        """The command that is sent after a state."""
+        command = OperatorCommand()
+        if self.script is not None:
+            command.copy_from(self.script.answer(state))
+        else:
+            command.power[...] = command.link[...] = True
+            command.mode[...], command.height[...] = RobotMode.STAND, 0.9
+        command.scripted[...] = False
+        for name, value in self.changes.items():
+            getattr(command, name)[...] = value
+        write_sender(command, self.name)
+        if self.garble is not None:
+            self.garble(command)
+        return command
+
+
+class WallPaced:
+    """One run.
+
+    Args:
+        experiment: Robot, scene, events, and what the operator asks for; drawn.
+
+    Attributes:
+        plant: The robot.
+        person: Who drives.
+        others: Further operators.
+        silent: Nodes that neither take nor send anything.
+        drops: Says at each tick whether the motor command gets lost, or None.
+        charge: Of the battery, 0..1.
+        modes: Of each mode message: its time (s), the message.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._make: Callable[[], Cores] = lambda: make_cores(experiment)
+        cores = self._make()
+        self.plant = cores.plant
+        self.period = self.plant.tick_ns * 1e-9
+        self.person = Person("person-1", cores.operator)
+        self.others: list[Person] = []
+        self.silent: set[str] = set()
+        self.drops: Callable[[], bool] | None = None
+        self.charge = 1.0
+        self.modes: list[tuple[float, Mode]] = []
+        self._truth = ground_truth.GroundTruth()
+        self._switch = PowerSwitch(scripted=False, start_patience=0.0)
+        self._operators = Operators()
+        self._estimator = GuardedEstimator(cores.estimator, round(BRIDGED / self.period))
+        self._controller = GuardedController(cores.controller)
+        self._supervisor = GuardedSupervisor(cores.supervisor)
+        self._in_force = ModeInForce(self.period)
+        self._state = RobotState()
+        self._spoken = 0  # tick of the controller's last command
+        self._missed = 0
+        self.fallen = False
+
+    @property
+    def now(self) -> float:
+        """Robot time. In s."""
+        return float(self.plant.seq * self.period)
+
+    @property
+    def mode(self) -> RobotMode:
+        """Mode that the supervisor has put in force."""
+        return self._supervisor.status.mode
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Faults that the supervisor tells, and why there is no power."""
+        refused = self._operators.power_refused
+        return (*self._supervisor.status.faults, *((f"no power: {refused}",) if refused else ()))
+
+    @property
+    def holder(self) -> str:
+        """Name of the operator who drives."""
+        return self._operators.holder(self.now)
+
+    @property
+    def armed(self) -> bool:
+        """Whether that operator's speeds count."""
+        return self._operators.armed
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drives have power."""
+        return bool(self.plant.drives.powered)
+
+    @property
+    def height(self) -> float:
+        """True height of the pelvis. In m."""
+        return float(self.plant.pelvis_pose[0][2])
+
+    @property
+    def torque(self) -> float:
+        """Largest torque that acts now. In Nm."""
+        return float(np.abs(self.plant.drives.applied).max())
+
+    def restart(self, node: str) -> None:
+        """A node comes up anew, without memory."""
+        cores = self._make()
+        self.silent.discard(node)
+        if node == ESTIMATOR:
+            self._estimator = GuardedEstimator(cores.estimator, round(BRIDGED / self.period))
+        elif node == CONTROLLER:
+            self._controller = GuardedController(cores.controller)
+            self._in_force = ModeInForce(self.period)
+            self._spoken = self.plant.seq
+        else:
+            self._supervisor = GuardedSupervisor(cores.supervisor)
+            self._operators = Operators()
+
+    def push(self, force: tuple[float, float, float], duration: float) -> None:
+        """Push the pelvis from now on. In N and s."""
+        orders.push(self.plant, "", force, duration)
+
+    def hang_up(self) -> None:
+        """Hang the robot up, well above the ground."""
+        orders.move_gantry(self.plant, "hold", 1.3, 1.0)
+
+    def let_down(self) -> None:
+        """Let it down to the ground."""
+        orders.move_gantry(self.plant, "lower", 0.82, 0.3)
+
+    def tick(self) -> None:
+        """Run one control tick."""
+        plant = self.plant
+        seq = plant.seq
+        sample = plant.sense()
+        sample.wall_paced[...] = 1
+        sample.missed_ticks[...] = self._missed
+        sample.battery[1] = self.charge
+        sample.operator_lease[...] = self._switch.operators.lease
+        if self.person.script is not None:
+            self.person.script.watch(seq * plant.tick_ns, self._truth.write(plant))
+        if ESTIMATOR not in self.silent:
+            self._state = self._estimator.step(sample)
+        if seq % PERIOD == 0:
+            self._hear(seq)
+            if not {ESTIMATOR, SUPERVISOR} & self.silent:
+                self._supervise()
+        command = None
+        if not {ESTIMATOR, CONTROLLER} & self.silent:
+            command = self._controller.step(self._state, self._in_force.at(seq))
+            if self.drops is not None and self.drops():
+                command = None
+            self._spoken = seq
+        self._missed += command is None
+        plant.power(self._switch.apply(seq))
+        plant.step(command)
+        if seq % _LOOK == 0:
+            self.fallen = self.fallen or has_fallen(plant)
+
+    def _hear(self, seq: int) -> None:
+        """Operators speak 50 times a second; the robot hears them, and the supervisor."""
+        for person in (self.person, *self.others):
+            if person.silent:
+                continue
+            command = person.say(self._state)
+            self._switch.take(command, person.writer, self.plant.episode, seq, self.now)
+            if SUPERVISOR not in self.silent:
+                self._operators.take(command, person.writer, self.now)
+
+    def _supervise(self) -> None:
+        self._operators.follow(int(self._state.operator_lease))
+        held = self._operators.command(self.now)
+        silence = (self.plant.seq - self._spoken) * self.period
+        mode = self._supervisor.step(self._state, held, silence > CONTROLLER_PATIENCE)
+        self._in_force.table.add(mode)
+        kept = Mode()
+        kept.copy_from(mode)
+        self.modes.append((self.now, kept))
+
+    def run(self, duration: float, *, upright: bool = True) -> None:
+        """Go on for a while.
+
+        Args:
+            duration: Robot time. In s.
+            upright: Whether the robot may not fall meanwhile.
+
+        Raises:
+            UnsafeError: if it falls although it may not.
+        """
+        for _ in range(round(duration / self.period)):
+            self.tick()
+            if upright and self.fallen:
+                raise UnsafeError(f"fell at {self.now:.2f} s")
+
+    def until(
+        self, condition: Callable[[], bool], limit: float, what: str, *, upright: bool = True
+    ) -> float:
+        """Go on until a condition holds; returns how long that took. In s.
+
+        Raises:
+            UnsafeError: if it does not come about within `limit`, or the robot falls.
+        """
+        start = self.now
+        while not condition():
+            if self.now - start > limit:
+                raise UnsafeError(f"{what}: not within {limit:g} s; {self.describe()}")
+            self.run(self.period, upright=upright)
+        return self.now - start
+
+    def hold(self, condition: Callable[[], bool], duration: float, what: str) -> None:
+        """Go on for a while, in which a condition has to hold at every tick.
+
+        Raises:
+            UnsafeError: if it does not.
+        """
+        for _ in range(round(duration / self.period)):
+            self.tick()
+            if not condition():
+                raise UnsafeError(f"{what}: no longer at {self.now:.2f} s; {self.describe()}")
+
+    def describe(self) -> str:
+        """Where things stand."""
+        return f"mode {self.mode.name.lower()}, pelvis at {self.height:.2f} m, {self.faults}"
+
+    def figures(self, since: float) -> Mapping[str, float]:
+        """Largest magnitude of each commanded speed since a time. In m/s and rad/s."""
+        chosen = [mode for time, mode in self.modes if time >= since]
+        return {
+            name: max((abs(float(getattr(mode, name))) for mode in chosen), default=0.0)
+            for name in ("vx", "vy", "yaw_rate")
+        }

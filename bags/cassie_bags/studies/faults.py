@@ -1,0 +1,293 @@
+"""What becomes of Cassie when a sensor fails, in every way, while she stands and walks.
+
+Each mode is run once up to the moment of the fault; from there on every fault runs in a process of
+its own that begins as a copy of that one.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from cassie_bags.run.cores import make_cores
+from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Loop
+from cassie_bags.studies.copies import in_copies
+from cassie_control.estimator.channels import CHANNELS
+from cassie_msgs.layout import MotorCommand, Sensors
+from cassie_sim.events import ActiveFault
+from cassie_sim.plant import Plant
+from cassie_sim.scenario import FAULT_KINDS, SensorFault
+
+MODES = ("standing", "walking")
+BEFORE = {"standing": 2.5, "walking": 8.0}
+"""Robot time at which the sensor fails. In s."""
+
+AFTER = 9.0
+"""Robot time that is watched from then on. In s."""
+
+BOUNDS = {
+    "position": 0.03,
+    "velocity": 0.3,
+    "orientation": 0.03,
+    "acceleration": 3.0,
+    "torque": 1000.0,
+}
+"""Error from which a fault counts. In rad, rad/s, m/s^2 and Nm: of a torque, only what is none."""
+
+IN_TIME = 0.1
+"""From the bound's being exceeded to the report. In s."""
+
+_SPIKES = {
+    "position": 0.2,
+    "velocity": 2.0,
+    "orientation": 0.1,
+    "acceleration": 10.0,
+    "torque": 50.0,
+}
+_DELAY = 0.02
+_FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One fault in one mode.
+
+    Attributes:
+        channel, kind, mode: What failed, how, and when.
+        exceeded: When the error first exceeded its bound, after the fault's start; None if never.
+        reported: When the channel was first reported; None if never.
+        others: Further channels that were reported.
+        outcome: "goes on", "stands", "damps" or "falls".
+    """
+
+    channel: str
+    kind: str
+    mode: str
+    exceeded: float | None
+    reported: float | None
+    others: tuple[str, ...]
+    outcome: str
+
+    @property
+    def latency(self) -> float:
+        """From the error's exceeding its bound to the report; inf if there was none. In s."""
+        if self.exceeded is None:
+            return 0.0
+        return math.inf if self.reported is None else max(0.0, self.reported - self.exceeded)
+
+    @property
+    def safe(self) -> bool:
+        """Whether Cassie did not fall, and a fault that counts was reported in time."""
+        return self.outcome != "falls" and self.latency <= IN_TIME
+
+
+def quantity(channel: str) -> str:
+    """What a channel measures: a key of `BOUNDS`."""
+    field = channel.partition(".")[0]
+    if field == "orientation":
+        return field
+    return "velocity" if field == "angular_velocity" else field.rpartition("_")[2]
+
+
+def experiment_of(mode: str, seed: int) -> Experiment:
+    """Standing, or walking at 0.5 m/s, on flat ground."""
+    operator: list[dict[str, Any]] = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}]
+    if mode == "walking":
+        operator[0]["height"] = 0.98
+        operator += [{"t": 2.2, "mode": "walk"}, {"t": 4.0, "vx": 0.5}]
+    duration = BEFORE[mode] + AFTER
+    content = {"name": mode, "seed": seed, "duration": duration, "start": "standing"}
+    return resolve(read_experiment({**content, "operator": operator}))
+
+
+class _FaultyPlant:
+    """A plant one of whose sensors can be made to fail."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._truth = Sensors()
+        self.fault: ActiveFault | None = None
+        self.also: list[ActiveFault] = []
+        self.error: Callable[[Sensors, Sensors], float] = lambda _, __: 0.0
+        self.largest = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def sense(self) -> Sensors:
+        sample = self._plant.sense()
+        if self.fault is not None:
+            self._truth.copy_from(sample)
+            for fault in (self.fault, *self.also):
+                fault.spoil(self._plant.seq * self._plant.substeps, sample)
+            self.largest = max(self.largest, self.error(self._truth, sample))
+        return sample
+
+
+class Fate:
+    """What becomes of her, tick by tick.
+
+    Drives that damp let her sink down, which is no fall; damping that comes after a fall is one.
+    """
+
+    def __init__(self) -> None:
+        self._fell = self._damped = False
+
+    def note(self, height: float, tilt: float, *, damped: bool) -> None:
+        """Take in a tick: the pelvis's height in m, its tilt in rad, whether the drives damp."""
+        self._damped = self._damped or damped
+        if not self._damped:
+            self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
+
+    def outcome(self, *, standing: bool) -> str:
+        """As `Cell.outcome`, by whether she stands in the end."""
+        if self._fell:
+            return "falls"
+        if self._damped:
+            return "damps"
+        return "stands" if standing else "goes on"
+
+
+class Rehearsal:
+    """A run up to the moment at which a sensor fails.
+
+    Args:
+        mode: One of `MODES`.
+        seed: Of the robot.
+    """
+
+    def __init__(self, mode: str, seed: int) -> None:
+        cores = make_cores(experiment_of(mode, seed))
+        self._mode = mode
+        self._command = MotorCommand()
+        self._plant = _FaultyPlant(cores.plant)
+        self._estimator = cores.estimator
+        self._loop = Loop(
+            cast(Plant, self._plant),
+            cores.estimator,
+            cores.controller,
+            cores.supervisor,
+            cores.operator,
+            self._observe,
+        )
+        self._controller = cores.controller
+        self._run(BEFORE[mode])
+
+    def _observe(self, topic: str, raw: bytes, _: int) -> None:
+        if topic == MotorCommand.TOPIC and self._plant.fault is not None:
+            self._command.load(raw)
+
+    def _run(self, duration: float, look: Callable[[float], None] = lambda _: None) -> None:
+        for tick in range(round(duration * 1e9 / self._plant.tick_ns)):
+            self._loop.tick()
+            look(tick * self._plant.tick_ns * 1e-9)
+
+    def _fault(self, channel: str, kind: str) -> ActiveFault:
+        size = _DELAY if kind == "delay" else _SPIKES[quantity(channel)]
+        fault = SensorFault(t=self._plant.time, channel=channel, kind=kind, size=size)
+        return ActiveFault(fault, self._plant.config.physics_rate)
+
+    def fail(self, channel: str, kind: str, also: Sequence[str] = ()) -> Cell:
+        """Let a channel fail and see what happens; to be called once, in a process of its own.
+
+        Args:
+            channel: What fails.
+            kind: How.
+            also: Channels that fail in the same way at the same time.
+        """
+        plant, what = self._plant, quantity(channel)
+        plant.fault = self._fault(channel, kind)
+        plant.also = [self._fault(other, kind) for other in also]
+        plant.error = lambda truth, sample: error_of(channel, truth, sample)
+        seen: dict[str, float] = {}
+        fate = Fate()
+        exceeded: float | None = None
+
+        def look(time: float) -> None:
+            nonlocal exceeded
+            for name in self._estimator.faults:
+                seen.setdefault(name.partition(" ")[0], time)
+            position, (_, x, y, _) = plant.pelvis_pose
+            tilt = math.acos(1.0 - 2.0 * float(x * x + y * y))
+            fate.note(float(position[2]), tilt, damped=not self._command.kp.any())
+            if exceeded is None and plant.largest > BOUNDS[what]:
+                exceeded = time
+
+        self._run(AFTER, look)
+        reported = seen.pop(channel, None)
+        outcome = fate.outcome(standing=self._controller.activity.value == "standing")
+        return Cell(channel, kind, self._mode, exceeded, reported, tuple(seen), outcome)
+
+
+def error_of(channel: str, truth: Sensors, sample: Sensors) -> float:
+    """Error of a spoiled channel; NaN counts as infinite. In rad, rad/s, m/s^2 or Nm."""
+    field, _, index = channel.partition(".")
+    true, given = getattr(truth, field), getattr(sample, field)
+    if field == "orientation":
+        given = given / max(1e-9, float(np.linalg.norm(given)))
+        error = 2.0 * math.acos(min(1.0, abs(float(true @ given))))
+    else:
+        error = abs(float(given[int(index)] - true[int(index)]))
+    return math.inf if math.isnan(error) else error
+
+
+def run_table(
+    channels: Sequence[str],
+    kinds: Sequence[str],
+    modes: Sequence[str],
+    seed: int,
+    jobs: int = 1,
+    also: Sequence[str] = (),
+) -> Iterable[Cell]:
+    """Cells of the table, as they come.
+
+    Args:
+        channels: Names, see `cassie_control.estimator.channels`.
+        kinds: Of `FAULT_KINDS`.
+        modes: Of `MODES`.
+        seed: Of the robot.
+        jobs: Processes at a time.
+        also: Channels that fail along with each.
+    """
+    for mode in modes:
+        rehearsal = Rehearsal(mode, seed)
+        faults = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
+        yield from in_copies(functools.partial(_fail, rehearsal), faults, jobs)
+
+
+def _fail(rehearsal: Rehearsal, fault: tuple[str, str, tuple[str, ...]]) -> Cell:
+    return rehearsal.fail(*fault)
+
+
+def all_channels() -> tuple[str, ...]:
+    """Every channel's name."""
+    return tuple(name for name, _ in CHANNELS)
+
+
+def table(cells: Iterable[Cell]) -> list[str]:
+    """A Markdown table: channel and mode by kind of fault."""
+    rows: dict[tuple[str, str], dict[str, Cell]] = {}
+    for cell in cells:
+        rows.setdefault((cell.channel, cell.mode), {})[cell.kind] = cell
+    lines = ["| channel | mode | " + " | ".join(FAULT_KINDS) + " |"]
+    lines.append("|---" * (2 + len(FAULT_KINDS)) + "|")
+    for (channel, mode), row in rows.items():
+        words = [describe(row[kind]) if kind in row else "" for kind in FAULT_KINDS]
+        lines.append(f"| `{channel}` | {mode} | " + " | ".join(words) + " |")
+    return lines
+
+
+def describe(cell: Cell) -> str:
+    """A cell in a few words: outcome, and how long after the error's bound it was reported."""
+    if cell.reported is None:
+        when = "no error" if cell.exceeded is None else "NOT reported"
+    else:
+        when = f"{1000.0 * cell.latency:.0f} ms"
+    return f"{cell.outcome}, {when}"

@@ -1,0 +1,164 @@
+"""Learning feed-forward torques over repeated steps, in process: the runs, and what they bring."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.run.cores import connect, make_cores, tick_count
+from cassie_bags.studies.sweep.course import Budget, steady, walk
+from cassie_bags.studies.trial import TRACKING, Figures, Trial, experiment_of, has_fallen
+from cassie_control.controller.learned_torques import LearnedTorques
+
+FloatArray = npt.NDArray[np.float64]
+
+LEARNING = "controller.learned_torques=learn"
+NONE = "controller.learned_torques=none"
+
+_LOOKS = 25  # ticks between looks at whether the robot fell
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One robot that walks at one speed and learns.
+
+    Attributes:
+        seed: What the robot is drawn from.
+        speed: One of the table's. In m/s.
+        learned: What is known before.
+        seconds: How long it learns. In s.
+        changes: `key=value` words for the run.
+    """
+
+    seed: int
+    speed: float
+    learned: LearnedTorques
+    seconds: float
+    changes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a lesson brought.
+
+    Attributes:
+        speed: At which it was. In m/s.
+        torques: Of the table at that speed. Shape (10, n), in Nm.
+        taught: Steps that it learned from.
+        fell: Whether the robot fell; the torques are then those before.
+    """
+
+    speed: float
+    torques: FloatArray
+    taught: int
+    fell: bool
+
+
+def learn(lesson: Lesson) -> Outcome:
+    """Walk a lesson until its end or a fall.
+
+    In the lesson what is learned at its speed counts at every speed: torques that came and went
+    with the measured speed, where others are not learned yet, would shake the walk.
+    """
+    window = steady(Budget(), lesson.speed, lesson.seconds)
+    changes = (*lesson.changes, LEARNING)
+    trial = walk(Budget(changes=changes), lesson.seed, window, vx=lesson.speed)
+    experiment = experiment_of(trial)
+    cores = make_cores(experiment)
+    learning = cores.controller.learning
+    row = lesson.learned.speeds.tolist().index(lesson.speed)
+    before = lesson.learned.torques[row]
+    learning.begin(LearnedTorques(np.array([lesson.speed]), before[None]))
+    loop = connect(cores, lambda topic, raw, stamp: None)
+    for tick in range(tick_count(experiment)):
+        loop.tick()
+        if tick % _LOOKS == 0 and has_fallen(cores.plant):
+            return Outcome(lesson.speed, before, learning.taught, True)
+    return Outcome(lesson.speed, learning.torques[0], learning.taught, False)
+
+
+def lessons(
+    learned: LearnedTorques, seeds: Sequence[int], seconds: float, changes: tuple[str, ...]
+) -> list[Lesson]:
+    """One for each robot at each speed of the table."""
+    speeds = learned.speeds.tolist()
+    return [Lesson(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds]
+
+
+def merged(learned: LearnedTorques, outcomes: Sequence[Outcome]) -> LearnedTorques:
+    """At each speed, the mean of what robots learned that did not fall; else what was there."""
+    torques = learned.torques.copy()
+    for row, speed in enumerate(learned.speeds.tolist()):
+        stood = [o.torques for o in outcomes if o.speed == speed and not o.fell]
+        if stood:
+            torques[row] = np.mean(stood, axis=0)
+    return LearnedTorques(learned.speeds, torques)
+
+
+def comparisons(
+    learned: LearnedTorques, seeds: range, seconds: float, changes: tuple[str, ...]
+) -> list[Trial]:
+    """Walking at each speed by robots held out, with learned torques and, beside, without."""
+    return [
+        comparison(seed, v, seconds, changes) for v in learned.speeds.tolist() for seed in seeds
+    ]
+
+
+def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
+    """Walking at a speed with learned torques and, beside, without."""
+    window = steady(Budget(), speed, seconds)
+    trial = walk(Budget(changes=changes), seed, window, vx=speed)
+    return Trial(trial.content, seed, window, None, trial.changes, (NONE,))
+
+
+def left_over(figures: Figures, name: str = "tracking") -> float:
+    """Tracking error with learned torques by that without; NaN if one of the runs fell."""
+    if figures["fell"] or figures["beside_fell"]:
+        return math.nan
+    return figures[name] / figures[f"beside_{name}"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors of a speed over the robots held out.
+
+    Attributes:
+        speed: In m/s.
+        before, after: RMS of each output without and with learned torques, over the runs in which
+            neither fell. Shape (9,), in rad and m.
+        total_before, total_after: RMS of all nine.
+        fell_before, fell_after: Number of falls.
+        runs: Number of robots.
+    """
+
+    speed: float
+    before: FloatArray
+    after: FloatArray
+    total_before: float
+    total_after: float
+    fell_before: int
+    fell_after: int
+    runs: int
+
+
+def compared(speed: float, results: Sequence[Figures]) -> Comparison:
+    """Results of `comparison` at one speed, put together."""
+    both = [r for r in results if not (r["fell"] or r["beside_fell"])]
+
+    def rms(name: str) -> float:
+        return math.sqrt(sum(r[name] ** 2 for r in both) / len(both)) if both else math.nan
+
+    return Comparison(
+        speed,
+        np.array([rms(f"beside_{name}") for name in TRACKING]),
+        np.array([rms(name) for name in TRACKING]),
+        rms("beside_tracking"),
+        rms("tracking"),
+        sum(int(r["beside_fell"]) for r in results),
+        sum(int(r["fell"]) for r in results),
+        len(results),
+    )

@@ -1,0 +1,282 @@
+"""How a gait answers small pushes from step to step, in the simulation under the controller.
+
+A run walks at a constant speed to the touchdown of a left foot. From there on it goes on as it
+is, and with each of several small pushes in a process of its own that begins as a copy of it.
+Robot and sensor noise are the same in all of them, so what differs is what the push did.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.errors import RunError
+from cassie_bags.run.cores import make_cores
+from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Loop
+from cassie_bags.studies.copies import in_copies
+from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
+from cassie_bags.studies.trial import has_fallen
+from cassie_control.estimator.fusion import GRAVITY
+from cassie_msgs.layout import Mode
+from cassie_sim.scenario import Push
+
+FloatArray = npt.NDArray[np.float64]
+
+STEADY = 12.0
+"""Robot time from which on the gait counts as steady. In s."""
+
+IMPULSES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+"""Directions of the pushes: forward, backward, to the left, to the right."""
+
+DELAYS = (0.0, 0.2)
+"""From the left foot's touchdown to the push: with either foot on the ground. In s."""
+
+PUSH_TIME = 0.1
+"""Duration of a push. In s."""
+
+WHISPER = 0.01
+"""Share of the push with which the noise is measured: of ticks, contacts and the estimator."""
+
+STEPS = 14
+"""Touchdowns that are watched after the push."""
+
+PENDULUM_HEIGHT = 0.9
+"""Of the CoM over the ground, for the rate by which its position counts as velocity. In m."""
+
+POSITION_RATE = math.sqrt(GRAVITY / PENDULUM_HEIGHT)
+"""sqrt(g / height): makes m/s of the CoM's position. In 1/s."""
+
+_SLOWEST = 1.5  # s, longest time for a step before a run counts as stopped
+_LOOKS = 25  # ticks between looks at whether the robot fell
+
+
+@dataclass(frozen=True)
+class Touchdowns:
+    """One run from the moment of the push on.
+
+    Attributes:
+        time: Of each touchdown since the copy was made. Shape (n,), in s.
+        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y) in the
+            heading frame, y mirrored where the right foot has landed, positions by
+            `POSITION_RATE`, in m/s; and where the CoM is from the place of the copy, in m, which
+            the controller's hold on its place and on its mean speed act on. Shape (n, 6).
+        fell: Whether the robot fell or stopped.
+    """
+
+    time: FloatArray
+    states: FloatArray
+    fell: bool
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What came of one speed.
+
+    Attributes:
+        speed: Commanded. In m/s.
+        deviations: Of each run that kept its steps, from the first touchdown after the push.
+        dropped: Runs whose steps did not stay in line with those of the run without a push.
+        fell: Runs that fell.
+        noise: Median deviation after a push too weak to matter. In m/s.
+        map: Of two steps, or None if too few deviations are above the noise.
+    """
+
+    speed: float
+    deviations: list[Deviations]
+    dropped: int
+    fell: int
+    noise: float
+    map: ReturnMap | None
+
+
+def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bool) -> Experiment:
+    """Walking at a constant speed on flat ground; pushes are not in it."""
+    content = {
+        "name": f"return map at {speed:g} m/s",
+        "seed": seed,
+        "duration": STEADY,
+        "start": "standing",
+        "gait_library": None if library is None else str(library),
+        "controller": {"allow_uncertified": uncertified},
+        "operator": [
+            {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
+            {"t": 2.2, "mode": "walk"},
+            {"t": 4.0, "vx": speed},
+        ],
+    }
+    return resolve(read_experiment(content))
+
+
+class Walk:
+    """A run up to a left foot's touchdown in steady walking.
+
+    Args:
+        experiment: Of `experiment_of`.
+        speed: Commanded. In m/s.
+
+    Raises:
+        RunError: if the robot does not get there, or not at this speed.
+    """
+
+    def __init__(self, experiment: Experiment, speed: float) -> None:
+        cores = make_cores(experiment)
+        self._plant, self._timing = cores.plant, cores.controller.walking.timing
+        self._loop = Loop(
+            cores.plant,
+            cores.estimator,
+            cores.controller,
+            cores.supervisor,
+            cores.operator,
+            self._observe,
+        )
+        self._mode = Mode()
+        self._copy = mujoco.MjData(cores.plant.model)
+        self._pelvis = cores.plant.model.body("pelvis").id
+        for _ in range(round(STEADY / self._tick)):
+            self._loop.tick()
+        while self._to_touchdown() and self._timing.stance != 0:
+            pass
+        if self._has_stopped():
+            raise RunError(f"{experiment.name}: she fell or stopped before the push")
+        if abs(self._mode.vx - speed) > 1e-6:
+            now = f"the supervisor asks for {float(self._mode.vx):g} m/s"
+            raise RunError(f"{experiment.name}: after {STEADY:g} s {now}")
+
+    def _observe(self, topic: str, raw: bytes, _: int) -> None:
+        if topic == Mode.TOPIC:
+            self._mode.load(raw)
+
+    @property
+    def _tick(self) -> float:
+        return self._plant.tick_ns * 1e-9
+
+    def _has_stopped(self) -> bool:
+        return has_fallen(self._plant) or self._timing.steps == 0
+
+    def _to_touchdown(self) -> bool:
+        """Go on to the next one; whether it came."""
+        steps = self._timing.steps
+        for tick in range(round(_SLOWEST / self._tick)):
+            self._loop.tick()
+            if self._timing.steps != steps:
+                return not self._has_stopped()
+            if tick % _LOOKS == 0 and self._has_stopped():
+                break
+        return False
+
+    def go_on(self, impulse: tuple[float, float], delay: float, steps: int) -> Touchdowns:
+        """Go on with a push; to be called once, in a process of its own.
+
+        Args:
+            impulse: Forward and to the left, in the heading frame. In N s.
+            delay: From now to the push. In s.
+            steps: Touchdowns to watch.
+        """
+        plant = self._plant
+        if any(impulse):
+            force = _turn(np.array(impulse), _yaw(plant.pelvis_pose[1])) / PUSH_TIME
+            push = Push(t=delay, duration=PUSH_TIME, force=(force[0], force[1], 0.0))
+            plant.events.push(push, plant.seq * plant.substeps)
+        start, here = plant.time, (plant.pelvis_pose[0][:2].copy(), _yaw(plant.pelvis_pose[1]))
+        times, states = [], []
+        for _ in range(steps):
+            if not self._to_touchdown():
+                break
+            times.append(plant.time - start)
+            states.append(self._state(*here))
+        return Touchdowns(np.array(times), np.array(states).reshape(-1, 6), len(times) < steps)
+
+    def _state(self, origin: FloatArray, heading: float) -> FloatArray:
+        """See `Touchdowns.states`; worked out on a copy, which leaves the run as it is."""
+        model, data = self._plant.model, self._copy
+        mujoco.mj_copyData(data, model, self._plant.data)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        stance = int(self._timing.stance)
+        foot = data.site(("left_foot", "right_foot")[stance]).xpos
+        yaw = _yaw(self._plant.pelvis_pose[1])
+        com = data.subtree_com[self._pelvis][:2]
+        away = POSITION_RATE * (com - foot[:2])
+        velocity = data.subtree_linvel[self._pelvis]
+        state = np.concatenate(
+            [_turn(velocity[:2], -yaw), _turn(away, -yaw), _turn(com - origin, -heading)]
+        )
+        if stance == 1:
+            state[[1, 3, 5]] *= -1.0
+        return state
+
+
+def measure(
+    experiment: Experiment,
+    speed: float,
+    impulse: float,
+    steps: int = STEPS,
+    jobs: int = 1,
+    advance: Callable[[], None] = lambda: None,
+) -> Measurement:
+    """The return map at one speed.
+
+    Args:
+        experiment: Of `experiment_of`.
+        speed: Commanded. In m/s.
+        impulse: Of each push. In N s.
+        steps: Touchdowns to watch.
+        jobs: Processes.
+        advance: Called after each run.
+
+    Raises:
+        RunError: if the robot does not walk at this speed without a push.
+    """
+    pushes = [((0.0, 0.0), 0.0)]
+    pushes += [((impulse * x, impulse * y), delay) for delay in DELAYS for x, y in IMPULSES]
+    pushes.append(((WHISPER * impulse, WHISPER * impulse), DELAYS[0]))
+    runs: list[Touchdowns] = []
+    walk = Walk(experiment, speed)
+    for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
+        runs.append(run)
+        advance()
+    nominal, pushed, whisper = runs[0], runs[1:-1], runs[-1]
+    if nominal.fell or whisper.fell:
+        raise RunError(f"{experiment.name}: she fell or stopped without a push")
+    found, dropped, fell = [], 0, 0
+    for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
+        fell += run.fell
+        if run.fell:
+            continue
+        if not in_line(run.time, nominal.time):
+            dropped += 1
+            continue
+        first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
+        found.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
+    noise = float(np.median(size_of(whisper.states - nominal.states)))
+    return Measurement(speed, found, dropped, fell, noise, fit(found, noise))
+
+
+def in_line(time: FloatArray, nominal: FloatArray) -> bool:
+    """Whether every step took between half and one and a half times what it does without push.
+
+    Args:
+        time: Of the touchdowns. Shape (n,), in s.
+        nominal: The same without a push.
+    """
+    ratio = np.diff(time, prepend=0.0) / np.diff(nominal, prepend=0.0)
+    return bool((ratio > 0.5).all() and (ratio < 1.5).all())
+
+
+def _yaw(quaternion: FloatArray) -> float:
+    w, x, y, z = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _turn(vector: FloatArray, angle: float) -> FloatArray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])

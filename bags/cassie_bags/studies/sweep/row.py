@@ -1,0 +1,188 @@
+"""A row of the table of capabilities, and how it is measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.trial import Figures, Trial, run_trial
+from cassie_bags.studies.workers import Workers
+
+
+@dataclass(frozen=True)
+class Row:
+    """One capability.
+
+    The levels are settings of rising difficulty, such as the strength of a push. A level holds
+    if at least `share` of its trials do. From `start` on, levels are tried upwards until one
+    does not hold; or downwards until one does.
+
+    Attributes:
+        name: group.word, unique.
+        title: For people.
+        unit: Of the figure.
+        target: To reach. In `unit`.
+        levels: From easy to hard.
+        trials: Trials of a level.
+        holds: Whether a trial that did not fall holds at a level.
+        figure: Figure of a trial, or None if the level itself is the figure.
+        share: Of the trials that must hold.
+        at_least: Whether more than the target is better.
+        counts: The figure is the share of the trials that hold, in percent.
+        start: Index of the level to try first.
+    """
+
+    name: str
+    title: str
+    unit: str
+    target: float
+    levels: Sequence[float]
+    trials: Callable[[Budget, float], list[Trial]]
+    holds: Callable[[Figures, float], bool] = lambda figures, level: True
+    figure: Callable[[Figures, float], float] | None = None
+    share: float = 1.0
+    at_least: bool = True
+    counts: bool = False
+    start: int = 0
+
+    @property
+    def group(self) -> str:
+        """First part of the name."""
+        return self.name.partition(".")[0]
+
+
+@dataclass(frozen=True)
+class Level:
+    """What came of one level.
+
+    Attributes:
+        level: The setting.
+        planned: Trials it has.
+        run: Trials that were run before it was decided.
+        held: Trials that held.
+        fell: Trials that fell.
+        worst: Worst figure of those that did not fall; NaN if there is none.
+        mean: Their mean.
+        passed: Whether the level holds.
+        missed: Seeds of the trials that did not hold, in the order they ended.
+    """
+
+    level: float
+    planned: int
+    run: int
+    held: int
+    fell: int
+    worst: float
+    mean: float
+    passed: bool
+    missed: Sequence[int] = ()
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """What came of a row.
+
+    Attributes:
+        name: Of the row.
+        measured: Figure; NaN if no level holds.
+        met: Whether it reaches the target.
+        levels: All that were tried, in the order they were.
+        problem: Why it could not be measured, or empty.
+    """
+
+    name: str
+    measured: float
+    met: bool
+    levels: list[Level] = field(default_factory=list)
+    problem: str = ""
+
+
+Progress = Callable[[str], Any]
+"""Gets a word on each trial that has ended."""
+
+
+def measure_row(
+    row: Row,
+    budget: Budget,
+    workers: Workers,
+    progress: Progress,
+    run: Callable[[Trial], Figures] = run_trial,
+) -> RowResult:
+    """Measure a row.
+
+    Raises:
+        ExperimentError: if its trials cannot be run, naming the key or parameter.
+    """
+    tried: dict[int, Level] = {}
+
+    def holds(index: int) -> bool:
+        tried[index] = measure_level(row, row.levels[index], budget, workers, progress, run)
+        return tried[index].passed
+
+    index, last = row.start, len(row.levels) - 1
+    spare = math.inf if budget.beyond is None else budget.beyond
+    if holds(index):
+        while index < last:
+            # A level may lie at the target and its figure a hair short of it: the next counts.
+            spare -= _meets(row, _figure(row, tried[index]))
+            if spare < 0 or not holds(index + 1):
+                break
+            index += 1
+    else:
+        while index > 0 and not holds(index - 1):
+            index -= 1
+    passed = [index for index, level in tried.items() if level.passed]
+    best = tried[max(passed)] if passed else None
+    measured = _figure(row, best if best is not None else tried[row.start])
+    met = _meets(row, measured)
+    if row.figure is not None and not row.counts:
+        met = met and best is not None
+    return RowResult(row.name, measured, met, list(tried.values()))
+
+
+def measure_level(
+    row: Row,
+    level: float,
+    budget: Budget,
+    workers: Workers,
+    progress: Progress,
+    run: Callable[[Trial], Figures],
+) -> Level:
+    """Run the trials of a level, until it is decided unless each of them counts."""
+    trials = row.trials(budget, level)
+    needed = math.ceil(row.share * len(trials) - 1e-9)
+    done = held = fell = 0
+    figures: list[float] = []
+    missed: list[int] = []
+    results = workers.results(run, trials)
+    for index, result in results:
+        done += 1
+        fallen = result["fell"] > 0.0
+        good = not fallen and row.holds(result, level)
+        held, fell = held + good, fell + fallen
+        missed += [] if good else [trials[index].seed]
+        if row.figure is not None and not fallen:
+            figure = row.figure(result, level)
+            figures += [figure] if math.isfinite(figure) else []
+        progress(f"{row.name} {level:g}: {held}/{done}")
+        decides = row.figure is None or len(row.levels) > 1
+        if decides and not row.counts and done - held > len(trials) - needed:
+            break
+    worst = (min if row.at_least else max)(figures, default=math.nan)
+    mean = sum(figures) / len(figures) if figures else math.nan
+    return Level(level, len(trials), done, held, fell, worst, mean, held >= needed, missed)
+
+
+def _meets(row: Row, figure: float) -> bool:
+    return figure >= row.target - 1e-9 if row.at_least else figure <= row.target + 1e-9
+
+
+def _figure(row: Row, level: Level) -> float:
+    if row.counts:
+        return 100.0 * level.held / level.planned
+    if row.figure is not None:
+        return level.worst
+    return level.level if level.passed else math.nan

@@ -1,0 +1,136 @@
+"""All rows, and their results as a table, as JSON and as a picture."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.report.text import finite
+from cassie_bags.run.provenance import versions
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.ground_rows import ground_rows
+from cassie_bags.studies.sweep.loop_rows import loop_rows
+from cassie_bags.studies.sweep.radio_rows import radio_rows
+from cassie_bags.studies.sweep.row import Level, Row, RowResult
+from cassie_bags.studies.sweep.segway_rows import segway_rows
+from cassie_bags.studies.sweep.standing_rows import standing_rows
+from cassie_bags.studies.sweep.walking_rows import walking_rows
+from cassie_msgs.tunables import unknown_name
+
+Results = Mapping[str, Mapping[str, RowResult]]
+"""Result of each row by the name of the variant (such as "own" and "paper's law") and row."""
+
+
+def all_rows() -> list[Row]:
+    """Every row, in the order of the table."""
+    rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
+    return [*rows, *standing_rows()]
+
+
+def chosen_rows(names: Sequence[str]) -> list[Row]:
+    """Rows by name or group; all if none is named.
+
+    Raises:
+        ExperimentError: if there is no such row; the message names the nearest.
+    """
+    rows = all_rows()
+    known = {row.name for row in rows} | {row.group for row in rows}
+    for name in names:
+        if name not in known:
+            raise ExperimentError(unknown_name(name, known, "row"))
+    return [row for row in rows if not names or row.name in names or row.group in names]
+
+
+def table(rows: Sequence[Row], results: Results) -> str:
+    """The results as text: target, then what each variant reached, with falls."""
+    lines = [["capability", "target", *results]]
+    for row in rows:
+        bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
+        lines.append([row.title, bound, *(cell(found.get(row.name)) for found in results.values())])
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
+    text.insert(1, "-" * max(map(len, text)))
+    return "\n".join(text)
+
+
+def cell(result: RowResult | None) -> str:
+    """What a row came to, in short."""
+    if result is None:
+        return "-"
+    if result.problem:
+        return result.problem
+    tried = {level.level: level for level in result.levels}
+    fell = sum(level.fell for level in tried.values())
+    runs = sum(level.run for level in tried.values())
+    value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
+    verdict = "yes" if result.met else "no"
+    return f"{value} {verdict} ({fell} of {runs} fell)"
+
+
+def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
+    """Write the results as JSON, with what they were made with.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    content = {
+        "versions": versions(),
+        "budget": asdict(budget),
+        "rows": [
+            {
+                "name": row.name,
+                "title": row.title,
+                "unit": row.unit,
+                "target": row.target,
+                "at_least": row.at_least,
+                "results": {
+                    variant: asdict(found[row.name])
+                    for variant, found in results.items()
+                    if row.name in found
+                },
+            }
+            for row in rows
+            if any(row.name in found for found in results.values())
+        ],
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
+
+
+def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
+    """Results of `rows` that `save` kept, by variant and row; none if there is no file.
+
+    Raises:
+        ExperimentError: if the file holds other things, or results of another budget.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        same = content["budget"] == json.loads(json.dumps(asdict(budget)))
+        found: dict[str, dict[str, RowResult]] = {}
+        for entry in content["rows"]:
+            for variant, result in entry["results"].items():
+                if any(row.name == entry["name"] for row in rows):
+                    found.setdefault(variant, {})[entry["name"]] = _result(result)
+    except (ValueError, KeyError, TypeError):
+        raise ExperimentError(f"{path} holds no results of sweeps") from None
+    if not same:
+        raise ExperimentError(f"{path} was measured with other seeds, phases, seconds or changes")
+    return found
+
+
+def _result(content: Mapping[str, Any]) -> RowResult:
+    def number(value: float | None) -> float:
+        return math.nan if value is None else value
+
+    levels = [
+        Level(**{**level, "worst": number(level["worst"]), "mean": number(level["mean"])})
+        for level in content["levels"]
+    ]
+    return RowResult(**{**content, "measured": number(content["measured"]), "levels": levels})
