@@ -28,6 +28,8 @@ from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
+    "/cassie/node_events",
+    "/cassie/operator_in_force",
     "/cassie/supervisor_status",
     "/clock",
     "/diagnostics",
