@@ -56,6 +56,8 @@ setup(
             "toe_gains = cassie_bags.cli.toe_gains:main",
             "tune = cassie_bags.cli.tune:main",
             "info = cassie_bags.cli.info:main",
+            "plot = cassie_bags.cli.plot:main",
+            "compare = cassie_bags.cli.compare:main",
             "export = cassie_bags.cli.export:main",
         ],
     },

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from cassie_bags.ros import estimators
+from cassie_bags.cli import estimators
 from cassie_bags.studies.estimators import compare
 
 

@@ -51,18 +51,32 @@ def bag_argument(word: str) -> Path:
     return Path(word)
 
 
-def new_file(path: Path) -> Path:
-    """A path for output that does not exist yet; its folder is made.
+def picture(word: str) -> Path:
+    """A picture's file name from a command line.
 
     Raises:
-        BagError: if it exists.
+        argparse.ArgumentTypeError: if it has no ending of a picture.
+    """
+    if Path(word).suffix not in (".png", ".svg", ".pdf"):
+        raise argparse.ArgumentTypeError(f"{word} does not end in .png, .svg or .pdf")
+    return Path(word)
+
+
+def new_file(path: Path) -> Path:
+    """A path for output that does not exist yet, in a folder that does.
+
+    Raises:
+        BagError: if it exists, or its folder does not.
     """
     if path.exists():
         raise BagError(f"{path} exists: give another file with -o, or remove it")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.parent.is_dir():
+        raise BagError(f"{path}: there is no folder {path.parent}")
     return path
 
 
 def stem(bag: Path) -> str:
     """Name of a bag without its ending, for names of what is made of it."""
+    if bag.name == "bag.mcap":  # as every experiment's folder has one
+        return bag.resolve().parent.name
     return bag.stem if bag.suffix == ".mcap" else bag.resolve().name

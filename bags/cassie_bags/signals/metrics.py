@@ -118,7 +118,7 @@ def measure(
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
     run = _tracking(track) | _journey(track)
     run["fall_time"] = math.nan if fell_at is None else fell_at
-    run["peak_torque_ratio"] = float((peak / _torque_limits()).max())
+    run["peak_torque_ratio"] = float((peak / torque_limits()).max())
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
     run["gate_miss"] = gate_miss(recording, rider)
@@ -204,7 +204,8 @@ def _speed_peak(position: FloatArray, tick: float) -> float:
     return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
 
 
-def _torque_limits() -> FloatArray:
+def torque_limits() -> FloatArray:
+    """Largest torque of each drive. Shape (10,), in Nm."""
     return np.array([DRIVE_TABLE[drive].torque_limit for _ in LEGS for drive in LEG_DRIVES])
 
 

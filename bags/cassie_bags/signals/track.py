@@ -47,6 +47,7 @@ class Track:
         carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
             within `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
+        state: Rows of `RobotState` on these ticks.
         vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
             the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
         wheels: What its left and right wheel have turned in the chassis, if they did not slip.
@@ -65,6 +66,7 @@ class Track:
     foot_load: FloatArray
     carries: BoolArray
     sensors: Rows
+    state: Rows
     vehicle: FloatArray
     wheels: FloatArray
 
@@ -115,6 +117,7 @@ def make_track(recording: Recording) -> Track:
         foot_load=load,
         carries=own,
         sensors=sensors,
+        state=state,
         vehicle=vehicle,
         wheels=wheels,
     )
