@@ -19,13 +19,13 @@ from cassie_bags.run.fingerprint import (
     Run,
     default_path,
     differences,
-    environment,
     fields_to_hash,
     load,
     record,
     take,
 )
 from cassie_bags.run.observers import BagObserver
+from cassie_bags.run.provenance import environment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import run
 from cassie_bags.studies.workers import ThisProcess

@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
@@ -25,12 +25,12 @@ from cassie_bags.run.fingerprint import (
     Run,
     default_path,
     differences,
-    environment,
     fields_to_hash,
     load,
     save,
     take,
 )
+from cassie_bags.run.provenance import changes_of_environment, environment
 from cassie_bags.studies.workers import Workers, workers
 
 SAME, DIFFERENT, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _check(arguments: argparse.Namespace, crew: Workers) -> int:
     known = load(arguments.file)
-    elsewhere = _changes(known.environment)
+    elsewhere = changes_of_environment(known.environment)
     runs = _runs(arguments, START if elsewhere else None)
     if elsewhere:
         print(
@@ -90,7 +90,7 @@ def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
     prints = Fingerprints(environment(), fields_to_hash(), {})
     if arguments.files and arguments.file.exists():
         known = load(arguments.file)
-        if (changes := _changes(known.environment)) or known.fields != prints.fields:
+        if (changes := changes_of_environment(known.environment)) or known.fields != prints.fields:
             changed = "; ".join(changes) or "messages have other fields"
             raise ExperimentError(f"all fingerprints have to be renewed: {changed}")
         prints = known
@@ -132,16 +132,6 @@ def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
         return None
     bag = folder / (f"{name}_{robot}" if robot else name) / "bag.mcap"
     return bag if bag.exists() else None
-
-
-def _changes(recorded: Mapping[str, str]) -> list[str]:
-    """In what this machine and its libraries are not those of the fingerprints."""
-    here = environment()
-    return [
-        f"{name} {here.get(name, 'unknown')}, recorded {recorded.get(name, 'unknown')}"
-        for name in {**recorded, **here}
-        if here.get(name) != recorded.get(name)
-    ]
 
 
 def _print(told: list[Difference], count: int) -> None:
