@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from rclpy.context import Context
+from test_layers import FOLDERS
 
 from cassie_bags.studies.sweep.table import all_rows
 from cassie_control.controller.config import ControllerConfig
@@ -124,6 +125,22 @@ def test_the_first_page_has_short_sentences_and_calls_the_robot_it() -> None:
     assert [s for s in sentences(text) if words(s) > LONGEST_SENTENCE] == []
     assert re.findall(r"\b(?:she|her|he|his|him)\b", text, re.IGNORECASE) == []
     assert len(text.splitlines()) < 250
+
+
+def test_the_robot_is_it_everywhere() -> None:
+    folders = (*FOLDERS.values(), *(ROOT / name for name in ("test", ".workspace")))
+    files = [path for folder in folders for path in folder.rglob("*.py")]
+    files += [*READMES, *(ROOT / "bags" / "experiments").glob("*.yaml")]
+    this = Path(__file__).resolve()
+    wrong = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in files
+        if path.resolve() != this
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if re.search(r"\b(?:she|her|hers|herself)\b", line, re.IGNORECASE)
+    ]
+    assert len(files) > 300
+    assert wrong == []
 
 
 def test_the_first_page_installs_what_the_build_and_the_camera_ask_for() -> None:

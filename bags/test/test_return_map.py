@@ -57,7 +57,7 @@ def test_nothing_is_fitted_to_noise():
 def test_decay_counts_the_steps_after_which_it_stays_small():
     values = np.zeros((5, 6))
     values[:, 0] = (1.0, 0.05, 0.2, 0.05, 0.01)
-    values[:, 4] = 7.0  # where she is does not count
+    values[:, 4] = 7.0  # where it is does not count
     run = Deviations((1.0, 0.0), 0.0, values)
     np.testing.assert_allclose(decay([run]), values[:, 0])
     assert steps_to_decay([run]) == 3

@@ -25,7 +25,6 @@ from cassie_bags.run.observers import BagObserver, both
 from cassie_bags.run.seed import resolve, write_resolved
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.run.yaml_file import consistent
-from cassie_bags.signals.track import make_track
 from cassie_bags.studies.workers import ctrl_c_at_the_end
 
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
@@ -120,9 +119,9 @@ def keep(outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True) -
     write_resolved(outcome.experiment, files["experiment"])
     if pictures:
         from cassie_bags.report.pictures import draw
+        from cassie_bags.report.view import view_of_run
 
-        track = make_track(read_recording(bag))
-        files |= draw(outcome.experiment, track, folder, film=film)
+        files |= draw(view_of_run(outcome.experiment, bag), folder, film=film)
     names = {name: str(path) for name, path in files.items()}
     outcome = dataclasses.replace(outcome, files=names)
     files["table"].write_text(table(outcome) + "\n", encoding="utf-8")

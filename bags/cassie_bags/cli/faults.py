@@ -24,7 +24,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="faults",
-        description="Let sensors fail while Cassie stands and walks; print a table of what she "
+        description="Let sensors fail while Cassie stands and walks; print a table of what it "
         "does and how long after the error's bound the channel is reported.",
         epilog=exit_codes("all faults end safely and are reported within 100 ms", "some do not"),
     )

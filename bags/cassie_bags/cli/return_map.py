@@ -25,7 +25,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="return_map",
-        description="Push Cassie gently while she walks and compare each touchdown with that of "
+        description="Push Cassie gently while it walks and compare each touchdown with that of "
         "the same run without the push. A deviation d is the norm of the differences in the CoM's "
         "velocity and in its place over the stance foot (times sqrt(g/h)); the table has its "
         "median over the pushes by what it was at the first touchdown, and the eigenvalues' "

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
 from cassie_bags.report.poses import Puppet
+from cassie_bags.report.view import View
 from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track
 from cassie_sim.errors import SimulationError
@@ -47,26 +48,22 @@ def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) ->
     return sorted({int(index) for index in found})
 
 
-def strip(
-    track: Track, scenario: Scenario, phases: Sequence[Phase], title: str, path: Path
-) -> str | None:
+def strip(view: View, path: Path) -> str | None:
     """Draw a strip of images.
 
     Args:
-        track: Signals of the run.
-        scenario: What it was made in.
-        phases: To choose the moments from.
-        title: Name of the run.
+        view: Of the run; its phases choose the moments.
         path: PNG file.
 
     Returns:
         Why it shows stick figures instead of the robot, or None if it shows the robot.
     """
+    track, phases = view.track, view.phases
     shown = moments(track, phases)
     reason = None
     images: list[npt.NDArray[np.uint8]] | None = None
     try:
-        images = _images(track, scenario, shown)
+        images = _images(track, view.scenario, shown)
     except SimulationError as error:
         reason = str(error)
     with matplotlib.rc_context(STYLE):
@@ -80,18 +77,18 @@ def strip(
             axes.set_axis_off()
             name = _phase_at(phases, float(track.time[index]))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)
     return reason
 
 
-def video(track: Track, scenario: Scenario, path: Path) -> None:
-    """Film a run, faster than it was if it is long.
+def film_of(view: View, path: Path) -> Film:
+    """Film a run, faster than it was if it is long. To be closed, which waits for its end.
 
     Raises:
         SimulationError: if this machine cannot render or write videos.
     """
-    puppet = Puppet(scenario)
+    track, puppet = view.track, Puppet(view.scenario)
     length = float(track.time[-1] - track.time[0])
     speed = max(1.0, math.ceil(length / VIDEO_LENGTH))
     count = max(1, round(length / speed * VIDEO_FPS))
@@ -99,8 +96,10 @@ def video(track: Track, scenario: Scenario, path: Path) -> None:
     try:
         for index in np.linspace(0, len(track.time) - 1, count).round().astype(int):
             film.snap(puppet.pose(track, int(index)))
-    finally:
-        film.close()
+    except BaseException:
+        film.close(soon=True)
+        raise
+    return film
 
 
 def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> None:

@@ -47,6 +47,7 @@ class Track:
         carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
             within `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
+        state: Rows of `RobotState` on these ticks.
         vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
             the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
         wheels: What its left and right wheel have turned in the chassis, if they did not slip.
@@ -65,6 +66,7 @@ class Track:
     foot_load: FloatArray
     carries: BoolArray
     sensors: Rows
+    state: Rows
     vehicle: FloatArray
     wheels: FloatArray
 
@@ -115,6 +117,7 @@ def make_track(recording: Recording) -> Track:
         foot_load=load,
         carries=own,
         sensors=sensors,
+        state=state,
         vehicle=vehicle,
         wheels=wheels,
     )
@@ -127,20 +130,25 @@ def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
     if not len(sensors):
         raise BagError("the recording holds no sample of /cassie/sensors")
     episode = sensors["episode"].max()
-    sensors, state = (rows[rows["episode"] == episode] for rows in (sensors, state))
+    sensors, state = (_where(rows, rows["episode"] == episode) for rows in (sensors, state))
     truth = recording.truth[_last_rise(stamps_ns(recording.truth)) :]
     ticks = np.intersect1d(stamps_ns(sensors), stamps_ns(state))
     ticks = np.intersect1d(ticks, stamps_ns(truth))
     if not len(ticks):
         raise BagError("the recording holds no tick with sensors, state and true pose")
-    sensors, state, truth = (
-        rows[np.unique(stamps_ns(rows), return_index=True)[1]] for rows in (sensors, state, truth)
-    )
-    return (
-        sensors[np.isin(stamps_ns(sensors), ticks)],
-        state[np.isin(stamps_ns(state), ticks)],
-        truth[np.isin(stamps_ns(truth), ticks)],
-    )
+    return _on_ticks(sensors, ticks), _on_ticks(state, ticks), _on_ticks(truth, ticks)
+
+
+def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
+    """The first row of each tick. `ticks` are sorted stamps (ns), each of which is there."""
+    times, first = np.unique(stamps_ns(rows), return_index=True)
+    if len(ticks) == len(rows) == len(times) and (np.diff(first) == 1).all():
+        return rows  # as most recordings are: not copied
+    return rows[first[np.isin(times, ticks)]]
+
+
+def _where(rows: Rows, flags: BoolArray) -> Rows:
+    return rows if flags.all() else rows[flags]
 
 
 def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""What becomes of Cassie when a sensor fails, in every way, while she stands and walks.
+"""What becomes of Cassie when a sensor fails, in every way, while it stands and walks.
 
 Each mode is run once up to the moment of the fault; from there on every fault runs in a process of
 its own that begins as a copy of that one.
@@ -138,9 +138,9 @@ class _FaultyPlant:
 
 
 class Fate:
-    """What becomes of her, tick by tick.
+    """What becomes of it, tick by tick.
 
-    Drives that damp let her sink down, which is no fall; damping that comes after a fall is one.
+    Drives that damp let it sink down, which is no fall; damping that comes after a fall is one.
     """
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class Fate:
             self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
 
     def outcome(self, *, standing: bool) -> str:
-        """As `Cell.outcome`, by whether she stands in the end."""
+        """As `Cell.outcome`, by whether it stands in the end."""
         if self._fell:
             return "falls"
         if self._damped:

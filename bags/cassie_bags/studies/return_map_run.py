@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def settles(one: Measurement) -> bool:
-    """Whether no push made her fall or lose step, and the median deviation at the end is less."""
+    """Whether no push made it fall or lose step, and the median deviation at the end is less."""
     return not one.fell and not one.dropped and float(decay(one.deviations)[-1]) < 1.0
 
 

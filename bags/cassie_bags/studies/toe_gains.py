@@ -115,7 +115,7 @@ def trial_of(setting: Setting, seed: int) -> Trial:
     if setting.law == "riding":
         return made
     content = dict(made.content)
-    content["operator"] = content["operator"][:1]  # she never rides, but leans as far and as fast
+    content["operator"] = content["operator"][:1]  # it never rides, but leans as far and as fast
     content["supervisor"] = {"com_x_limit": 0.07, "shift_rate": 0.3}
     return dataclasses.replace(made, content=content)
 

@@ -1,0 +1,54 @@
+"""Command `export`: topics of a bag as CSV, Parquet or npz."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play, stem
+
+FORMATS = ("csv", "parquet", "npz")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run cassie_bags export`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="export",
+        description="Write topics of a bag into files for other programs, one for each topic, and "
+        "fields.csv with the unit of every column.",
+        epilog=exit_codes("done"),
+    )
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
+    parser.add_argument("--format", choices=FORMATS, default="csv", help="default: csv")
+    parser.add_argument(
+        "--topics", nargs="+", metavar="TOPIC", default=None, help="topics (default: all)"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, default=None, help="folder (default: BAG_FORMAT)"
+    )
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.bag.export import export
+    from cassie_bags.bag.tables import read_tables
+
+    folder = arguments.output or Path(f"{stem(arguments.bag)}_{arguments.format}")
+    tables = read_tables(arguments.bag, arguments.topics)
+    for table in tables.values():
+        for name in table.left_out:
+            print(f"export: {table.topic}: {name} is too long, left out", file=sys.stderr)
+    files = export(tables, folder, arguments.format)
+    count = sum(len(table.log_time) for table in tables.values())
+    print(f"{count} messages of {len(tables)} topics in {len(files)} files in {folder}")
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

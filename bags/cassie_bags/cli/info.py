@@ -1,0 +1,41 @@
+"""Command `info`: what is in a bag."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run cassie_bags info`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="info",
+        description="Say what is in a bag: duration, topics and their rates, missing samples, "
+        "episodes, modes over time, faults, falls, what was drawn, versions.",
+        epilog=exit_codes("done"),
+    )
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
+    parser.add_argument("--json", action="store_true", help="one line of JSON instead of text")
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.bag.summary import summarize
+    from cassie_bags.report.summary import summary_json, summary_text
+    from cassie_bags.signals.falls import falls
+
+    summary = summarize(arguments.bag)
+    found = falls(summary.recording)
+    print(summary_json(summary, found) if arguments.json else summary_text(summary, found))
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())
