@@ -464,6 +464,9 @@ def set_parameter(name: str, parameter: str, value: str) -> None:
         request = SetParameters.Request(parameters=[change])
         (result,) = _call(node, _of(name, "set_parameters"), SetParameters, request).results
     if not result.successful:
+        known = list_parameters(name)
+        if parameter not in known:
+            raise CallError(f"{name} has no parameter {parameter}{_hint(parameter, known)}")
         raise CallError(result.reason or f"{name} refuses {parameter} = {value}")
 
 

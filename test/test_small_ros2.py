@@ -53,12 +53,13 @@ def test_parameters_are_set_and_services_called(tmp_path: Path) -> None:
         code, said = ask("param", "set", "simulator", "command_timeout", "-1.0")
         assert code == 1
         assert "out of range" in said
-        code, said = ask("param", "get", "simulator", "command_timout")
-        assert (code, said) == (
-            1,
-            "ros2 param: simulator has no parameter command_timout, "
-            "did you mean command_timeout?\n",
-        )
+        for words in (["get"], ["set", "5.0"]):
+            code, said = ask("param", words[0], "simulator", "command_timout", *words[1:])
+            assert (code, said) == (
+                1,
+                "ros2 param: simulator has no parameter command_timout, "
+                "did you mean command_timeout?\n",
+            )
         code, said = ask(*GANTRY, "{action: hold, height: 1}")
         assert code == 0
         assert "the gantry holds the pelvis at 1 m" in said

@@ -86,6 +86,7 @@ class ModeInForce:
     Attributes:
         table: The modes that have arrived.
         lost: Whether the supervisor counts as lost.
+        lost_after: `effective_seq` of its last mode while it does.
     """
 
     PATIENCE = 0.4
@@ -95,7 +96,7 @@ class ModeInForce:
         self._period = period
         self.table = ModeTable()
         self._fallback = StopAndStand(period)
-        self._lost_after = -1
+        self.lost_after = -1
         self.lost = False
 
     def reset(self, episode: int) -> None:
@@ -107,13 +108,13 @@ class ModeInForce:
         """The supervisor is lost."""
         if not self.lost:
             self.lost = True
-            self._lost_after = int(self.table.newest.effective_seq)
+            self.lost_after = int(self.table.newest.effective_seq)
             self._fallback.start(self.table.newest)
 
     def at(self, tick: int) -> Mode:
         """The mode for a tick; while the supervisor is lost reused by the next call."""
         newest = int(self.table.newest.effective_seq)
-        if self.lost and newest > self._lost_after:
+        if self.lost and newest > self.lost_after:
             self.lost = False
         mode = self.table.at(tick)
         if mode is not None and not self.lost:
@@ -126,8 +127,8 @@ class ModeInForce:
 class StopAndStand:
     """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
 
-    Off and damping stay what they are; other set-points keep their values. On a Segway, which she
-    does not leave, the lean goes back to zero as well: it would go on to drive her.
+    Off and damping stay what they are; other set-points keep their values. On a Segway, which it
+    does not leave, the lean goes back to zero as well: it would go on to drive it.
 
     Args:
         period: Of control. In s.

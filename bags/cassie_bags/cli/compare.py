@@ -4,22 +4,36 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cassie_bags.cli.frame import DIFFERENT, SAME, answer, bag_argument, new_file, picture, stem
+from cassie_bags.cli.frame import (
+    NOT_AS_EXPECTED,
+    OK,
+    bag_argument,
+    exit_codes,
+    new_file,
+    picture,
+    play,
+    stem,
+)
 from cassie_bags.errors import BagError
 
 if TYPE_CHECKING:
     from cassie_bags.bag.summary import Summary
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags compare`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="compare",
         description="Say whether two bags hold the same samples, where they first differ, and how "
         "far the figures of the runs are apart.",
-        epilog="Exit codes: 0 the same, 1 different, 2 wrong files or arguments, 130 stopped.",
+        epilog=exit_codes("the same", "different"),
     )
     for name in ("a", "b"):
         parser.add_argument(
@@ -28,11 +42,10 @@ def main() -> int:
     parser.add_argument(
         "-o", "--output", type=picture, default=None, help="also plot both: .png, .svg or .pdf"
     )
-    arguments = parser.parse_args()
-    return answer("compare", lambda: _compare(arguments))
+    return parser
 
 
-def _compare(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     path = None if arguments.output is None else new_file(arguments.output)
     from cassie_bags.bag.comparison import compare_recordings
     from cassie_bags.bag.summary import summarize
@@ -55,7 +68,7 @@ def _compare(arguments: argparse.Namespace) -> int:
         save_overlay(a, b, path)
         print(path)
     same = all(topic.same for topic in topics) and not other_topics_differ(summaries)
-    return SAME if same else DIFFERENT
+    return OK if same else NOT_AS_EXPECTED
 
 
 def _figures(summary: Summary) -> dict[str, float]:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import SAME, answer, bag_argument, new_file, picture, stem
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, new_file, picture, play, stem
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags plot`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="plot",
         description="Draw fields of a bag over time, or without a field the modes, tracking, "
         "forces and torques of the run.",
         epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
-        "/imu/data.linear_acceleration.x. Exit codes: 0, 2 for a wrong file or arguments.",
+        "/imu/data.linear_acceleration.x. " + exit_codes("done"),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
     parser.add_argument(
@@ -25,11 +30,10 @@ def main() -> int:
     parser.add_argument(
         "-o", "--output", type=picture, default=None, help=".png, .svg or .pdf (default: BAG.png)"
     )
-    arguments = parser.parse_args()
-    return answer("plot", lambda: _plot(arguments))
+    return parser
 
 
-def _plot(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     name = stem(arguments.bag)
     path = new_file(arguments.output or Path(f"{name}.png"))
     from cassie_bags.bag.summary import supervisor_says
@@ -44,7 +48,7 @@ def _plot(arguments: argparse.Namespace) -> int:
 
         save_overview(view_of_bag(arguments.bag, name), path)
     print(path)
-    return SAME
+    return OK
 
 
 if __name__ == "__main__":

@@ -21,13 +21,15 @@ from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPE
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
-from cassie_bags.run.provenance import versions
+from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
+    "/cassie/node_events",
+    "/cassie/operator_in_force",
     "/cassie/supervisor_status",
     "/clock",
     "/diagnostics",
@@ -167,7 +169,7 @@ class Recorder(Node):
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     if path is None:
-        return {"cassie_versions": versions()}
+        return surroundings()
     content = read_mapping(path)
     for name, record in content.items():
         if not isinstance(record, dict):

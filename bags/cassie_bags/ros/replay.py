@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 
 from cassie_bags.bag.clock import CLOCK_TOPIC
 from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import number
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
@@ -177,7 +178,10 @@ class Replay(Node):
 
 def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="replay", description="Publish the messages of a bag on their topics, with /clock."
+        prog="replay",
+        description="Publish the messages of a bag on their topics, with /clock.",
+        epilog="With --verify nothing is published: the bag goes through estimator, supervisor and "
+        "controller again, and their answers are compared bit by bit (--verify --help).",
     )
     parser.add_argument("file", type=Path)
     parser.add_argument("--rate", type=_rate, default=1.0, help="robot time per wall time")
@@ -210,6 +214,8 @@ def _patience(word: str) -> float:
 
 def main() -> None:
     """Entry point of `ros2 run cassie_bags replay`."""
+    if "--verify" in sys.argv[1:]:
+        sys.exit(verify.main(sys.argv[1:]))
     arguments = _arguments(remove_ros_args(sys.argv)[1:])
     run("replay", lambda stop: Replay(arguments, stop))
 

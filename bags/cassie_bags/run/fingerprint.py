@@ -15,11 +15,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +63,6 @@ _LEFT_OUT = {"sender", "battery_charge", "longest_delay", "missed_ticks", "late_
 
 _MARK = 2  # hexadecimal digits
 _SECOND = 1_000_000_000  # in ns
-_PACKAGES = ("mujoco", "numpy", "numba", "llvmlite", "pin", "scipy")
-_VARIABLES = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS")
 
 Fields = Mapping[str, Sequence[str]]
 """Names of fields by topic."""
@@ -164,21 +159,6 @@ def save(prints: Fingerprints, path: Path) -> None:
     """
     text = yaml.safe_dump(asdict(prints), default_flow_style=None, width=100, sort_keys=False)
     path.write_text(text, encoding="utf-8")
-
-
-def environment() -> dict[str, str]:
-    """What the last bit of a result depends on besides this project's code."""
-    found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
-    used = np.show_config(mode="dicts")["SIMD Extensions"]
-    found["vector instructions"] = " ".join([*used["baseline"], *used["found"]])
-    found |= {name: os.environ.get(name, "not set") for name in _VARIABLES}
-    found["python"] = platform.python_version()
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def fields_to_hash() -> dict[str, list[str]]:

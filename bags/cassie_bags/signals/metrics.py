@@ -188,7 +188,7 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
 def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
     """Pitch, toe up, that a foot which carries load exceeds for a twentieth of the time, in deg.
 
-    NaN while she hangs.
+    NaN while it hangs.
     """
     loaded = track.foot_load[inside] > 0.5
     pitches = track.sole_pitch[inside][loaded]

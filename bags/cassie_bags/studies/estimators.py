@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from tqdm import tqdm
 
 from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
@@ -19,6 +23,7 @@ from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.tunables import unknown_name
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -137,3 +142,21 @@ def table(errors: Iterable[Errors]) -> list[str]:
             f"| {e.ground} | {e.estimator} | {' | '.join(figures)} | {100 * e.drift:.2f} |"
         )
     return lines
+
+
+def _progress(ticks: range) -> Iterable[int]:
+    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    return bar
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare on each ground; returns the exit code."""
+    results: list[Errors] = []
+    for ground in arguments.grounds or GROUNDS:
+        if ground not in GROUNDS:
+            raise ExperimentError(unknown_name(ground, GROUNDS, "ground"))
+    for ground in arguments.grounds or GROUNDS:
+        results += compare(ground, arguments.seed, _progress)
+    print(f"seed {arguments.seed}; RMS errors against the truth", file=sys.stderr)
+    print("\n".join(table(results)))
+    return 0

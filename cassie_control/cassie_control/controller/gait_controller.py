@@ -48,7 +48,7 @@ class GaitController:
     From standing, walking begins with a lean to the left and a step of the right leg. From
     walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
     the supervisor asks for it when Cassie steps in place. A push that standing cannot hold makes
-    her step by herself (`recovery`) until she is slow again. Riding a Segway is standing with gains
+    it step by itself (`recovery`) until it is slow again. Riding a Segway is standing with gains
     of its own. After each change the set-points are
     blended over a moment.
 
@@ -67,18 +67,7 @@ class GaitController:
         learned: LearnedTorques | None = None,
     ) -> None:
         self._period = period
-        self.readings = Readings()
-        self.standing = StandingController(config.stand, period)
-        self.riding = RidingController(config.segway, period)
-        self.walking = WalkingController(config.walk, library, period)
-        self.learning = TorqueLearning(config, learned, period)
-        self.recovery = RecoveryStep(period)
-        self.latency = CommandLatency(period)
-        self._status = ControllerStatus()
-        self._state = RobotState()
-        self._mode = Mode()
-        self._command = MotorCommand()
-        self._last = MotorCommand()
+        self._library, self._learned = library, learned
         self._torque_limit = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
         self.config = config
         self.reset()
@@ -92,16 +81,26 @@ class GaitController:
         self.learning.configure(config)
 
     def reset(self) -> None:
-        """Back to doing nothing."""
+        """Start afresh, with nothing of what was, in 10 ms."""
+        config, period = self.config, self._period
+        self.readings = Readings()
+        self.standing = StandingController(config.stand, period)
+        self.riding = RidingController(config.segway, period)
+        self.walking = WalkingController(config.walk, self._library, period)
+        self.learning = TorqueLearning(config, self._learned, period)
+        self.recovery = RecoveryStep(period)
+        self.latency = CommandLatency(period)
+        self._status = ControllerStatus()
+        self._state = RobotState()
+        self._mode = Mode()
+        self._command = MotorCommand()
+        self._last = MotorCommand()
         self.activity = Activity.IDLE
         self._since = 0.0
         self._stop_steps = 0
         self._recovers = False
-        self.recovery.reset()
-        self.latency.reset()
         self._allow_for(0.0)
         self._blend = self._blend_time = 0.0
-        self._command.floats[:] = 0.0
 
     def _allow_for(self, latency: float) -> None:
         """Go over to gains for drives that act late on commands, by so much (s)."""

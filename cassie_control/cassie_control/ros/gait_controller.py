@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
-from cassie_control.controller.learned_torques import load_beside
+from cassie_control.controller.learned_torques import load_beside, path_beside
 from cassie_control.guarded import GuardedController
 from cassie_control.ros.common import (
     LOOK_PERIOD,
@@ -20,11 +20,11 @@ from cassie_control.ros.common import (
     RateCheck,
     Turns,
 )
-from cassie_control.ros.mode_source import ModeSource
+from cassie_control.ros.mode_source import Irregular, ModeSource
+from cassie_control.ros.node_events import NodeEvents
 from cassie_control.schedule import STATUS_TICKS
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
-from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_msgs.layout import ControllerStatus, MotorCommand, RobotState
 from cassie_msgs.ros.about import About
@@ -78,10 +78,11 @@ class GaitControllerNode(Node):
         self.claim = Claim(self, "gait_controller")
         self._lane = declare(self, GaitControllerConfig())
         self._config = declare(self, ControllerConfig())
-        library = self._load(self._lane.gait_library)
-        learned = load_beside(
-            self._lane.gait_library or default_library_path(), self._lane.learned_torques_file
-        )
+        gaits = default_library_path()
+        if self._lane.gait_library:
+            gaits = library_path(self._lane.gait_library)
+        library = load_certified(gaits, allow_uncertified=self._lane.allow_uncertified)
+        learned = load_beside(gaits, self._lane.learned_torques_file)
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         load_kept("cassie_gaits")
@@ -89,6 +90,14 @@ class GaitControllerNode(Node):
         self._changed: ControllerConfig | None = None
         self._scheduling = Scheduling(self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)
+        self._events = NodeEvents(
+            self,
+            (self._lane, self._config),
+            {
+                "gait_library": gaits,
+                "learned_torques_file": self._lane.learned_torques_file or path_beside(gaits),
+            },
+        )
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
@@ -114,6 +123,7 @@ class GaitControllerNode(Node):
         self._answered = (-1, -1)
         self._reply = self._status_reply = b""
         self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        self._told_irregular: Irregular | None = None
         self._left_over = False  # a state that is loaded, for the main thread to answer
 
     def loop(self) -> None:
@@ -165,9 +175,11 @@ class GaitControllerNode(Node):
         if episode != self._answered[0]:
             self._begin(episode)
         if self._changed is not None:
-            self._core.configure(self._changed)
-            self._changed = None
-        command = self._controller.step(state, self._modes.at(seq))
+            self._configure(self._changed)
+        mode = self._modes.at(seq)
+        if self._modes.irregular != self._told_irregular:
+            self._tell_irregular()
+        command = self._controller.step(state, mode)
         self._reply = command.to_bytes()
         self._commands.publish_raw(self._reply)
         self._answered = key
@@ -190,15 +202,30 @@ class GaitControllerNode(Node):
     def _begin(self, episode: int) -> None:
         self._controller.reset()
         self._modes.reset(episode)
+        self._told_irregular = None
+        self._events.began(self._state)
         self.get_logger().info(f"episode {episode}")
 
-    def _load(self, path: str) -> GaitLibrary:
-        allow = self._lane.allow_uncertified
-        file = library_path(path) if path else default_library_path()
-        return load_certified(file, allow_uncertified=allow)
+    def _tell_irregular(self) -> None:
+        """Tell with which mode the controller goes on in place of the one made for this tick."""
+        now, before = self._modes.irregular, self._told_irregular
+        if now is not None and now.lost:
+            content = {"node": "mode_supervisor", "since": now.effective_seq}
+            self._events.tell(self._state, "lost", content)
+        else:
+            if before is not None and before.lost:
+                self._events.tell(self._state, "lost", {"node": None})
+            late = None if now is None else now.effective_seq
+            self._events.tell(self._state, "mode", {"effective_seq": late})
+        self._told_irregular = now
 
     def _set_config(self, config: ControllerConfig) -> None:
         self._config = self._changed = config
+
+    def _configure(self, config: ControllerConfig) -> None:
+        self._core.configure(config)
+        self._changed = None
+        self._events.changed(self._state, config)
 
 
 ABOUT = About(
@@ -206,7 +233,12 @@ ABOUT = About(
     text="Answers each state with the set-points of the ten drives, in the mode that the "
     "supervisor puts in force.",
     reads=("/cassie/state", "/cassie/mode"),
-    writes=("/cassie/motor_command", "/cassie/controller_status", "/diagnostics"),
+    writes=(
+        "/cassie/motor_command",
+        "/cassie/controller_status",
+        "/cassie/node_events",
+        "/diagnostics",
+    ),
     parameters=(GaitControllerConfig(), ControllerConfig(), ClaimConfig()),
 )
 

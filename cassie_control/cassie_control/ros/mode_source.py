@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 from rclpy.node import Node
 
@@ -15,6 +16,19 @@ from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
 
 
+@dataclass(frozen=True)
+class Irregular:
+    """A mode that holds although it was not made for the tick.
+
+    Attributes:
+        effective_seq: Its own, or that of the last mode of a supervisor that is lost.
+        lost: Whether the supervisor is lost, so that the robot stops and stands.
+    """
+
+    effective_seq: int
+    lost: bool
+
+
 class ModeSource:
     """Waits for the mode made for a tick while the loop waits for us, takes the newest else.
 
@@ -24,6 +38,7 @@ class ModeSource:
     Attributes:
         supervisor: Whose modes count.
         overtaking: The newer state that came while waiting, serialized; for the loop to take.
+        irregular: What held at the last tick in place of the mode made for it; None if that did.
     """
 
     def __init__(
@@ -45,6 +60,7 @@ class ModeSource:
         self._table = self._modes_in_force.table
         self._mode = Mode()
         self.overtaking: bytes | None = None
+        self.irregular: Irregular | None = None
         self._told_lost = False
         self._waited_for = True
         self._heard = False
@@ -59,6 +75,7 @@ class ModeSource:
         self._episode = episode
         self._waited_for = True
         self._span = range(0)
+        self.irregular = None
         self._tell()
 
     @property
@@ -87,6 +104,11 @@ class ModeSource:
         if mode is self._table.at(tick):
             self._current = mode
             self._span = range(tick, tick - tick % PERIOD_TICKS + PERIOD_TICKS)
+            self.irregular = None
+        else:
+            forces = self._modes_in_force
+            since = forces.lost_after if forces.lost else int(mode.effective_seq)
+            self.irregular = Irregular(since, forces.lost)
         return mode
 
     def _wait(self, tick: int) -> None:

@@ -9,7 +9,8 @@ from rclpy.node import Node
 
 from cassie_control.guarded import GuardedSupervisor
 from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, RateCheck
-from cassie_control.ros.operator_source import OperatorSource
+from cassie_control.ros.node_events import NodeEvents
+from cassie_control.ros.operator_source import CommandInForce, OperatorSource
 from cassie_control.ros.supervisor_status import StatusTopic
 from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
@@ -44,7 +45,10 @@ class ModeSupervisorNode(Node):
         self._config = declare(self, SupervisorConfig())
         self._core = ModeSupervisor(self._config, self._lane.period)
         self._supervisor = GuardedSupervisor(self._core)
-        on_change(self, lambda: self._config, self._set_config)
+        self._changed: SupervisorConfig | None = None
+        on_change(self, lambda: self._changed or self._config, self._set_config)
+        self._events = NodeEvents(self, (self._lane, self._config))
+        self._told_lost = False
         self._scheduling = Scheduling(self.get_logger().warning, beside=True)
         self._stop = stop
         self._conditions = Conditions(self)
@@ -53,6 +57,7 @@ class ModeSupervisorNode(Node):
         self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
+        self._in_force = CommandInForce(self)
         self._watch = Watch(self, self._conditions)
         self._operator = OperatorSource(
             self, stop, self._states, self._conditions, scripted=self._lane.scripted_operator
@@ -118,7 +123,14 @@ class ModeSupervisorNode(Node):
         self._rate.check(episode, seq, self._state)
         self._scheduling.follow(bool(self._state.wall_paced))
         operator = self._operator.at(self._state)
+        self._in_force.tell(operator, self._state)
         lost = self._watch.controller_lost(time.monotonic())
+        if lost != self._told_lost:
+            self._told_lost = lost
+            node = "gait_controller" if lost else None
+            self._events.tell(self._state, "lost", {"node": node})
+        if self._changed is not None:
+            self._configure(self._changed)
         mode = self._supervisor.step(self._state, operator, lost)
         reply = mode.to_bytes()
         self._modes.publish_raw(reply)
@@ -130,11 +142,18 @@ class ModeSupervisorNode(Node):
     def _begin(self, episode: int) -> None:
         self._supervisor.reset()
         self._operator.reset(episode)
+        self._events.began(self._state)
+        self._told_lost = False
         self._replies.clear()
         self.get_logger().info(f"episode {episode}")
 
     def _set_config(self, config: SupervisorConfig) -> None:
+        self._changed = config  # for the thread that answers, between two states
+
+    def _configure(self, config: SupervisorConfig) -> None:
         self._config = self._core.config = config
+        self._changed = None
+        self._events.changed(self._state, config)
 
 
 ABOUT = About(
@@ -142,7 +161,13 @@ ABOUT = About(
     text="Decides the robot's mode from its state and the operator's commands, limits the "
     "set-points, and watches the other nodes.",
     reads=("/cassie/state", "/cassie/operator_command", "/cassie/controller_status", "/clock"),
-    writes=("/cassie/mode", "/cassie/supervisor_status", "/diagnostics"),
+    writes=(
+        "/cassie/mode",
+        "/cassie/operator_in_force",
+        "/cassie/supervisor_status",
+        "/cassie/node_events",
+        "/diagnostics",
+    ),
     parameters=(ModeSupervisorConfig(), SupervisorConfig(), ClaimConfig()),
 )
 

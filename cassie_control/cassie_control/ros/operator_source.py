@@ -13,7 +13,13 @@ from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.operators import Operators, Refusals, sender_of
-from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, take_from_each
+from cassie_msgs.ros.fast_lane import (
+    EVERY,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+    take_from_each,
+)
 from cassie_msgs.ros.process import Stop
 
 SCRIPT_PATIENCE = 0.3
@@ -195,3 +201,27 @@ class OperatorSource:
             self._command.copy_from(command)
             self._script, self._arrived = writer, now
         return refused
+
+
+class CommandInForce:
+    """The command that the supervisor acts on, on /cassie/operator_in_force.
+
+    Nothing is told where it is a script's answer to the same state, which a recording has anyway.
+    Of a state without a command, `effective_seq` is 0.
+    """
+
+    TOPIC = "/cassie/operator_in_force"
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = LanePublisher(node, OperatorCommand, self.TOPIC)
+        self._told, self._none = OperatorCommand(), OperatorCommand()
+
+    def tell(self, command: OperatorCommand | None, state: RobotState) -> None:
+        """Publish the command in force at a state."""
+        if command is not None and command.scripted and int(command.seq) == int(state.seq):
+            return
+        told = self._told
+        told.copy_from(self._none if command is None else command)
+        told.answer(state)
+        told.effective_seq[...] = 0 if command is None else int(state.seq) + PERIOD_TICKS
+        self._publisher.publish(told)

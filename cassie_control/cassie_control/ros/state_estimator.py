@@ -18,6 +18,7 @@ from cassie_control.ros.common import (
     RateCheck,
     Turns,
 )
+from cassie_control.ros.node_events import NodeEvents
 from cassie_control.ros.odometry import StandardTopics
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
@@ -61,7 +62,9 @@ class StateEstimator(Node):
         self._estimator = GuardedEstimator(self._core, most_missed)
         self._hand_on = hand_on
         self._scheduling = Scheduling(self.get_logger().warning)
-        on_change(self, lambda: self._config, self._set_config)
+        self._changed: EstimatorConfig | None = None
+        on_change(self, lambda: self._changed or self._config, self._set_config)
+        self._events = NodeEvents(self, (self._lane, self._config))
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
@@ -112,6 +115,8 @@ class StateEstimator(Node):
             return
         if episode != self._answered[0]:
             self._begin(episode)
+        if self._changed is not None:
+            self._configure(self._changed)
         self._state = state = self._estimator.step(sample)
         if self._hand_on is not None:
             self._hand_on.put(state)
@@ -145,18 +150,32 @@ class StateEstimator(Node):
 
     def _begin(self, episode: int) -> None:
         self._estimator.reset()
+        self._events.began(self._sample)
         self._starts = 0
         self.get_logger().info(f"episode {episode}")
 
     def _set_config(self, config: EstimatorConfig) -> None:
+        self._changed = config  # for the thread that answers, between two samples
+
+    def _configure(self, config: EstimatorConfig) -> None:
         self._config = self._core.config = config
+        self._changed = None
+        self._events.changed(self._sample, config)
 
 
 ABOUT = About(
     package="cassie_control",
     text="Answers each sensor sample with an estimate of the robot's state.",
     reads=("/cassie/sensors",),
-    writes=("/cassie/state", "/imu/data", "/odom", "/tf", "/tf_static", "/diagnostics"),
+    writes=(
+        "/cassie/state",
+        "/imu/data",
+        "/odom",
+        "/tf",
+        "/tf_static",
+        "/cassie/node_events",
+        "/diagnostics",
+    ),
     parameters=(LaneConfig(), EstimatorConfig(), ClaimConfig()),
 )
 

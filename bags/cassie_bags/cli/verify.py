@@ -1,0 +1,91 @@
+"""`replay --verify`: whether estimator, supervisor and controller answer a bag as recorded."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, WRONG_INPUT, exit_codes, play
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry point of `ros2 run cassie_bags replay --verify`."""
+    return play(_parser(), _run, argv)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm  # these take a while to load
+
+    from cassie_bags.run.verify import START, TOLERANCE, verify
+    from cassie_bags.run.yaml_file import consistent
+
+    other = bool(arguments.changes or arguments.gaits)
+    changes = consistent(arguments.changes)
+    with tqdm(unit="message", disable=not sys.stderr.isatty(), leave=False) as bar:
+
+        def watch(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        found = verify(arguments.file, changes, arguments.gaits, watch)
+    for topic, replayed in found.replayed.items():
+        differing = replayed.differing()
+        told = f"{differing} differ" if differing else "identical"
+        print(f"{topic:24} {len(replayed.recorded):7} messages  {told}")
+    for first in found.differences:
+        print(
+            f"{first.topic}: {first.field} differs first at tick {first.tick} of episode "
+            f"{first.episode} ({first.time:.3f} s): recorded {first.recorded!r}, "
+            f"computed {first.computed!r}"
+        )
+    if found.elsewhere:
+        print(f"not as recorded: {'; '.join(found.elsewhere)}")
+        print(f"so the first {START:g} s are held to {TOLERANCE:g} in place of the bits: ", end="")
+        print("they agree" if found.holds else "they do NOT agree")
+    for gap in found.gaps:
+        print(f"gap: {gap}")
+    if other and arguments.plot is None:
+        arguments.plot = Path("replay.png")
+    if arguments.plot is not None:
+        from cassie_bags.report.replayed import draw
+
+        draw(found, arguments.plot)
+        print(f"picture: {arguments.plot}")
+    if not found.compared:
+        print("nothing could be verified", file=sys.stderr)
+        return WRONG_INPUT
+    return OK if found.holds or other else NOT_AS_EXPECTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="replay --verify",
+        description="Feed a bag's samples, operator commands and parameters through estimator, "
+        "supervisor and controller again, as fast as they go, and compare their states, modes and "
+        "motor commands with the recorded ones, to the last bit.",
+        epilog=exit_codes("identical", "not"),
+    )
+    parser.add_argument("file", type=Path, help="bag")
+    parser.add_argument("--verify", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--with",
+        dest="changes",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="what another parameter would have given on the same data, as a picture: "
+        "controller.walk.joints.kp_knee=500, estimator.…, supervisor.…; or @file.yaml",
+    )
+    parser.add_argument(
+        "--gaits",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="the same with another gait library",
+    )
+    parser.add_argument(
+        "--plot", type=Path, default=None, metavar="FILE", help="picture (replay.png)"
+    )
+    return parser

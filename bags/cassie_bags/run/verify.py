@@ -1,0 +1,611 @@
+"""Replay of a recording through estimator, supervisor and controller, to the last bit.
+
+Each core gets what its node got in the recording: the samples, states and commands in it, and what
+the node told on /cassie/node_events beside them (parameters, late modes, lost nodes). So a
+difference shows in the node where it arises. A core is followed from where its node began; before
+that, and after a message that is missing, nothing can be said of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, Event, read_event
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.errors import BagError, ExperimentError
+from cassie_bags.run.cores import library_path, simulator_config
+from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.provenance import changes_of_environment
+from cassie_bags.run.yaml_file import apply_changes, flat
+from cassie_control.controller.config import ControllerConfig
+from cassie_control.controller.gait_controller import GaitController
+from cassie_control.controller.learned_torques import load_torques, nothing_learned, path_beside
+from cassie_control.estimator.choice import make_monitored
+from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.guarded import (
+    BRIDGED,
+    GuardedController,
+    GuardedEstimator,
+    GuardedSupervisor,
+)
+from cassie_control.schedule import StopAndStand
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_gaits.gait_library_file import PACKAGED, load_certified
+from cassie_gaits.gait_library_file import library_path as packaged_or_path
+from cassie_msgs.layout import (
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotState,
+    Sample,
+    Sensors,
+    header,
+)
+from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
+
+Key = tuple[int, int]
+"""Episode and control tick."""
+
+ConfigT = TypeVar("ConfigT")
+
+SECTIONS = {
+    "state_estimator": "estimator",
+    "mode_supervisor": "supervisor",
+    "gait_controller": "controller",
+}
+"""Section of an experiment file that holds a node's parameters."""
+
+START, TOLERANCE = 5.0, 1e-9
+"""What is compared where bits may differ: the first so many s, to this difference in SI units."""
+
+_NEAR = 20  # messages of a topic within which a process that was replaced may have answered, too
+_TOPICS = (Sensors, RobotState, Mode, MotorCommand, OperatorCommand)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where a recomputed message first differs from the recorded one.
+
+    Attributes:
+        topic: Of the message.
+        field: Of the message, with the index in an array: "q[3]".
+        episode: Of the simulator.
+        tick: Control tick, the message's seq.
+        time: Robot time of the message. In s.
+        recorded: Value in the bag.
+        computed: Value now.
+    """
+
+    topic: str
+    field: str
+    episode: int
+    tick: int
+    time: float
+    recorded: float
+    computed: float
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """The messages of a topic, as recorded and as computed anew. Two arrays of equal length."""
+
+    recorded: npt.NDArray[np.void]
+    computed: npt.NDArray[np.void]
+
+    def first_difference(self, topic: str) -> Difference | None:
+        """The first message that differs in any bit, and its first field that does."""
+        unequal = {name: self._unequal(name) for name in self.recorded.dtype.names or ()}
+        rows = [int(np.argmax(found)) for found in unequal.values() if found.any()]
+        if not rows:
+            return None
+        row = min(rows)
+        name = next(name for name, found in unequal.items() if found[row])
+        one, other = (np.atleast_1d(each[name][row]) for each in (self.recorded, self.computed))
+        index = int(
+            np.argmax([a.tobytes() != b.tobytes() for a, b in zip(one, other, strict=True)])
+        )
+        at = self.recorded[row]
+        return Difference(
+            topic,
+            f"{name}[{index}]" if len(one) > 1 else name,
+            int(at["episode"]),
+            int(at["seq"]),
+            float(at["sec"]) + 1e-9 * float(at["nanosec"]),
+            one[index].item(),
+            other[index].item(),
+        )
+
+    def differing(self) -> int:
+        """Number of messages that differ in any bit."""
+        found = np.zeros(len(self.recorded), np.bool_)
+        for name in self.recorded.dtype.names or ():
+            found |= self._unequal(name)
+        return int(found.sum())
+
+    def greatest_difference(self, until: float) -> float:
+        """Greatest difference of a value before `until` (s) of each episode; NaN is one value."""
+        times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
+        early = times < until
+        greatest = 0.0
+        for name in self.recorded.dtype.names or ():
+            one, other = (
+                each[name][early].astype(np.float64) for each in (self.recorded, self.computed)
+            )
+            apart = np.abs(one - other)
+            apart[np.isnan(one) & np.isnan(other)] = 0.0
+            greatest = max(greatest, float(np.nan_to_num(apart, nan=np.inf).max(initial=0.0)))
+        return greatest
+
+    def _unequal(self, name: str) -> npt.NDArray[np.bool_]:
+        """Whether the bits of a field differ; NaN is equal to the same NaN. Shape (n,)."""
+        one, other = (
+            np.ascontiguousarray(each[name]).view(np.uint8).reshape(len(each), -1)
+            for each in (self.recorded, self.computed)
+        )
+        return np.asarray((one != other).any(axis=1))
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What came of a replay.
+
+    Attributes:
+        replayed: Messages that could be compared, by topic: state, mode, motor command.
+        gaps: What could not be followed, and why, in words.
+        elsewhere: In what machine and libraries are not those of the recording; empty if nothing
+            is, or if the bag does not tell them.
+    """
+
+    replayed: Mapping[str, Replayed]
+    gaps: Sequence[str] = field(default_factory=list)
+    elsewhere: Sequence[str] = field(default_factory=list)
+
+    @property
+    def differences(self) -> list[Difference]:
+        """The first difference of each topic that has one."""
+        found = (each.first_difference(topic) for topic, each in self.replayed.items())
+        return [difference for difference in found if difference is not None]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all that was compared is as recorded.
+
+        With other libraries or another kind of processor bits may differ; then the first
+        `START` s have to agree within `TOLERANCE`.
+        """
+        if not self.elsewhere:
+            return not self.differences
+        return all(each.greatest_difference(START) <= TOLERANCE for each in self.replayed.values())
+
+    @property
+    def compared(self) -> int:
+        """Number of messages that were compared."""
+        return sum(len(each.recorded) for each in self.replayed.values())
+
+
+def verify(
+    path: Path,
+    changes: Iterable[str] = (),
+    gaits: Path | None = None,
+    watch: Callable[[int, int], None] = lambda done, total: None,
+) -> Verification:
+    """Replay a bag through the cores of its nodes.
+
+    Args:
+        path: The bag.
+        changes: `controller.walk.joints.kp_knee=500` and the like: parameters in place of those
+            recorded, to see what they would have changed.
+        gaits: Gait library in place of the recorded one.
+        watch: Is told now and then how many of how many messages are done.
+
+    Raises:
+        BagError: if the bag cannot be read, or does not say with which parameters it was made.
+        ExperimentError, CassieError, ParameterError: if a change or a file cannot be used.
+    """
+    lane = _Lane(path)
+    given = _sections(changes)
+    gaps: list[str] = []
+    followed: tuple[tuple[str, type[Sample], type[_Core]], ...] = (
+        ("state_estimator", RobotState, _Estimator),
+        ("mode_supervisor", Mode, _Supervisor),
+        ("gait_controller", MotorCommand, _Controller),
+    )
+    total = sum(len(lane.rows[kind.TOPIC]) for _, kind, _ in followed)
+    done = 0
+    replayed = {}
+    for node, kind, core in followed:
+        begin = partial(core, lane, overrides=given[SECTIONS[node]], gaits=gaits)
+        tell = partial(_tell, watch, done, total)
+        replayed[kind.TOPIC] = _follow(lane, node, kind, begin, gaps, tell)
+        done += len(lane.rows[kind.TOPIC])
+    recorded = lane.index.metadata.get("cassie_environment")
+    return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a node began with.
+
+    Attributes:
+        parameters: By name.
+        files: Path and SHA-256 of files that it read, by the parameter that names them.
+    """
+
+    parameters: Mapping[str, Any]
+    files: Mapping[str, Mapping[str, str]]
+
+
+class _Lane:
+    """The messages of a bag, by topic: in order, and by episode and tick."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: dict[str, list[bytes]] = {kind.TOPIC: [] for kind in _TOPICS}
+        self.rows[IN_FORCE_TOPIC] = []
+        self.events: dict[str, list[Event]] = {node: [] for node in SECTIONS}
+        self.index = BagIndex()
+        sizes = {kind.TOPIC: kind.SIZE for kind in _TOPICS} | {IN_FORCE_TOPIC: OperatorCommand.SIZE}
+        told = False
+        for topic, _, _, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
+            if topic == EVENTS_TOPIC:
+                told = True
+                event = read_event(raw)
+                if event.node in self.events:
+                    self.events[event.node].append(event)
+            elif 0 <= len(raw) - sizes[topic] <= 3:
+                self.rows[topic].append(raw[: sizes[topic]])
+            else:
+                raise BagError(
+                    f"{path}: a message of {len(raw)} bytes on {topic} is of another type"
+                )
+        if not self.rows[MotorCommand.TOPIC] and not self.rows[RobotState.TOPIC]:
+            raise BagError(f"{path} has neither states nor motor commands")
+        for events in self.events.values():
+            events.sort(key=lambda event: (event.episode, event.seq))
+        self.told = told
+        self.samples = self._by_key(Sensors.TOPIC)
+        self.states = self._by_key(RobotState.TOPIC)
+        self.in_force = self._by_key(IN_FORCE_TOPIC)
+        self.scripted = {
+            key: raw for key, raw in self._by_key(OperatorCommand.TOPIC).items() if _scripted(raw)
+        }
+        self.modes: dict[Key, bytes] = {}
+        mode = Mode()
+        for raw in self.rows[Mode.TOPIC]:
+            mode.load(raw)
+            self.modes[int(mode.episode), int(mode.effective_seq)] = raw
+
+    def _by_key(self, topic: str) -> dict[Key, bytes]:
+        found: dict[Key, bytes] = {}
+        for raw in self.rows[topic]:
+            found.setdefault(_key(raw), raw)
+        return found
+
+    def setting(self, node: str) -> Setting:
+        """What a node began with, from the experiment in the bag, where it did not tell itself.
+
+        Raises:
+            BagError: if there is none.
+        """
+        text = self.index.metadata.get("cassie_experiment", {}).get("file")
+        if text is None:
+            raise BagError(
+                f"{self.path} does not say with which parameters {node} ran: it has neither "
+                f"{EVENTS_TOPIC} nor an experiment"
+            )
+        experiment = parse_experiment(text, str(self.path))
+        parameters = dict(experiment.parameters[SECTIONS[node]])
+        parameters["control_rate"] = simulator_config(experiment).control_rate
+        files = {}
+        if node == "gait_controller":
+            library = library_path(experiment)
+            files["gait_library"] = {"path": str(library)}
+            learned = parameters.get("learned_torques_file") or path_beside(library)
+            files["learned_torques_file"] = {"path": str(learned)}
+        return Setting(parameters, files)
+
+
+class _MissingInputError(Exception):
+    """A message that a core needs is not in the bag."""
+
+
+class _Core(ABC):
+    """A core with the inputs that its node had.
+
+    Args:
+        lane: Messages of the bag.
+        setting: What the node began with.
+        overrides: Parameters in place of those recorded, also of those changed later.
+        gaits: Gait library in place of the recorded one.
+    """
+
+    def __init__(
+        self, lane: _Lane, setting: Setting, overrides: Mapping[str, Any], gaits: Path | None
+    ) -> None:
+        self.lane, self.overrides = lane, overrides
+        self.files, self.gaits = setting.files, gaits
+        self.parameters = {**setting.parameters, **overrides}
+        self.period = 1.0 / float(self.parameters["control_rate"])
+        self.build()
+
+    @abstractmethod
+    def build(self) -> None:
+        """Make the core."""
+
+    @abstractmethod
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        """Parameters were changed while the node ran."""
+
+    def take(self, event: Event) -> None:
+        """Take in an event of the node."""
+        if event.event == "parameters":
+            changes = {k: v for k, v in event.content.items() if k not in self.overrides}
+            self.configure(changes)
+
+    def config(self, cls: type[ConfigT]) -> ConfigT:
+        """The parameters of the core, without those of its node.
+
+        Raises:
+            ExperimentError: if one in place of the recorded ones is unknown.
+        """
+        known = set(names(cls))
+        for name in self.overrides.keys() - known:
+            raise ExperimentError(unknown_name(name, sorted(known), "parameter"))
+        return from_mapping(cls, {k: v for k, v in self.parameters.items() if k in known})
+
+    @abstractmethod
+    def answer(self, key: Key) -> Sample:
+        """The message that answers the tick.
+
+        Raises:
+            _MissingInputError: saying what is missing.
+        """
+
+
+class _Estimator(_Core):
+    def build(self) -> None:
+        self._config = self.config(EstimatorConfig)
+        self._core = make_monitored(self._config, self.period)
+        self._guarded = GuardedEstimator(self._core, round(BRIDGED / self.period))
+        self._guarded.reset()
+        self._sample = Sensors()
+
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        self._config = self._core.config = replace_checked(self._config, **changes)
+
+    def answer(self, key: Key) -> Sample:
+        self._sample.load(_found(self.lane.samples, key, "sensor sample"))
+        return self._guarded.step(self._sample)
+
+
+class _Supervisor(_Core):
+    def build(self) -> None:
+        self._config = self.config(SupervisorConfig)
+        self._core = ModeSupervisor(self._config, self.period)
+        self._guarded = GuardedSupervisor(self._core)
+        self._guarded.reset()
+        self._state, self._operator = RobotState(), OperatorCommand()
+        self._controller_lost = False
+
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        self._config = self._core.config = replace_checked(self._config, **changes)
+
+    def take(self, event: Event) -> None:
+        super().take(event)
+        if event.event == "lost":
+            self._controller_lost = event.content["node"] is not None
+
+    def answer(self, key: Key) -> Sample:
+        self._state.load(_found(self.lane.states, key, "state"))
+        return self._guarded.step(self._state, self._command(key), self._controller_lost)
+
+    def _command(self, key: Key) -> OperatorCommand | None:
+        operator = self._operator
+        if (raw := self.lane.in_force.get(key)) is not None:
+            operator.load(raw)
+            return operator if int(operator.effective_seq) else None
+        operator.load(_found(self.lane.scripted, key, "operator command"))
+        return operator
+
+
+class _Controller(_Core):
+    def build(self) -> None:
+        self._config = self.config(ControllerConfig)
+        library = self.gaits or _file(self.files["gait_library"], self.lane.path)
+        allow = bool(self.parameters.get("allow_uncertified", False))
+        gait_library = load_certified(library, allow_uncertified=allow)
+        learned = _file(self.files["learned_torques_file"], self.lane.path)
+        torques = load_torques(learned) if learned.exists() else nothing_learned()
+        self._core = GaitController(self._config, gait_library, self.period, torques)
+        self._guarded = GuardedController(self._core)
+        self._guarded.reset()
+        self._state, self._mode, self._off = RobotState(), Mode(), Mode()
+        self._late: int | None = None
+        self._fallback: StopAndStand | None = None
+        self._episode = -1
+
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        self._config = replace_checked(self._config, **changes)
+        self._core.configure(self._config)
+
+    def take(self, event: Event) -> None:
+        super().take(event)
+        if event.event == "mode":
+            self._late = event.content["effective_seq"]
+        elif event.event == "lost":
+            self._fallback = None
+            if event.content["node"] is not None:
+                self._fallback = StopAndStand(self.period)
+                self._fallback.start(self._recorded_mode(event.episode, event.content["since"]))
+
+    def answer(self, key: Key) -> Sample:
+        self._state.load(_found(self.lane.states, key, "state"))
+        return self._guarded.step(self._state, self._mode_at(*key))
+
+    def _mode_at(self, episode: int, tick: int) -> Mode:
+        if self._fallback is not None:
+            return self._fallback.step()
+        first = tick - tick % PERIOD_TICKS if self._late is None else self._late
+        return self._recorded_mode(episode, first)
+
+    def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:
+        """The mode that holds from a tick on; off before the first."""
+        raw = self.lane.modes.get((episode, effective_seq))
+        if raw is None and effective_seq < PERIOD_TICKS:
+            self._off.episode[...] = episode
+            return self._off
+        self._mode.load(_found(self.lane.modes, (episode, effective_seq), "mode"))
+        return self._mode
+
+
+def _tell(watch: Callable[[int, int], None], before: int, total: int, count: int) -> None:
+    watch(before + count, total)
+
+
+def _follow(
+    lane: _Lane,
+    node: str,
+    kind: type[Sample],
+    begin: Callable[[Setting], _Core],
+    gaps: list[str],
+    watch: Callable[[int], None],
+) -> Replayed:
+    """Compute each message of a node anew."""
+    recorded, computed = [], []
+    events = deque(lane.events[node])
+    core: _Core | None = None
+    episode = -1
+    heard: set[bytes] = set()
+    not_followed: list[Key] = []
+    rows = lane.rows[kind.TOPIC]
+    for number, raw in enumerate(rows):
+        if number % 1000 == 0:
+            watch(number)
+        key = _key(raw)
+        starts = _starts(events, key)
+        if raw in heard and not starts:
+            continue  # a repeated answer
+        heard.add(raw)
+        if starts and any(
+            _key(row) == key and row not in heard for row in rows[number + 1 : number + _NEAR]
+        ):
+            pass  # the answer of a process that was then ended and replaced
+        elif lane.told:
+            core = _take_events(events, key, core, begin)
+        elif key[0] != episode:
+            core = begin(lane.setting(node)) if key[1] == 0 else None
+        episode = key[0]
+        if core is None:
+            not_followed.append(key)
+            continue
+        try:
+            answer = core.answer(key).to_bytes()
+        except _MissingInputError as missing:
+            gaps.append(f"{node}: {missing}; followed again from its next start")
+            core = None
+            continue
+        recorded.append(raw)
+        computed.append(answer)
+    if not_followed:
+        (episode, first), (_, until) = not_followed[0], not_followed[-1]
+        gaps.append(
+            f"{node}: {len(not_followed)} messages not followed, from tick {first} of episode "
+            f"{episode} to tick {until}: its start, or a message before, is not in the bag"
+        )
+    dtype = kind.DTYPE
+    return Replayed(
+        np.frombuffer(b"".join(recorded), dtype), np.frombuffer(b"".join(computed), dtype)
+    )
+
+
+def _starts(events: Iterable[Event], key: Key) -> bool:
+    """Whether a process of the node began at a tick, among events not yet taken in."""
+    near = itertools.takewhile(lambda event: (event.episode, event.seq) <= key, events)
+    return any(event.event == "began" and (event.episode, event.seq) == key for event in near)
+
+
+def _take_events(
+    events: deque[Event], key: Key, core: _Core | None, begin: Callable[[Setting], _Core]
+) -> _Core | None:
+    """Take in a node's events up to a tick; returns its core from there on."""
+    if core is not None and events and events[0].episode != key[0] and key[1] == 0:
+        core = None
+    while events and (events[0].episode, events[0].seq) <= key:
+        event = events.popleft()
+        if event.event == "began":
+            at_its_start = (event.episode, event.seq) == key
+            setting = Setting(event.content["parameters"], event.content["files"])
+            core = begin(setting) if at_its_start else None
+        elif core is not None:
+            core.take(event)
+    return core
+
+
+def _sections(changes: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Changed parameters by section of the experiment.
+
+    Raises:
+        ExperimentError: if a section is not replayed; and as `apply_changes`.
+    """
+    content: dict[str, Any] = {section: {} for section in SECTIONS.values()}
+    apply_changes(content, changes)
+    for section in content.keys() - set(SECTIONS.values()):
+        known = ", ".join(SECTIONS.values())
+        raise ExperimentError(f"{section} is not replayed: parameters are of {known}")
+    return {section: flat(values, section) for section, values in content.items()}
+
+
+def _file(described: Mapping[str, str], bag: Path) -> Path:
+    """A file that a node read: where it was, beside the bag, or of the package.
+
+    Raises:
+        BagError: if none of these has the recorded hash.
+    """
+    path = Path(described["path"])
+    expected = described.get("sha256")
+    if expected is None:
+        return path
+    packaged = [packaged_or_path(name) for name in PACKAGED]
+    packaged += [path_beside(library) for library in packaged]
+    beside = [each for each in packaged if each.name == path.name]
+    for candidate in (path, bag.parent / path.name, *beside):
+        if candidate.is_file() and _hash(candidate) == expected:
+            return candidate
+    raise BagError(
+        f"{path} is not as it was when {bag} was recorded (SHA-256 {expected[:12]}…): put that "
+        "file beside the bag"
+    )
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _found(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
+    raw = messages.get(key)
+    if raw is None:
+        raise _MissingInputError(
+            f"the {what} of tick {key[1]}, episode {key[0]}, is not in the bag"
+        )
+    return raw
+
+
+def _key(raw: bytes) -> Key:
+    _, _, episode, seq = header(raw)
+    return episode, seq
+
+
+def _scripted(raw: bytes) -> bool:
+    return bool(np.frombuffer(raw, OperatorCommand.DTYPE)["scripted"][0])

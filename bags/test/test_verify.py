@@ -1,0 +1,241 @@
+"""Replay of a bag through the cores: the same bits, and the first bit that differs."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cassie_bags.bag.node_events import EVENTS_TOPIC, Event, read_event
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.recording import TYPES
+from cassie_bags.bag.writer import QOS_LANE, BagWriter
+from cassie_bags.cli.verify import main
+from cassie_bags.errors import BagError
+from cassie_bags.run.cores import make_loop
+from cassie_bags.run.experiment import packaged_folder, parse_experiment
+from cassie_bags.run.observers import BagObserver
+from cassie_bags.run.seed import resolve
+from cassie_bags.run.verify import Replayed, Verification, verify
+from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sensors
+
+WALK = """
+duration: 4.0
+seed: 2
+drawn: false
+start: standing
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.95}
+  - {t: 0.6, mode: walk, vx: 0.3}
+"""
+TICKS = 2000
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("walk") / "bag.mcap"
+    experiment = resolve(parse_experiment(WALK, "walk"))
+    with BagObserver(path, experiment) as observer:
+        loop = make_loop(experiment, observer)
+        for _ in range(TICKS):
+            loop.tick()
+    return path
+
+
+def altered(bag: Path, path: Path, change) -> Path:
+    """A copy of a bag whose messages a function changes; None leaves one out."""
+    writer = BagWriter(path)
+    index = BagIndex()
+    messages = list(read_messages(bag, None, index))
+    for name, content in index.metadata.items():
+        writer.add_metadata(name, content)
+    channels = {topic: writer.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()}
+    for topic, robot, wall, raw in messages:
+        changed = change(topic, raw)
+        if changed is not None:
+            writer.write(channels[topic], changed, robot, wall)
+    writer.close()
+    return path
+
+
+def test_a_bag_gives_the_same_bits_again(bag: Path, capsys: pytest.CaptureFixture[str]):
+    found = verify(bag)
+    assert {topic: len(each.recorded) for topic, each in found.replayed.items()} == {
+        RobotState.TOPIC: TICKS,
+        Mode.TOPIC: TICKS // 10,
+        MotorCommand.TOPIC: TICKS,
+    }
+    assert found.differences == []
+    assert found.gaps == []
+    assert main([str(bag)]) == 0
+    assert capsys.readouterr().out.count("identical") == 3
+
+
+SHIPPED = sorted((packaged_folder() / "recordings").glob("*.mcap"))
+
+
+def test_bags_are_shipped_and_stay_small():
+    assert len(SHIPPED) >= 3
+    assert sum(path.stat().st_size for path in SHIPPED) < 15e6
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_bags_give_the_same_bits_again(path: Path):
+    found = verify(path)
+    assert found.compared > 3000
+    assert found.gaps == []
+    assert found.holds, found.differences
+
+
+def test_one_bit_is_found_with_its_place_and_both_values(bag: Path, tmp_path: Path):
+    state = RobotState()
+
+    def change(topic: str, raw: bytes) -> bytes:
+        if topic != RobotState.TOPIC:
+            return raw
+        state.load(raw)
+        if state.seq == 700:
+            state.q[3] = np.nextafter(state.q[3], 1.0)
+        return state.to_bytes()
+
+    path = altered(bag, tmp_path / "bag.mcap", change)
+    first = verify(path).differences[0]
+    assert (first.topic, first.field, first.tick) == (RobotState.TOPIC, "q[3]", 700)
+    assert first.time == pytest.approx(1.4)
+    assert first.recorded == np.nextafter(first.computed, 1.0)
+    assert main([str(path)]) == 1
+
+
+def test_a_gain_changed_by_a_millionth_is_found_where_it_first_matters(bag: Path):
+    found = verify(bag, ["controller.walk.joints.kp_knee=549.000549"])
+    states, modes, commands = found.replayed.values()
+    assert states.differing() == modes.differing() == 0
+    (first,) = found.differences
+    walks = np.flatnonzero(np.isclose(commands.recorded["kp"], 549.0).any(axis=1))
+    assert first.tick == commands.recorded["seq"][walks[0]]
+
+
+def test_a_message_that_is_missing_is_named_and_nothing_is_compared_after_it(
+    bag: Path, tmp_path: Path
+):
+    sample = Sensors()
+
+    def change(topic: str, raw: bytes) -> bytes | None:
+        if topic == Sensors.TOPIC:
+            sample.load(raw)
+            return None if sample.seq == 500 else raw
+        return raw
+
+    found = verify(altered(bag, tmp_path / "bag.mcap", change))
+    assert len(found.replayed[RobotState.TOPIC].recorded) == 500
+    assert len(found.replayed[MotorCommand.TOPIC].recorded) == TICKS
+    assert any("sensor sample of tick 500" in gap for gap in found.gaps)
+    assert found.differences == []
+
+
+def test_another_controller_on_the_same_data_becomes_a_picture(bag: Path, tmp_path: Path):
+    picture = tmp_path / "other.png"
+    words = ["--with", "controller.walk.joints.kp_knee=500", "--plot", str(picture)]
+    assert main([str(bag), *words]) == 0
+    assert picture.stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--with", "plant.mass=1"], "plant is not replayed"),
+        (["--with", "controller.walk.nothing=1"], "walk.nothing"),
+        (["--with", "controller.walk.joints.kp_knee=-1"], "kp_knee = -1"),
+        (["--gaits", "/nowhere.json"], "/nowhere.json"),
+    ],
+)
+def test_what_cannot_be_replayed_is_one_line(
+    bag: Path, capsys: pytest.CaptureFixture[str], words: list[str], reason: str
+):
+    assert main([str(bag), *words]) == 2
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
+
+
+def test_a_bag_that_does_not_tell_its_parameters_is_refused(bag: Path, tmp_path: Path):
+    path = tmp_path / "bag.mcap"
+    writer = BagWriter(path)
+    channels = {topic: writer.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()}
+    for topic, robot, wall, raw in read_messages(bag):
+        writer.write(channels[topic], raw, robot, wall)
+    writer.close()
+    with pytest.raises(BagError, match="does not say with which parameters"):
+        verify(path)
+
+
+def test_a_bag_without_the_robot_is_refused(tmp_path: Path):
+    writer = BagWriter(tmp_path / "empty.mcap")
+    writer.close()
+    with pytest.raises(BagError, match="neither states nor motor commands"):
+        verify(tmp_path / "empty.mcap")
+
+
+def test_bits_count_and_not_values():
+    rows = np.zeros(
+        3, [("sec", "i4"), ("nanosec", "u4"), ("episode", "u4"), ("seq", "u8"), ("x", "f8")]
+    )
+    rows["x"] = [np.nan, 0.0, 1.0]
+    same, other = rows.copy(), rows.copy()
+    other["x"][1] = -0.0
+    assert Replayed(rows, same).first_difference("t") is None
+    assert Replayed(rows, other).differing() == 1
+
+
+def test_an_event_is_read_as_ros_writes_it():
+    pytest.importorskip("rclpy")
+    from builtin_interfaces.msg import Time
+    from rclpy.serialization import serialize_message
+
+    from cassie_msgs.msg import NodeEvent
+
+    message = NodeEvent(
+        stamp=Time(sec=1, nanosec=2),
+        episode=7,
+        seq=2**40,
+        node="gait_controller",
+        event="mode",
+        content='{"effective_seq": 30}',
+    )
+    raw = serialize_message(message)
+    expected = Event(7, 2**40, "gait_controller", "mode", {"effective_seq": 30})
+    assert read_event(raw) == expected
+    for length in range(len(raw) - 4):
+        with pytest.raises(BagError, match=EVENTS_TOPIC):
+            read_event(raw[:length])
+
+
+def test_gaits_beside_the_bag_stand_for_those_that_changed(bag: Path, tmp_path: Path):
+    """A library is known by its hash, wherever it is."""
+    from cassie_bags.run.verify import _file, _hash
+    from cassie_gaits.gait_library_file import default_library_path
+
+    shutil.copy(default_library_path(), tmp_path / "mine.json")
+    described = {"path": "/gone/mine.json", "sha256": _hash(tmp_path / "mine.json")}
+    assert _file(described, tmp_path / "bag.mcap") == tmp_path / "mine.json"
+    with pytest.raises(BagError, match=r"/gone/mine\.json is not as it was"):
+        _file({**described, "sha256": "0" * 64}, tmp_path / "bag.mcap")
+
+
+def test_with_other_libraries_the_first_seconds_are_held_to_a_tolerance(bag: Path):
+    found = verify(bag)
+    assert found.elsewhere == []
+    commands = found.replayed[MotorCommand.TOPIC]
+    off = {
+        **found.replayed,
+        MotorCommand.TOPIC: Replayed(commands.recorded, commands.computed.copy()),
+    }
+    elsewhere = Verification(off, [], ["numpy 1, recorded 2"])
+    torque = off[MotorCommand.TOPIC].computed["torque"]
+    torque[100, 0] = np.nextafter(torque[100, 0], 1e3)
+    assert elsewhere.differences
+    assert elsewhere.holds
+    torque[100, 0] += 1e-6
+    assert not elsewhere.holds

@@ -1,0 +1,66 @@
+"""A person's drive on the wall clock, recorded, gives the same bits again."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bringup import Robot
+from test_command_lane import Stranger
+
+from cassie_bags.bag.node_events import IN_FORCE_TOPIC
+from cassie_bags.bag.reader import read_messages
+from cassie_bags.ros.processes import environment
+from cassie_bags.run.verify import verify
+from cassie_msgs.layout import OperatorCommand, RobotMode, Sample
+
+CHANGES = {
+    "state_estimator": ("filter.stance_noise", "0.05"),
+    "gait_controller": ("walk.joints.kp_knee", "500.0"),
+    "mode_supervisor": ("yaw_rate_limit", "0.1"),
+}
+"""A parameter of each node that is changed while the robot walks."""
+
+
+def drive(command: Sample, number: int) -> None:
+    """Stand, then walk with speeds that never rest."""
+    assert isinstance(command, OperatorCommand)
+    command.power[...] = command.link[...] = True
+    command.height[...] = 0.95
+    command.mode[...] = int(RobotMode.STAND if number < 150 else RobotMode.WALK)
+    if number > 200:
+        command.vx[...] = 0.3 * math.sin(0.01 * number)
+        command.yaw_rate[...] = 0.2 * math.cos(0.03 * number)
+
+
+@pytest.mark.parametrize("pacing", ["realtime", "lockstep"])
+def test_a_drive_by_hand_with_changes_of_parameters_gives_the_same_bits(
+    tmp_path: Path, pacing: str
+) -> None:
+    simulator = {"pacing": pacing, "max_rate": 0.5, "paused": True, "scripted_operator": False}
+    with Robot(
+        tmp_path, simulator=simulator, mode_supervisor={"scripted_operator": False}
+    ) as robot:
+        eyes = robot.eyes
+        bag = robot.record()
+        robot.start("state_estimator", "gait_controller", "mode_supervisor", "simulator")
+        with Stranger(robot.domain, (OperatorCommand,), drive):
+            robot.go()
+            eyes.wait_for(lambda: eyes.mode == "walk", "walking")
+            for node, (name, value) in CHANGES.items():
+                words = ["ros2", "param", "set", f"/{node}", name, value]
+                subprocess.run(words, env=environment(robot.domain), check=True, timeout=60)
+            end = eyes.tick + 1500
+            eyes.wait_for(lambda: eyes.tick >= end, "three seconds of walking")
+        robot.processes.stop("record")
+    found = verify(bag)
+    assert found.gaps == []
+    assert found.differences == []
+    states, modes, commands = found.replayed.values()
+    assert min(len(states.recorded), len(commands.recorded), 10 * len(modes.recorded)) > 1500
+    assert np.ptp(modes.recorded["vx"]) > 0.1
+    told = sum(topic == IN_FORCE_TOPIC for topic, *_ in read_messages(bag))
+    assert told >= len(modes.recorded)
