@@ -282,7 +282,7 @@ def test_parquet_without_its_library_says_what_to_install(tmp_path: Path, bag: P
     assert not (tmp_path / "out").exists()
 
 
-VERBS = {"info": (), "export": (), "plot": (), "compare": ("BAG",)}
+VERBS = {"info": (), "export": (), "plot": (), "compare": ("BAG",), "report": ()}
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -29,12 +29,12 @@ VIDEO_FPS = 16.0
 VIDEO_LENGTH = 10.0
 """Longest playing time of a video; a longer run is played faster. In s."""
 
-_SKY = 150  # upper rows of an image that show nothing
+_SKY = 112  # upper rows of an image that show nothing
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
 
 def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) -> list[int]:
-    """Samples worth showing: the middle of each phase, or evenly spread if there are few.
+    """Samples worth showing: as many of each phase, or evenly spread if there are few phases.
 
     Args:
         track: Signals of the run.
@@ -43,8 +43,13 @@ def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) ->
     """
     if not 4 <= len(phases) <= count:
         return [round(i) for i in np.linspace(0, len(track.time) - 1, min(count, len(track.time)))]
-    middles = [0.5 * (phase.t0 + phase.t1) for phase in phases]
-    found = np.searchsorted(track.time, middles).clip(0, len(track.time) - 1)
+    each = count // len(phases)
+    times = [
+        phase.t0 + (phase.t1 - phase.t0) * (part + 0.5) / each
+        for phase in phases
+        for part in range(each)
+    ]
+    found = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
     return sorted({int(index) for index in found})
 
 
@@ -67,7 +72,7 @@ def strip(view: View, path: Path) -> str | None:
     except SimulationError as error:
         reason = str(error)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.3 * len(shown), 1.9), layout="constrained")
+        figure = Figure(figsize=(1.3 * len(shown), 1.75), layout="constrained")
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
@@ -134,7 +139,7 @@ def _phase_at(phases: Sequence[Phase], time: float) -> str:
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
     puppet = Puppet(scenario)
-    camera = Camera(puppet.model, width=360, height=480, fine=True)
+    camera = Camera(puppet.model, width=270, height=360, fine=True)
     try:
         return [camera.picture(puppet.pose(track, index)) for index in shown]
     finally:

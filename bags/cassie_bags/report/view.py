@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cassie_bags.bag.continuity import episodes
 from cassie_bags.bag.recording import Recording, Rows, read_recording
 from cassie_bags.bag.summary import Interval, intervals_of_mode, supervisor_says
 from cassie_bags.errors import ExperimentError
@@ -15,7 +16,7 @@ from cassie_bags.run.judge import phases_of
 from cassie_bags.signals.events import Event, events_of
 from cassie_bags.signals.falls import fall_time
 from cassie_bags.signals.metrics import Phase
-from cassie_bags.signals.track import Track, make_track
+from cassie_bags.signals.track import Track, make_track, with_estimate_as_truth
 from cassie_msgs.layout import ControllerStatus
 from cassie_sim.scenario import Scenario
 
@@ -32,6 +33,7 @@ class View:
         modes: Modes of the robot with the supervisor's reasons, where they are known.
         events: Pushes, gantry, faults and the fall, in order of time.
         scenario: What it was made in.
+        notes: What a reader should know of it, in sentences.
     """
 
     title: str
@@ -41,6 +43,7 @@ class View:
     modes: Sequence[Interval]
     events: Sequence[Event]
     scenario: Scenario
+    notes: Sequence[str] = ()
 
 
 def view_of(
@@ -60,8 +63,15 @@ def view_of(
         faults: The supervisor's.
 
     Raises:
-        BagError: if it holds no tick with sensors, state and true pose.
+        BagError: if it holds no tick with sensors and state.
     """
+    notes = []
+    numbers = episodes(recording)
+    if len(numbers) > 1:
+        notes.append(f"Episode {numbers[-1]} is shown, the last of {len(numbers)}.")
+    if not len(recording.truth):
+        recording = with_estimate_as_truth(recording)
+        notes.append("The bag holds no true pose: the estimate stands in its place.")
     track = make_track(recording)
     end = float(track.time[-1])
     scenario = Scenario() if experiment is None else experiment.scenario
@@ -84,6 +94,7 @@ def view_of(
         modes=modes,
         events=sorted(events, key=lambda event: event.t0),
         scenario=scenario,
+        notes=notes,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,13 @@ import numpy.typing as npt
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
 from cassie_bags.errors import BagError
-from cassie_bags.signals.leg_geometry import euler_angles, leg_points, rotation_matrices, to_world
+from cassie_bags.signals.leg_geometry import (
+    euler_angles,
+    leg_points,
+    quaternions,
+    rotation_matrices,
+    to_world,
+)
 from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
@@ -121,6 +128,20 @@ def make_track(recording: Recording) -> Track:
         vehicle=vehicle,
         wheels=wheels,
     )
+
+
+def with_estimate_as_truth(recording: Recording) -> Recording:
+    """A recording that holds no true pose, with the estimated one in its place."""
+    state = recording.rows(RobotState)
+    truth = np.zeros(len(state), recording.truth.dtype)
+    for name in ("sec", "nanosec"):
+        truth[name] = state[name]
+    truth["position"] = state["q"][:, :3]
+    truth["orientation"] = quaternions(state["q"][:, 3:6])
+    rotation = rotation_matrices(truth["orientation"])
+    truth["linear"] = np.einsum("nji,nj->ni", rotation, state["v"][:, :3])
+    truth["angular"] = state["angular_velocity"]
+    return dataclasses.replace(recording, truth=truth)
 
 
 def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
