@@ -11,7 +11,7 @@ import pytest
 import cassie_bags.cli
 
 HEAVY = {"matplotlib", "mujoco", "numba", "numpy", "pinocchio", "rclpy", "scipy", "yaml"}
-NO_COMMANDS = {"__init__", "arguments", "frame", "verify", "experiment", "experiments", "recover"}
+NO_COMMANDS = {"__init__", "arguments", "frame", "verify", "recover"}
 VERBS = sorted(
     path.stem
     for path in Path(cassie_bags.cli.__path__[0]).glob("*.py")
