@@ -29,7 +29,13 @@ FloatArray = npt.NDArray[np.float64]
 DARK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#9a9a9a"
 GREEN, PURPLE, RED = "#117733", "#aa4499", "#cc0000"
 
-EVENT_COLOURS = {"push": PURPLE, "gantry": GREEN, "fault": "#b8860b", "fall": RED}
+EVENT_COLOURS = {
+    "push": PURPLE,
+    "gantry": GREEN,
+    "fault": "#b8860b",
+    "node": "#555555",
+    "fall": RED,
+}
 MODE_COLOURS = {
     "off": "#dddddd", "damp": "#f0b8a8", "stand": "#c9dcee", "walk": "#b9dfc4", "segway": "#efe2a6"
 }  # fmt: skip
