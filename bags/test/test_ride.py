@@ -10,7 +10,7 @@ import pytest
 from synthetic import glide
 
 from cassie_bags.bag.recording import Recording, Rows, stamps
-from cassie_bags.bag.standard_messages import odometry_dtype
+from cassie_bags.bag.standard_messages import read_odometry
 from cassie_bags.cli import toe_gains as command
 from cassie_bags.cli.frame import WRONG_INPUT
 from cassie_bags.run.cores import make_loop, tick_count
@@ -45,7 +45,7 @@ RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
 def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
     """Rows of a Segway at 1 m/s, `left` of the x axis (m), whose pitch swings at 4 Hz (rad)."""
     time = np.arange(round(100 * seconds)) / 100.0
-    rows = np.zeros(len(time), odometry_dtype(bytes(1100)))
+    rows = np.zeros(len(time), read_odometry([]).dtype)
     rows["sec"], rows["nanosec"] = time, np.round(1e9 * (time % 1.0))
     rows["position"][:, 0], rows["position"][:, 1] = time, left
     angle = 0.5 * pitch * np.sin(2.0 * math.pi * 4.0 * time)

@@ -33,13 +33,13 @@ from cassie_bags.bag.recording import (
     read_recording,
     stamps_ns,
 )
-from cassie_bags.bag.standard_messages import IMU_FIELDS, ODOMETRY_FIELDS
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import check_parameters, make_loop, simulator_config, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_folder
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store, run
 from cassie_msgs.layout import RobotState
+from cassie_msgs.standard_messages import IMU, ODOMETRY
 
 ROBOTS = (0, 1, 2)
 """Seeds of the robots that each experiment is run with."""
@@ -166,8 +166,8 @@ def fields_to_hash() -> dict[str, list[str]]:
     fields: dict[str, Sequence[str]] = {
         topic: kind.DTYPE.names or () for topic, kind in LANE_TOPICS.items()
     }
-    fields |= {GROUND_TRUTH_TOPIC: ODOMETRY_FIELDS, SEGWAY_TRUTH_TOPIC: ODOMETRY_FIELDS}
-    fields[SEGWAY_IMU_TOPIC] = IMU_FIELDS
+    fields |= {GROUND_TRUTH_TOPIC: ODOMETRY.field_names, SEGWAY_TRUTH_TOPIC: ODOMETRY.field_names}
+    fields[SEGWAY_IMU_TOPIC] = IMU.field_names
     return {
         topic: [name for name in names if name not in _LEFT_OUT] for topic, names in fields.items()
     }
