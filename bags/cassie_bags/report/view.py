@@ -80,7 +80,8 @@ def view_of(
         begun = summary.episodes[-1].t0 - float(track.time[0])
         modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
         for kind, found in (("fault", summary.faults), ("node", summary.nodes)):
-            events += [Event(kind, e.t0, e.t1, e.name) for e in _since(begun, found)]
+            shifted = _since(begun, found)
+            events += [Event(kind, max(e.t0, 0.0), e.t1, e.name) for e in shifted]
     fell = fall_time(track)
     if fell is not None:
         events.append(Event("fall", fell, fell, "fall"))
@@ -140,9 +141,9 @@ def recorded_experiment(recording: Recording) -> Experiment | None:
 
 
 def _since(begun: float, found: Sequence[Interval]) -> list[Interval]:
-    """Intervals that end after a time (s), with their times from it on."""
+    """Intervals that end after a time, with their times counted from it. In s."""
     return [
-        dataclasses.replace(one, t0=max(one.t0 - begun, 0.0), t1=one.t1 - begun)
+        dataclasses.replace(one, t0=one.t0 - begun, t1=one.t1 - begun)
         for one in found
         if one.t1 >= begun
     ]
