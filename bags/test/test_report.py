@@ -16,6 +16,7 @@ from test_looking import command
 
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, read_recording
 from cassie_bags.bag.summary import Interval, Summary
+from cassie_bags.report.figures import estimate
 from cassie_bags.report.page import CAPTIONS, drive_entry, page
 from cassie_bags.report.view import view_of
 from cassie_bags.signals.estimation import estimation_error
@@ -117,6 +118,7 @@ def test_a_bag_without_a_true_pose_is_shown_by_its_estimate(tmp_path: Path):
     view = view_of(read_recording(tmp_path / "blind.mcap"), "blind")
     np.testing.assert_array_equal(view.track.position, view.track.state["q"][:, :3])
     assert "the estimate stands in its place" in view.notes[0]
+    assert estimate(view) is None  # it would be without error
 
 
 def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():

@@ -280,8 +280,10 @@ def torques(view: View) -> Figure:
     return _titled(figure, panels, view, "Torques by their limits")
 
 
-def estimate(view: View) -> Figure:
-    """Errors of the state estimate: velocity, tilt and displacement."""
+def estimate(view: View) -> Figure | None:
+    """Errors of the state estimate: velocity, tilt and displacement; None without a truth."""
+    if view.estimated:
+        return None
     track = view.track
     error = estimation_error(track.state, track.position, track.velocity, track.angles)
     figure, panels = _over_time(view, 3, 4.8)
@@ -314,7 +316,7 @@ def footsteps(view: View) -> Figure:
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
     span = high - low
-    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 7.4)))
+    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 5.4)))
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name

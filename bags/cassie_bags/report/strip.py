@@ -29,6 +29,7 @@ VIDEO_FPS = 16.0
 VIDEO_LENGTH = 10.0
 """Longest playing time of a video; a longer run is played faster. In s."""
 
+_LONGEST_NAME = 21  # characters above an image
 _SKY = 112  # upper rows of an image that show nothing
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
@@ -80,7 +81,7 @@ def strip(view: View, path: Path) -> str | None:
             else:
                 axes.imshow(images[position][_SKY:])
             axes.set_axis_off()
-            name = _phase_at(phases, float(track.time[index]))
+            name = _shortened(_phase_at(phases, float(track.time[index])))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)
@@ -135,6 +136,11 @@ def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> N
 
 def _phase_at(phases: Sequence[Phase], time: float) -> str:
     return next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
+
+
+def _shortened(name: str) -> str:
+    """A name that fits above its image."""
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:

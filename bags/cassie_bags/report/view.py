@@ -33,6 +33,7 @@ class View:
         modes: Modes of the robot with the supervisor's reasons, where they are known.
         events: Pushes, gantry, faults, what befell nodes, and the fall, in order of time.
         scenario: What it was made in.
+        estimated: Whether the estimated pose stands in place of the true one.
         notes: What a reader should know of it, in sentences.
     """
 
@@ -43,6 +44,7 @@ class View:
     modes: Sequence[Interval]
     events: Sequence[Event]
     scenario: Scenario
+    estimated: bool = False
     notes: Sequence[str] = ()
 
 
@@ -67,7 +69,8 @@ def view_of(
     numbers = episodes(recording)
     if len(numbers) > 1:
         notes.append(f"Episode {numbers[-1]} is shown, the last of {len(numbers)}.")
-    if not len(recording.truth):
+    estimated = not len(recording.truth)
+    if estimated:
         recording = with_estimate_as_truth(recording)
         notes.append("The bag holds no true pose: the estimate stands in its place.")
     track = make_track(recording)
@@ -98,6 +101,7 @@ def view_of(
         modes=modes,
         events=sorted(events, key=lambda event: event.t0),
         scenario=scenario,
+        estimated=estimated,
         notes=notes,
     )
 
