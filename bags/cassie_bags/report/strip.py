@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
+from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, shortened
 from cassie_bags.report.poses import Puppet
 from cassie_bags.report.view import View
 from cassie_bags.signals.metrics import Phase
@@ -29,7 +29,6 @@ VIDEO_FPS = 16.0
 VIDEO_LENGTH = 10.0
 """Longest playing time of a video; a longer run is played faster. In s."""
 
-_LONGEST_NAME = 21  # characters above an image
 _SKY = 112  # upper rows of an image that show nothing
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
@@ -81,7 +80,7 @@ def strip(view: View, path: Path) -> str | None:
             else:
                 axes.imshow(images[position][_SKY:])
             axes.set_axis_off()
-            name = _shortened(_phase_at(phases, float(track.time[index])))
+            name = shortened(_phase_at(phases, float(track.time[index])))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)
@@ -136,11 +135,6 @@ def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> N
 
 def _phase_at(phases: Sequence[Phase], time: float) -> str:
     return next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
-
-
-def _shortened(name: str) -> str:
-    """A name that fits above its image."""
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
