@@ -37,7 +37,7 @@ setup(
         "tqdm",
         "zstandard",
     ],
-    extras_require={"test": ["pytest", "pytest-timeout"]},
+    extras_require={"parquet": ["pyarrow==26.0.1"], "test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
             "record = cassie_bags.ros.record:main",
@@ -55,6 +55,8 @@ setup(
             "sweep = cassie_bags.cli.sweep:main",
             "toe_gains = cassie_bags.cli.toe_gains:main",
             "tune = cassie_bags.cli.tune:main",
+            "info = cassie_bags.cli.info:main",
+            "export = cassie_bags.cli.export:main",
         ],
     },
 )

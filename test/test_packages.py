@@ -53,6 +53,7 @@ SUPPLIERS = {
     "pinocchio": Supplier("pinocchio", "pin"),
     "playwright": Supplier("", "playwright"),
     "pygame": Supplier("python3-pygame", "pygame"),
+    "pyarrow": Supplier("", ""),  # the extra `parquet`
     "pytest": Supplier("python3-pytest", "pytest"),
     "rosbags": Supplier("python3-rosbags-pip", "rosbags"),
     "scipy": Supplier("python3-scipy", "scipy"),

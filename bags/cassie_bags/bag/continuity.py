@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 
@@ -76,6 +78,8 @@ class SeqMonitor:
 def first_occurrences(rows: Rows) -> Rows:
     """The rows without repeats of a (episode, seq), in the order of these."""
     key = rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
+    if (key[1:] > key[:-1]).all():
+        return rows
     return rows[np.unique(key, return_index=True)[1]]
 
 
@@ -84,6 +88,36 @@ def episodes(recording: Recording) -> list[int]:
     values = recording.lane[Sensors.TOPIC]["episode"]
     _, first = np.unique(values, return_index=True)
     return [int(values[index]) for index in sorted(first)]
+
+
+def only_episode(recording: Recording, episode: int) -> Recording:
+    """What belongs to one episode.
+
+    Messages without the number of an episode belong to it if their stamps, which begin at 0 in
+    each, say so.
+
+    Args:
+        recording: The whole.
+        episode: One of `episodes(recording)`.
+    """
+    numbers = episodes(recording)
+    from_end = len(numbers) - numbers.index(episode)
+    return dataclasses.replace(
+        recording,
+        lane={topic: rows[rows["episode"] == episode] for topic, rows in recording.lane.items()},
+        truth=_nth_rise(recording.truth, from_end),
+        segway=_nth_rise(recording.segway, from_end),
+        segway_imu=_nth_rise(recording.segway_imu, from_end),
+    )
+
+
+def _nth_rise(rows: Rows, from_end: int) -> Rows:
+    """Rows between two steps back in time: the last such part for 1, none if there is none."""
+    back = (np.flatnonzero(np.diff(stamps_ns(rows)) < 0) + 1).tolist()
+    bounds = [0, *back, len(rows)]
+    if from_end >= len(bounds):
+        return rows[:0]
+    return rows[bounds[-from_end - 1] : bounds[-from_end]]
 
 
 def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> list[str]:

@@ -121,7 +121,10 @@ def whole(opcode: int, body: bytes) -> Iterator[Record]:
     kind = _KINDS.get(opcode)
     if opcode == Opcode.CHUNK:
         for inner, content in frames(chunk_content(body)):
-            yield from whole(inner, content)
+            if inner == Opcode.MESSAGE and len(content) >= _MESSAGE.size:
+                yield inner, content  # most records are messages: no generator for each
+            else:
+                yield from whole(inner, content)
         yield opcode, body
     elif kind is not None:
         yield opcode, _parsed(kind, body)
@@ -140,12 +143,11 @@ def _parsed(kind: Any, body: bytes) -> Any:
 
 def frames(content: bytes) -> Iterator[Record]:
     """The records within the content of a chunk."""
-    view = memoryview(content)
-    position = 0
-    while position + _FRAME.size <= len(content):
+    position, size = 0, len(content)
+    while position + _FRAME.size <= size:
         opcode, length = _FRAME.unpack_from(content, position)
         position += _FRAME.size
-        yield opcode, bytes(view[position : position + length])
+        yield opcode, content[position : position + length]
         position += length
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from cassie_bags.bag.framing import RecordReader, message
+from cassie_bags.bag.location import bag_files
 from cassie_bags.errors import BagError
 
 
@@ -18,24 +19,26 @@ class BagIndex:
 
     Attributes:
         types: Message type by topic.
+        definitions: Text of each message type's definition.
         metadata: Named records of words.
         complete: Whether the file was closed properly and nothing in it is damaged.
         lost_bytes: Bytes that could not be read.
     """
 
     types: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
 
 
 def read_messages(
-    path: Path, topics: Collection[str] | None = None, index: BagIndex | None = None
+    bag: Path | str, topics: Collection[str] | None = None, index: BagIndex | None = None
 ) -> Iterator[tuple[str, int, int, bytes]]:
     """Messages of a bag in the order they were written.
 
     Args:
-        path: The bag.
+        bag: MCAP file, or a folder as `ros2 bag` writes it.
         topics: Those wanted; None for all.
         index: Filled with types and metadata as they come by.
 
@@ -43,10 +46,20 @@ def read_messages(
         Topic, log time (robot time) and publish time (wall time) in ns, serialized message.
 
     Raises:
-        BagError: if the file cannot be read or is not a bag.
+        BagError: if a file cannot be read or is not a bag.
     """
     index = BagIndex() if index is None else index
-    schemas: dict[int, str] = {}
+    whole = True
+    for file in bag_files(bag):
+        yield from _messages_of(file, topics, index)
+        whole = whole and index.complete
+    index.complete = whole
+
+
+def _messages_of(
+    path: Path, topics: Collection[str] | None, index: BagIndex
+) -> Iterator[tuple[str, int, int, bytes]]:
+    schemas: dict[int, tuple[str, str]] = {}
     wanted: dict[int, str] = {}
     try:
         with path.open("rb") as stream:
@@ -57,13 +70,15 @@ def read_messages(
                     if channel in wanted:
                         yield wanted[channel], log_time, wall_time, data
                 elif opcode == Opcode.SCHEMA:
-                    schemas[body.id] = body.name
+                    schemas[body.id] = (body.name, body.data.decode("utf-8", "replace"))
                 elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
-                    index.types[body.topic] = schemas[body.schema_id]
+                    index.types[body.topic], text = schemas[body.schema_id]
+                    index.definitions[index.types[body.topic]] = text
                     if topics is None or body.topic in topics:
                         wanted[body.id] = body.topic
                 elif opcode == Opcode.METADATA:
                     index.metadata[body.name] = body.metadata
-            index.complete, index.lost_bytes = reader.complete, reader.lost_bytes
+            index.complete = reader.complete
+            index.lost_bytes += reader.lost_bytes
     except OSError as error:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None

@@ -85,15 +85,15 @@ def from_messages(
     Raises:
         BagError: if a message does not have the size of its type.
     """
-    lane = {topic: _rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
+    lane = {topic: lane_rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
     truth = read_odometry(messages.get(GROUND_TRUTH_TOPIC, []))
     segway = read_odometry(messages.get(SEGWAY_TRUTH_TOPIC, []))
     felt = read_imu(messages.get(SEGWAY_IMU_TOPIC, []))
     return Recording(lane, truth, wall_time, metadata or {}, segway, felt)
 
 
-def read_recording(path: Path) -> Recording:
-    """A recording from a bag.
+def read_recording(path: Path | str) -> Recording:
+    """A recording from a bag: an MCAP file, or a folder as `ros2 bag` writes it.
 
     Raises:
         BagError: if the file is not a bag, or its messages are not of our types.
@@ -120,7 +120,12 @@ def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
     return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
 
 
-def _rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
+def lane_rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
+    """Messages of one type of the control lane as one structured array.
+
+    Raises:
+        BagError: if one does not have the size of its type.
+    """
     size = kind.SIZE
     trimmed = []
     for raw in messages:

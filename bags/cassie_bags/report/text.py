@@ -65,7 +65,7 @@ def table(outcome: Outcome) -> str:
         rows += _rows(phase)
     lines = [
         f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how} ({_UNITS})",
-        *_aligned(rows, left=2),
+        *aligned(rows, left=2),
         "",
         *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
@@ -81,7 +81,7 @@ def table(outcome: Outcome) -> str:
             [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
             for c in checks
         ]
-        lines += ["", *_aligned(rows), ""]
+        lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
     lines.append(_verdict(outcome))
     return "\n".join(lines)
@@ -124,7 +124,7 @@ def _rows(phase: PhaseMetrics) -> list[list[str]]:
     ]
 
 
-def _aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     """Rows in columns under a rule, the first `left` of them flush left."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = []

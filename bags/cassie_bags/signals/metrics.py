@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording
+from cassie_bags.signals.falls import fall_time
 from cassie_bags.signals.riding import gate_miss
 from cassie_bags.signals.track import TRACKED, Track
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
@@ -21,12 +22,6 @@ from cassie_gaits.robot import DRIVES as DRIVE_TABLE
 from cassie_msgs.layout import ControllerStatus
 
 FloatArray = npt.NDArray[np.float64]
-
-FALLEN_TILT = math.radians(60.0)
-"""Tilt of the pelvis beyond which the robot has fallen. In rad."""
-
-FALLEN_HEIGHT = 0.30
-"""Pelvis height above the lowest sole below which it has. In m."""
 
 PHASE_METRICS = (
     *TRACKED,
@@ -119,29 +114,22 @@ def measure(
         phases: Parts of it to look at.
         rider: Section of the operator who rode, with the gates that he was to pass.
     """
-    fall_time = _fall_time(track)
+    fell_at = fall_time(track)
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
     run = _tracking(track) | _journey(track)
-    run["fall_time"] = math.nan if fall_time is None else fall_time
+    run["fall_time"] = math.nan if fell_at is None else fell_at
     run["peak_torque_ratio"] = float((peak / _torque_limits()).max())
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
     run["gate_miss"] = gate_miss(recording, rider)
     run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
     return Metrics(
-        fell=fall_time is not None,
-        fall_time=fall_time,
+        fell=fell_at is not None,
+        fall_time=fell_at,
         run=run,
         peak_torque=dict(zip(DRIVES, peak.tolist(), strict=True)),
         phases=tuple(_phase(track, phase) for phase in phases),
     )
-
-
-def _fall_time(track: Track) -> float | None:
-    up = np.cos(track.angles[:, 1]) * np.cos(track.angles[:, 2])
-    height = track.position[:, 2] - track.sole_height.min(axis=1)
-    fallen = (up < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
-    return float(track.time[np.argmax(fallen)]) if fallen.any() else None
 
 
 def _tracking(track: Track) -> dict[str, float]:

@@ -127,20 +127,25 @@ def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
     if not len(sensors):
         raise BagError("the recording holds no sample of /cassie/sensors")
     episode = sensors["episode"].max()
-    sensors, state = (rows[rows["episode"] == episode] for rows in (sensors, state))
+    sensors, state = (_where(rows, rows["episode"] == episode) for rows in (sensors, state))
     truth = recording.truth[_last_rise(stamps_ns(recording.truth)) :]
     ticks = np.intersect1d(stamps_ns(sensors), stamps_ns(state))
     ticks = np.intersect1d(ticks, stamps_ns(truth))
     if not len(ticks):
         raise BagError("the recording holds no tick with sensors, state and true pose")
-    sensors, state, truth = (
-        rows[np.unique(stamps_ns(rows), return_index=True)[1]] for rows in (sensors, state, truth)
-    )
-    return (
-        sensors[np.isin(stamps_ns(sensors), ticks)],
-        state[np.isin(stamps_ns(state), ticks)],
-        truth[np.isin(stamps_ns(truth), ticks)],
-    )
+    return _on_ticks(sensors, ticks), _on_ticks(state, ticks), _on_ticks(truth, ticks)
+
+
+def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
+    """The first row of each tick. `ticks` are sorted stamps (ns), each of which is there."""
+    times, first = np.unique(stamps_ns(rows), return_index=True)
+    if len(ticks) == len(rows) == len(times) and (np.diff(first) == 1).all():
+        return rows  # as most recordings are: not copied
+    return rows[first[np.isin(times, ticks)]]
+
+
+def _where(rows: Rows, flags: BoolArray) -> Rows:
+    return rows if flags.all() else rows[flags]
 
 
 def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:

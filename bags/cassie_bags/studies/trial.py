@@ -22,7 +22,8 @@ from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import apply_changes
-from cassie_bags.signals.metrics import FALLEN_HEIGHT, FALLEN_TILT, sole_pitch
+from cassie_bags.signals.falls import FALLEN_HEIGHT, FALLEN_TILT
+from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.riding import measure_ride
 from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
 from cassie_bags.signals.track import AVERAGED_OVER, Track, make_track

@@ -1,0 +1,114 @@
+"""Topics of a bag as files for other programs: CSV, Parquet, NumPy's npz."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cassie_bags.bag.tables import TIMES, Table
+from cassie_bags.errors import BagError
+
+UNITS = "fields.csv"
+"""File that names topic, column, unit and meaning of every column."""
+
+
+def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
+    """Write each topic into a file of its own, and `UNITS`.
+
+    Args:
+        tables: By topic.
+        folder: Where to; it is made if it is not there.
+        form: One of `FORMATS`.
+
+    Returns:
+        The files.
+
+    Raises:
+        BagError: if a file of that name exists, which is found before any is written; if the
+            library for `form` is not installed.
+    """
+    write = FORMATS[form]
+    if form == "parquet":
+        _pyarrow()
+    files = {folder / f"{file_stem(topic)}.{form}": table for topic, table in tables.items()}
+    if len(files) < len(tables):
+        raise BagError("two topics have the same file name: name fewer with --topics")
+    for path in (*files, folder / UNITS):
+        if path.exists():
+            raise BagError(f"{path} exists: give another folder with -o, or remove it")
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, table in files.items():
+        write(table, path)
+    _write_units(tables, folder / UNITS)
+    return [*files, folder / UNITS]
+
+
+def file_stem(topic: str) -> str:
+    """Name of a topic's file: `/cassie/state` becomes `cassie_state`."""
+    return topic.strip("/").replace("/", "_")
+
+
+def _write_csv(table: Table, path: Path) -> None:
+    columns = table.columns()
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(columns)
+        writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
+
+
+def _write_npz(table: Table, path: Path) -> None:
+    times = {name: table.columns()[name] for name in TIMES}
+    np.savez_compressed(path, allow_pickle=False, **times, **table.fields)
+
+
+def _write_parquet(table: Table, path: Path) -> None:
+    pa, parquet = _pyarrow()
+    columns = table.columns()
+    fields = []
+    for name, values in columns.items():
+        unit = table.field(name.partition(".")[0] if name not in table.fields else name).unit
+        array_type = pa.string() if values.dtype.kind == "U" else pa.from_numpy_dtype(values.dtype)
+        fields.append(pa.field(name, array_type, metadata={"unit": unit}))
+    arrays = [
+        pa.array(values.tolist() if values.dtype.kind == "U" else np.ascontiguousarray(values))
+        for values in columns.values()
+    ]
+    about = {"topic": table.topic, "type": table.type}
+    parquet.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), path)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise BagError(
+            "Parquet needs the Python package pyarrow: pip install pyarrow==26.0.1"
+        ) from None
+    return pyarrow, parquet
+
+
+def _write_units(tables: Mapping[str, Table], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(("topic", "column", "unit", "about"))
+        for topic, table in tables.items():
+            for name, field in TIMES.items():
+                writer.writerow((topic, name, field.unit, field.about))
+            for name in table.fields:
+                field = table.field(name)
+                for component in table.components(name) or ("",):
+                    column = f"{name}.{component}" if component else name
+                    writer.writerow((topic, column, field.unit, field.about))
+
+
+FORMATS: dict[str, Callable[[Table, Path], None]] = {
+    "csv": _write_csv,
+    "npz": _write_npz,
+    "parquet": _write_parquet,
+}
+"""Writers by ending."""

@@ -1,0 +1,187 @@
+"""What each field of a recorded topic is: its unit and the names of its components.
+
+The control lane, the ground truth and the Segway's topics stand here; every other topic is
+described by its ROS definition, in SI units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotMode,
+    RobotState,
+    Sensors,
+)
+
+LEGS = ("left", "right")
+XYZ = ("x", "y", "z")
+XYZW = ("x", "y", "z", "w")
+DRIVES = tuple(
+    f"{leg}_{drive}"
+    for leg in LEGS
+    for drive in ("hip_roll", "hip_yaw", "hip_pitch", "knee", "toe")
+)
+JOINTS = tuple(f"{leg}_{joint}" for leg in LEGS for joint in ("shin", "tarsus", "toe"))
+COORDINATES = (
+    *("x", "y", "z", "yaw", "pitch", "roll"),
+    *(
+        f"{leg}_{joint}"
+        for leg in LEGS
+        for joint in ("hip_roll", "hip_yaw", "hip_pitch", "knee", "shin", "tarsus", "toe")
+    ),
+)
+OUTPUTS = (
+    *("torso_roll", "stance_hip_yaw", "torso_pitch", "stance_leg_length", "swing_leg_roll"),
+    *("swing_hip_yaw", "swing_leg_pitch", "swing_leg_length", "swing_foot_pitch"),
+)
+_TRIMS = ("sagittal_leg", "lateral_leg", "torso_pitch", "torso_roll")
+_VARIANCES = (
+    *("x", "y", "z", "yaw", "pitch", "roll", "vx", "vy", "vz"),
+    *("rate_x", "rate_y", "rate_z"),
+)
+_MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in RobotMode)
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a message.
+
+    Attributes:
+        unit: Its unit; empty for numbers without one.
+        about: What it is.
+        components: Names of the entries of an array, in order; empty for a scalar.
+    """
+
+    unit: str
+    about: str
+    components: tuple[str, ...] = ()
+
+
+_COMMON = {
+    "sec": Field("s", "stamp of the sensor sample, robot time, whole seconds"),
+    "nanosec": Field("ns", "rest of the stamp"),
+    "episode": Field("", "rises when the simulator resets or restarts"),
+    "seq": Field("", "control tick within the episode"),
+}
+_STAMP = {
+    "sec": Field("s", "stamp, robot time, whole seconds"),
+    "nanosec": Field("ns", "rest of the stamp"),
+}
+_DELAYS = {
+    "longest_delay": Field("s", "largest delay of a control tick in this episode"),
+    "missed_ticks": Field("", "control ticks of this episode without a new command"),
+    "late_ticks": Field("", "control ticks of this episode that began late"),
+    "wall_paced": Field("", "1 where control ticks follow the wall clock"),
+    "operator_lease": Field("", "operator who holds the lease; 0 is nobody"),
+}
+_SET_POINTS = {
+    "vx": Field("m/s", "velocity forward, heading frame"),
+    "vy": Field("m/s", "velocity to the left, heading frame"),
+    "yaw_rate": Field("rad/s", "turn rate to the left"),
+    "height": Field("m", "pelvis origin above the mean of the soles"),
+    "com_x": Field("m", "shift of the centre of mass forward"),
+    "com_y": Field("m", "shift of the centre of mass to the left"),
+    "roll": Field("rad", "torso roll"),
+    "pitch": Field("rad", "torso pitch"),
+    "trims": Field("rad", "trims", _TRIMS),
+}
+_ODOMETRY = {
+    **_STAMP,
+    "position": Field("m", "true position in the world", XYZ),
+    "orientation": Field("", "true orientation, body to world, quaternion", XYZW),
+    "linear": Field("m/s", "true velocity, body axes", XYZ),
+    "angular": Field("rad/s", "true angular velocity, body axes", XYZ),
+}
+
+FIELDS: dict[str, dict[str, Field]] = {
+    Sensors.TOPIC: {
+        **_COMMON,
+        "orientation": Field("", "the IMU's estimate, pelvis to world, quaternion", XYZW),
+        "angular_velocity": Field("rad/s", "pelvis frame, mean since the last sample", XYZ),
+        "linear_acceleration": Field("m/s^2", "specific force in the pelvis frame", XYZ),
+        "drive_position": Field("rad", "angle at the joint", DRIVES),
+        "drive_velocity": Field("rad/s", "speed at the joint", DRIVES),
+        "drive_torque": Field("Nm", "torque at the joint", DRIVES),
+        "joint_position": Field("rad", "joints without a drive of their own", JOINTS),
+        "joint_velocity": Field("rad/s", "their speed", JOINTS),
+        "battery": Field("V, 0..1", "voltage and state of charge", ("voltage", "charge")),
+        "power": Field("", "1 while the drives are powered"),
+        "damping": Field("", "1 while the drives damp by themselves"),
+        **_DELAYS,
+    },
+    RobotState.TOPIC: {
+        **_COMMON,
+        "q": Field("m, rad", "generalized coordinates, see eq:qdef", COORDINATES),
+        "v": Field("m/s, rad/s", "time derivative of q", COORDINATES),
+        "com_position": Field("m", "from the middle of the feet, heading frame", XYZ),
+        "com_velocity": Field("m/s", "of the centre of mass, heading frame", XYZ),
+        "foot_force": Field("N", "vertical force from spring deflection", LEGS),
+        "foot_load": Field("0..1", "part of the load threshold on each foot", LEGS),
+        "contact_probability": Field("0..1", "of each foot", LEGS),
+        "angular_velocity": Field("rad/s", "pelvis frame", XYZ),
+        "covariance": Field("squares of m, rad, m/s, rad/s", "its diagonal", _VARIANCES),
+        "power": Field("", "1 while the drives are powered"),
+        "drive_torque": Field("Nm", "as the drives report it", DRIVES),
+        "battery_charge": Field("0..1", "-1 while the gauge fails"),
+        "sensor_faults": Field("", "channels of Sensors that are not believed, a bit each"),
+        **_DELAYS,
+    },
+    Mode.TOPIC: {
+        **_COMMON,
+        "effective_seq": Field("", "first control tick it holds for"),
+        "mode": Field("", _MODES),
+        "transition": Field("0..1", "progress of the change into this mode"),
+        **_SET_POINTS,
+    },
+    MotorCommand.TOPIC: {
+        **_COMMON,
+        "torque": Field("Nm", "feed-forward torque", DRIVES),
+        "position": Field("rad", "set-point", DRIVES),
+        "velocity": Field("rad/s", "set-point", DRIVES),
+        "kp": Field("Nm/rad", "gain on the position", DRIVES),
+        "kd": Field("Nms/rad", "gain on the velocity", DRIVES),
+    },
+    ControllerStatus.TOPIC: {
+        **_COMMON,
+        "mode_seq": Field("", "effective_seq of the mode in force"),
+        "mode": Field("", _MODES),
+        "phase": Field("0..1", "progress of the step"),
+        "stance_leg": Field("", "0 left, 1 right, -1 both"),
+        "step_count": Field("", "steps since walking began"),
+        "gait_speed": Field("m/s", "speed at which the gait library is read"),
+        "step_time": Field("s", "nominal duration of the present step"),
+        "velocity": Field("m/s", "filtered velocity", ("sagittal", "lateral")),
+        "y": Field("rad, m", "tracking error of the nine outputs", OUTPUTS),
+        "dy": Field("rad/s, m/s", "its rate", OUTPUTS),
+        "saturation": Field("", "largest ratio of commanded to permitted torque"),
+        "command_latency": Field("s", "from a state to the drives, beyond their 3 ms"),
+        "supervisor_lost": Field("", "1 while the controller stops and stands by itself"),
+    },
+    OperatorCommand.TOPIC: {
+        **_COMMON,
+        "sec": Field("s", "stamp, robot time from a script, wall time from a person"),
+        "effective_seq": Field("", "first control tick it holds for; 0 from a person"),
+        **_SET_POINTS,
+        "mode": Field("", f"requested mode: {_MODES}"),
+        "power": Field("", "whether the drives shall be powered"),
+        "link": Field("", "whether the radio link is good at both ends"),
+        "scripted": Field("", "whether a script speaks, on the robot's clock"),
+        "emergency_stop": Field("", "cuts the power at once"),
+        "take_over": Field("", "asks for the lease that another operator holds"),
+        "sender": Field("", "who speaks, ASCII codes", tuple(str(i) for i in range(30))),
+    },
+    GROUND_TRUTH_TOPIC: _ODOMETRY,
+    SEGWAY_TRUTH_TOPIC: _ODOMETRY,
+    SEGWAY_IMU_TOPIC: {
+        **_STAMP,
+        "angular": Field("rad/s", "angular velocity, chassis axes", XYZ),
+        "force": Field("m/s^2", "specific force, chassis axes", XYZ),
+    },
+}
+"""Fields by topic, then by name, as the columns of an export have them."""

@@ -1,0 +1,233 @@
+"""What is in a bag, in short: topics, gaps, episodes, modes over time, faults, origin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.location import bag_files
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.tables import decode
+from cassie_bags.errors import BagError
+from cassie_msgs.layout import Mode, RobotMode, Sensors
+
+STATUS_TOPIC = "/cassie/supervisor_status"
+DIAGNOSTICS_TOPIC = "/diagnostics"
+
+_SOON = 300_000_000  # ns after a change of mode in which the supervisor says why
+_OK = 0
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic: its type, number of messages and their mean rate in robot time (Hz)."""
+
+    topic: str
+    type: str
+    count: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Something that held for a while: a mode, a fault, an episode.
+
+    Attributes:
+        name: What.
+        t0, t1: From and to, on the bag's axis of robot time. In s.
+        reason: Why, in words; empty if nothing was said.
+    """
+
+    name: str
+    t0: float
+    t1: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is in a bag.
+
+    Attributes:
+        files: Its MCAP files.
+        size: Of all of them. In bytes.
+        complete: Whether each was closed properly and nothing in it is damaged.
+        lost_bytes: Bytes that could not be read.
+        duration: Robot time from the first message to the last. In s.
+        wall_time: Wall time from the first sensor sample to the last, 0 if it is not known. In s.
+        topics: In the order of their names.
+        gaps: Missing samples of the control lane, one line each.
+        episodes, modes: In order.
+        faults: What the supervisor took for a fault.
+        problems: What the nodes said of themselves on /diagnostics, in order.
+        metadata: Named records of words.
+        recording: The control lane as arrays.
+    """
+
+    files: Sequence[Path]
+    size: int
+    complete: bool
+    lost_bytes: int
+    duration: float
+    wall_time: float
+    topics: Sequence[TopicSummary]
+    gaps: Sequence[str]
+    episodes: Sequence[Interval]
+    modes: Sequence[Interval]
+    faults: Sequence[Interval]
+    problems: Sequence[str]
+    metadata: Mapping[str, Mapping[str, str]]
+    recording: Recording = field(repr=False)
+
+
+def summarize(bag: Path | str) -> Summary:
+    """Read a bag once and say what is in it.
+
+    Raises:
+        BagError: if it cannot be read, holds nothing, or a message of ours is not of its type.
+    """
+    files, index = bag_files(bag), BagIndex()
+    messages: dict[str, list[bytes]] = {}
+    times: dict[str, list[int]] = {}
+    walls: list[int] = []
+    for topic, log_time, wall_time, data in read_messages(bag, None, index):
+        messages.setdefault(topic, []).append(data)
+        times.setdefault(topic, []).append(log_time)
+        if topic == Sensors.TOPIC:
+            walls.append(wall_time)
+    if not messages and not index.complete:
+        raise BagError(f"{bag} holds no whole message")
+    wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
+    recording = from_messages(
+        {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, wall, index.metadata
+    )
+    spans = [(min(list_), max(list_)) for list_ in times.values()]
+    first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0, 0)
+    status = list(_decoded(STATUS_TOPIC, messages, times, index))
+    return Summary(
+        files=files,
+        size=sum(file.stat().st_size for file in files),
+        complete=index.complete,
+        lost_bytes=index.lost_bytes,
+        duration=(last - first) * 1e-9,
+        wall_time=wall,
+        topics=[_topic(t, index.types[t], times.get(t, [])) for t in sorted(index.types)],
+        gaps=gaps(recording, from_start=False),
+        episodes=_episodes(recording, times.get(Sensors.TOPIC, [])),
+        modes=_modes(recording, times.get(Mode.TOPIC, []), status),
+        faults=_faults(status),
+        problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
+        metadata=index.metadata,
+        recording=recording,
+    )
+
+
+def supervisor_says(bag: Path | str) -> tuple[list[Interval], list[Interval]]:
+    """Modes over time with their reasons, and the supervisor's faults. As in `Summary`."""
+    index = BagIndex()
+    messages: dict[str, list[bytes]] = {Mode.TOPIC: [], STATUS_TOPIC: []}
+    times: dict[str, list[int]] = {Mode.TOPIC: [], STATUS_TOPIC: []}
+    for topic, log_time, _, data in read_messages(bag, tuple(messages), index):
+        messages[topic].append(data)
+        times[topic].append(log_time)
+    recording = from_messages({Mode.TOPIC: messages[Mode.TOPIC]}, 0.0)
+    status = list(_decoded(STATUS_TOPIC, messages, times, index))
+    return _modes(recording, times[Mode.TOPIC], status), _faults(status)
+
+
+def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
+    """Start and end (exclusive) of each run of equal values."""
+    if len(values):
+        edges = np.flatnonzero(values[1:] != values[:-1]) + 1
+        bounds = [0, *edges.tolist(), len(values)]
+        yield from pairwise(bounds)
+
+
+def _decoded(
+    topic: str,
+    messages: Mapping[str, list[bytes]],
+    times: Mapping[str, list[int]],
+    index: BagIndex,
+) -> Iterator[tuple[int, Any]]:
+    """Log time (ns) and message of each message of a topic that is no fixed layout."""
+    if raw := messages.get(topic):
+        kind = index.types[topic]
+        yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
+
+
+def _topic(topic: str, kind: str, times: list[int]) -> TopicSummary:
+    span = (max(times) - min(times)) * 1e-9 if times else 0.0
+    return TopicSummary(topic, kind, len(times), (len(times) - 1) / span if span > 0.0 else 0.0)
+
+
+def _episodes(recording: Recording, times: list[int]) -> list[Interval]:
+    found = []
+    numbers = recording.lane[Sensors.TOPIC]["episode"]
+    for start, end in runs(numbers):
+        found.append(Interval(str(numbers[start]), times[start] * 1e-9, times[end - 1] * 1e-9))
+    return found
+
+
+def _modes(
+    recording: Recording, times: list[int], status: Sequence[tuple[int, Any]]
+) -> list[Interval]:
+    rows = recording.lane[Mode.TOPIC]
+    found = []
+    key = rows["mode"].astype(np.int64) + (rows["episode"].astype(np.int64) << 8)
+    for start, end in runs(key):
+        t0, t1 = times[start], times[min(end, len(times) - 1)]
+        found.append(
+            Interval(_mode_name(rows["mode"][start]), t0 * 1e-9, t1 * 1e-9, _reason(status, t0))
+        )
+    return found
+
+
+def _mode_name(mode: Any) -> str:
+    try:
+        return RobotMode(int(mode)).name.lower()
+    except ValueError:
+        return f"unknown mode {int(mode)}"
+
+
+def _reason(status: Sequence[tuple[int, Any]], since: int) -> str:
+    """What the supervisor said when a mode began: faults, or why it is not the one asked for."""
+    for time, message in status:
+        if since <= time <= since + _SOON:
+            words = list(message.faults)
+            if message.requested and message.requested != message.mode and message.readiness:
+                words.append(f"{message.requested} was asked for: {message.readiness}")
+            if words:
+                return "; ".join(words)
+    return ""
+
+
+def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:
+    began: dict[str, float] = {}
+    found = []
+    now = 0.0
+    for time, message in status:
+        now = time * 1e-9
+        for fault in began.keys() - set(message.faults):
+            found.append(Interval(fault, began.pop(fault), now))
+        for fault in message.faults:
+            began.setdefault(fault, now)
+    found += [Interval(fault, t0, now) for fault, t0 in began.items()]
+    return sorted(found, key=lambda fault: (fault.t0, fault.name))
+
+
+def _problems(diagnostics: Iterable[tuple[int, Any]]) -> list[str]:
+    found: dict[str, None] = {}
+    for _, message in diagnostics:
+        for status in message.status:
+            level = status.level if isinstance(status.level, int) else status.level[0]
+            if level != _OK:
+                found[f"{status.name}: {status.message}"] = None
+    return list(found)

@@ -1,0 +1,198 @@
+"""Topics of a bag as tables of numbers and words, whatever their type."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.fields import FIELDS, Field
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.recording import (
+    GROUND_TRUTH_TOPIC,
+    LANE_TOPICS,
+    SEGWAY_IMU_TOPIC,
+    SEGWAY_TRUTH_TOPIC,
+    Rows,
+    lane_rows,
+)
+from cassie_bags.bag.standard_messages import read_imu, read_odometry
+from cassie_bags.errors import BagError
+from cassie_msgs.tunables import unknown_name
+
+Array = npt.NDArray[Any]
+
+MOST_ENTRIES = 256
+"""Longest array that a table shows; those of images and clouds are left out."""
+
+TIMES = {
+    "time": Field("s", "log_time in seconds"),
+    "log_time": Field("ns", "robot time, continued over episodes"),
+    "publish_time": Field("ns", "time of receipt, wall clock; robot time of a run without ROS"),
+}
+"""Columns that every table begins with."""
+
+_RESERVED = frozenset((*TIMES, "file", "allow_pickle"))  # of the tables and of numpy.savez
+_UNKNOWN = Field("", "")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Messages of one topic.
+
+    Attributes:
+        topic, type: Where and what they are.
+        log_time, publish_time: Of each message. Shape (n,), int64, in ns.
+        fields: Arrays by dotted name of the field, numbers or words. Shape (n,) or (n, k).
+            An entry that a message does not have is NaN or empty.
+        left_out: Fields that are longer than `MOST_ENTRIES`.
+    """
+
+    topic: str
+    type: str
+    log_time: npt.NDArray[np.int64]
+    publish_time: npt.NDArray[np.int64]
+    fields: Mapping[str, Array]
+    left_out: tuple[str, ...] = ()
+
+    def field(self, name: str) -> Field:
+        """Unit and meaning of a field."""
+        return TIMES.get(name) or FIELDS.get(self.topic, {}).get(name, _UNKNOWN)
+
+    def components(self, name: str) -> tuple[str, ...]:
+        """Names of the entries of a field; empty for a scalar."""
+        values = self.fields[name]
+        if values.ndim == 1:
+            return ()
+        return self.field(name).components or tuple(str(i) for i in range(values.shape[1]))
+
+    def columns(self) -> dict[str, Array]:
+        """Every column by name, times first; entries of arrays are `field.component`."""
+        found: dict[str, Array] = {
+            "time": self.log_time * 1e-9,
+            "log_time": self.log_time,
+            "publish_time": self.publish_time,
+        }
+        for name, values in self.fields.items():
+            if values.ndim == 1:
+                found[name] = values
+            for index, component in enumerate(self.components(name)):
+                found[f"{name}.{component}"] = values[:, index]
+        return found
+
+
+def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[str, Table]:
+    """Tables by topic, in the order of their names.
+
+    Args:
+        bag: MCAP file, or a folder as `ros2 bag` writes it.
+        topics: Those wanted; None for all.
+
+    Raises:
+        BagError: if it cannot be read, or has no such topic (the message names the nearest one).
+    """
+    index = BagIndex()
+    messages: dict[str, list[tuple[int, int, bytes]]] = {}
+    for topic, log_time, wall_time, data in read_messages(bag, topics, index):
+        messages.setdefault(topic, []).append((log_time, wall_time, data))
+    for topic in topics or ():
+        if topic not in index.types:
+            raise BagError(f"{bag}: {unknown_name(topic, index.types, 'topic')}")
+    if not messages:
+        raise BagError(f"{bag} holds no whole message{' of these topics' if topics else ''}")
+    return {topic: _table(topic, messages[topic], index) for topic in sorted(messages)}
+
+
+def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) -> Table:
+    kind = index.types[topic]
+    raw = [data for _, _, data in messages]
+    times = np.array([entry[:2] for entry in messages], np.int64).reshape(-1, 2)
+    rows = _known_rows(topic, raw)
+    if rows is not None:
+        names = rows.dtype.names or ()
+        return Table(topic, kind, times[:, 0], times[:, 1], {name: rows[name] for name in names})
+    fields, left_out = _decoded(kind, index.definitions[kind], raw)
+    return Table(topic, kind, times[:, 0], times[:, 1], fields, left_out)
+
+
+def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
+    """Rows of our own topics; None for others, and where the layout is of another version."""
+    try:
+        if topic in LANE_TOPICS:
+            return lane_rows(LANE_TOPICS[topic], raw)
+        if topic in (GROUND_TRUTH_TOPIC, SEGWAY_TRUTH_TOPIC):
+            return read_odometry(raw)
+        return read_imu(raw) if topic == SEGWAY_IMU_TOPIC else None
+    except BagError:
+        return None
+
+
+def decode(kind: str, definition: str, raw: Collection[bytes]) -> Iterator[Any]:
+    """Messages of any type as objects, by the definition that stands in the bag.
+
+    Raises:
+        BagError: if the definition or a message cannot be read.
+    """
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    try:
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(definition, kind))
+        for data in raw:
+            yield store.deserialize_cdr(data, kind)
+    except Exception as error:  # rosbags raises whatever its generated code does
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(f"cannot decode messages of {kind}: {reason}") from None
+
+
+def _decoded(
+    kind: str, definition: str, raw: list[bytes]
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    left_out: dict[str, None] = {}
+    rows = [dict(_flat(message, "", left_out)) for message in decode(kind, definition, raw)]
+    names = dict.fromkeys(name for row in rows for name in row)
+    fields = {
+        f"message.{name}" if name in _RESERVED else name: _column([row.get(name) for row in rows])
+        for name in names
+    }
+    return fields, tuple(left_out)
+
+
+def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[str, Any]]:
+    """Numbers and words of a message by dotted name; joints by their names."""
+    if hasattr(value, "__msgtype__"):
+        entries = {key: getattr(value, key) for key in value.__dataclass_fields__}
+        entries.pop("__msgtype__", None)
+        joints = entries.pop("name") if value.__msgtype__ == "sensor_msgs/msg/JointState" else None
+        for key, entry in entries.items():
+            if joints is not None and len(joints) == len(_sized(entry)):
+                entry = dict(zip(joints, entry, strict=True))
+            yield from _flat(entry, f"{name}.{key}" if name else key, left_out)
+    elif isinstance(value, dict):
+        for key, entry in value.items():
+            yield from _flat(entry, f"{name}.{key}", left_out)
+    elif isinstance(value, (list, np.ndarray)):
+        if len(value) > MOST_ENTRIES:
+            left_out[name] = None
+            return
+        for index, entry in enumerate(value):
+            yield from _flat(entry, f"{name}.{index}", left_out)
+    else:
+        yield name, value.item() if isinstance(value, np.generic) else value
+
+
+def _sized(value: Any) -> Any:
+    return value if isinstance(value, (list, np.ndarray)) else ()
+
+
+def _column(values: list[Any]) -> Array:
+    """One array of what a field held in each message; None where it was not there."""
+    if any(isinstance(value, str) for value in values):
+        return np.array(["" if value is None else value for value in values], dtype=np.str_)
+    if any(value is None for value in values):
+        return np.array([np.nan if value is None else value for value in values], np.float64)
+    return np.array(values)

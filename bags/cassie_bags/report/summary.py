@@ -1,0 +1,123 @@
+"""What is in a bag, as text for people and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from cassie_bags.bag.summary import Interval, Summary
+from cassie_bags.report.text import aligned, finite
+
+_WIDTH = 80  # of a terminal, in characters
+
+
+def summary_text(summary: Summary, falls: Mapping[int, float] | None) -> str:
+    """A bag in some lines.
+
+    Args:
+        summary: Of the bag.
+        falls: Time of each fall (s) by episode; None if nothing tells.
+    """
+    return "\n".join(_lines(summary, falls))
+
+
+def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
+    """A bag as one line of JSON."""
+    content = {
+        "files": [str(file) for file in summary.files],
+        "size": summary.size,
+        "whole": summary.complete,
+        "lost_bytes": summary.lost_bytes,
+        "duration": summary.duration,
+        "wall_time": summary.wall_time,
+        "topics": [vars(topic) for topic in summary.topics],
+        "gaps": list(summary.gaps),
+        "episodes": [vars(episode) for episode in summary.episodes],
+        "modes": [vars(mode) for mode in summary.modes],
+        "faults": [vars(fault) for fault in summary.faults],
+        "problems": list(summary.problems),
+        "falls": None if falls is None else [{"episode": e, "t": t} for e, t in falls.items()],
+        "metadata": {name: dict(record) for name, record in summary.metadata.items()},
+    }
+    return json.dumps(finite(content), allow_nan=False)
+
+
+def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]:
+    for file in summary.files:
+        yield f"file         {file}"
+    yield f"size         {summary.size / 1e6:.1f} MB, {_whole(summary)}"
+    yield f"duration     {summary.duration:.2f} s of robot time{_speed(summary)}"
+    yield ""
+    rows: list[Sequence[str]] = [("topic", "type", "count", "Hz")]
+    rows += [(t.topic, t.type, str(t.count), f"{t.rate:.1f}") for t in summary.topics]
+    yield from aligned(rows, left=2)
+    yield ""
+    yield from _section("missing", summary.gaps or ["nothing: seq has no gap"])
+    yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
+    yield from _section("modes", map(_with_reason, summary.modes))
+    yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])
+    yield from _section("diagnostics", summary.problems)
+    if falls is not None:
+        told = [f"at {time:.2f} s of episode {episode}" for episode, time in falls.items()]
+        yield from _section("falls", told or ["none"])
+    yield from _origin(summary.metadata)
+
+
+def _whole(summary: Summary) -> str:
+    if summary.complete:
+        return "whole"
+    if summary.lost_bytes:
+        return f"damaged or not closed: {summary.lost_bytes} bytes could not be read; see recover"
+    return "not closed: see recover"
+
+
+def _speed(summary: Summary) -> str:
+    if abs(summary.wall_time - summary.duration) < 1e-3:
+        return ""  # a run without ROS, which knows no wall time
+    return f", {summary.wall_time:.2f} s of wall time"
+
+
+def _section(name: str, lines: Iterable[str]) -> Iterator[str]:
+    for index, line in enumerate(lines):
+        wrapped = textwrap.wrap(line, _WIDTH - 13) or [""]
+        for part, words in enumerate(wrapped):
+            head = name if index == part == 0 else ""
+            yield f"{head:<13}{words}"
+
+
+def _span(interval: Interval) -> str:
+    return f"{interval.t0:.2f} .. {interval.t1:.2f} s"
+
+
+def _with_reason(mode: Interval) -> str:
+    return f"{_span(mode)}  {mode.name}" + (f" ({mode.reason})" if mode.reason else "")
+
+
+def _origin(metadata: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    if run := metadata.get("cassie_experiment"):
+        yield from _section("experiment", [f"{run.get('name', '?')}, seed {run.get('seed', '?')}"])
+        yield from _section("drawn", [drawn_text(run.get("draw", ""))])
+    if versions := metadata.get("cassie_versions"):
+        told = ", ".join(f"{name} {version}" for name, version in versions.items())
+        yield from _section("versions", [told])
+    others = sorted(set(metadata) - {"cassie_experiment", "cassie_versions"})
+    if others:
+        yield from _section("records", [", ".join(others)])
+
+
+def drawn_text(text: str) -> str:
+    """What a seed drew, from the bag's record; numbers to three digits."""
+    try:
+        content = json.loads(text)
+    except ValueError:
+        return text
+    if not isinstance(content, dict):
+        return text
+    return ", ".join(f"{name} {_short(value)}" for name, value in content.items())
+
+
+def _short(value: object) -> str:
+    if isinstance(value, list):
+        return "[" + " ".join(_short(entry) for entry in value) + "]"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

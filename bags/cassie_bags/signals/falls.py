@@ -1,0 +1,45 @@
+"""When a robot fell: the one definition of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cassie_bags.bag.continuity import episodes, only_episode
+from cassie_bags.bag.recording import Recording
+from cassie_bags.errors import BagError
+from cassie_bags.signals.track import Track, make_track
+
+FALLEN_TILT = math.radians(60.0)
+"""Tilt of the pelvis beyond which the robot has fallen. In rad."""
+
+FALLEN_HEIGHT = 0.30
+"""Pelvis height above the lowest sole below which it has. In m."""
+
+
+def fall_time(track: Track) -> float | None:
+    """When the robot first lay, in robot time of its episode (s); None if it never did."""
+    up = np.cos(track.angles[:, 1]) * np.cos(track.angles[:, 2])
+    height = track.position[:, 2] - track.sole_height.min(axis=1)
+    fallen = (up < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
+    return float(track.time[np.argmax(fallen)]) if fallen.any() else None
+
+
+def falls(recording: Recording) -> dict[int, float] | None:
+    """Time of the fall (s, of its episode) by episode.
+
+    Returns:
+        None if the recording holds no true pose to tell it from.
+    """
+    found: dict[int, float] = {}
+    known = False
+    for episode in episodes(recording):
+        try:
+            time = fall_time(make_track(only_episode(recording, episode)))
+        except BagError:
+            continue
+        known = True
+        if time is not None:
+            found[episode] = time
+    return found if known else None

@@ -1,0 +1,326 @@
+"""What is in a bag, as text and as files for other programs; what is no bag is refused."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from synthetic import TICK_NS, glide, glide_messages, standing_height
+from test_bag import write_bag
+
+from cassie_bags.bag import fields
+from cassie_bags.bag.continuity import episodes, only_episode
+from cassie_bags.bag.definitions import definition
+from cassie_bags.bag.export import export
+from cassie_bags.bag.fields import FIELDS
+from cassie_bags.bag.reader import read_messages
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, read_recording
+from cassie_bags.bag.summary import STATUS_TOPIC, summarize
+from cassie_bags.bag.tables import read_tables
+from cassie_bags.bag.writer import BagWriter
+from cassie_bags.errors import BagError
+from cassie_bags.signals.falls import falls
+from cassie_gaits import gait_library, names
+from cassie_msgs.layout import SAMPLE_TYPES, Mode, MotorCommand, RobotMode, RobotState, Sensors
+
+STATUS = "cassie_msgs/msg/SupervisorStatus"
+
+
+def command(verb: str, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.run(
+        [sys.executable, "-m", f"cassie_bags.cli.{verb}", *map(str, words)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def messages() -> dict[str, list[bytes]]:
+    return glide_messages(2.0, yaw_rate=0.2)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory, messages) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "bag.mcap"
+    write_bag(path, messages)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, messages) -> Path:
+    """A bag as other tools of ROS 2 write it: metadata.yaml beside MCAP."""
+    path = tmp_path / "rosbag2"
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for kind in {TYPES[topic] for topic in messages}:
+        if kind.startswith("cassie_msgs"):
+            store.register(get_types_from_msg(definition(kind), kind))
+    with Rosbag2Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, list_ in messages.items():
+            connection = writer.add_connection(topic, TYPES[topic], typestore=store)
+            for tick, raw in enumerate(list_):
+                writer.write(connection, tick * TICK_NS, raw)
+    return path
+
+
+def status_message(store, time_ns: int, **values) -> bytes:
+    kind = store.types[STATUS]
+    header = store.types["std_msgs/msg/Header"]
+    stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, 1_000_000_000))
+    content = {
+        "header": header(stamp, ""), "episode": 1, "seq": 0, "mode": "stand", "requested": "walk",
+        "readiness": "", "stand_readiness": "", "walk_readiness": "", "segway_readiness": "",
+        "faults": [], "fallen": False, "link": True, "armed": True, "holder": "me",
+        "operators": [], "missed_ticks": 0, "late_ticks": 0, "longest_delay": 0.0,
+        "missed_share": 0.0,
+    } | values  # fmt: skip
+    return bytes(store.serialize_cdr(kind(**content), STATUS))
+
+
+def test_every_field_of_every_topic_has_a_unit_or_a_meaning(messages):
+    for kind in SAMPLE_TYPES:
+        named = FIELDS[kind.TOPIC]
+        assert tuple(named) and set(named) == set(kind.DTYPE.names or ())
+        for name, field in named.items():
+            shape = kind.DTYPE[name].shape
+            assert len(field.components) == (shape[0] if shape else 0), (kind.TOPIC, name)
+            assert field.about
+    assert fields.DRIVES == names.DRIVES
+    assert fields.JOINTS == names.SENSED_JOINTS
+    assert fields.COORDINATES == names.COORDINATES
+    assert fields.OUTPUTS == gait_library.OUTPUTS
+
+
+def test_a_summary_knows_topics_rates_episodes_and_modes(bag: Path):
+    summary = summarize(bag)
+    assert summary.complete and summary.lost_bytes == 0
+    assert summary.duration == pytest.approx(1.998)
+    counts = {topic.topic: (topic.count, round(topic.rate)) for topic in summary.topics}
+    assert counts[RobotState.TOPIC] == (1000, 500)
+    assert counts[Mode.TOPIC] == (100, 50)
+    assert summary.gaps == []
+    assert [(e.name, e.t0, e.t1) for e in summary.episodes] == [("1", 0.0, pytest.approx(1.998))]
+    assert [(mode.name, mode.t0) for mode in summary.modes] == [("walk", 0.0)]
+    assert summary.metadata["cassie_experiment"]["seed"] == "7"
+
+
+def test_a_summary_says_what_is_missing_and_that_a_bag_was_not_closed(tmp_path: Path, bag: Path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    summary = summarize(cut)
+    assert not summary.complete
+    assert 200 < len(summary.recording.rows(RobotState)) < 1000
+    holed = glide_messages(1.0)
+    del holed[Sensors.TOPIC][100:103]
+    path = tmp_path / "holed.mcap"
+    write_bag(path, holed)
+    (gap,) = summarize(path).gaps
+    assert gap == "/cassie/sensors: 3 samples missing in episode 1, first after seq 99"
+
+
+def test_modes_have_their_reasons_and_faults_their_time(tmp_path: Path, messages):
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition(STATUS), STATUS))
+    said = [
+        {"readiness": "the robot hangs"},
+        {"faults": ["no state for 0.1 s"], "requested": "stand"},
+        {"faults": []},
+    ]
+    path = tmp_path / "said.mcap"
+    with BagWriter(path) as writer:
+        modes = writer.add_topic(Mode.TOPIC, Mode.TYPE)
+        status = writer.add_topic(STATUS_TOPIC, STATUS)
+        sample = Mode()
+        for second, (mode, values) in enumerate(
+            zip((RobotMode.STAND, RobotMode.DAMP, RobotMode.STAND), said, strict=True)
+        ):
+            sample.mode[...] = mode
+            time = second * 1_000_000_000
+            writer.write(modes, sample.to_bytes(), time, time)
+            writer.write(status, status_message(store, time, **values), time, time)
+    summary = summarize(path)
+    assert [(mode.name, mode.t0, mode.reason) for mode in summary.modes] == [
+        ("stand", 0.0, "walk was asked for: the robot hangs"),
+        ("damp", 1.0, "no state for 0.1 s"),
+        ("stand", 2.0, ""),
+    ]
+    assert [(f.name, f.t0, f.t1) for f in summary.faults] == [("no state for 0.1 s", 1.0, 2.0)]
+
+
+def test_falls_are_found_in_every_episode():
+    parts = [glide(1.0, episode=1, tilt_from=0.5), glide(1.0, episode=2)]
+    lane = {topic: np.concatenate([part.lane[topic] for part in parts]) for topic in parts[0].lane}
+    both = type(parts[0])(lane, np.concatenate([part.truth for part in parts]), 1.0)
+    assert falls(both) == {1: pytest.approx(0.5)}
+    assert episodes(only_episode(both, 1)) == [1]
+    np.testing.assert_array_equal(only_episode(both, 2).truth, parts[1].truth)
+    assert falls(type(both)(lane, both.truth[:0], 1.0)) is None
+
+
+def test_a_folder_of_ros2_bag_and_a_text_path_give_the_same_arrays(bag: Path, folder: Path):
+    for other in (folder, str(folder), str(bag)):
+        for topic, rows in read_recording(bag).lane.items():
+            np.testing.assert_array_equal(read_recording(other).lane[topic], rows)
+    assert summarize(folder).complete
+
+
+def test_a_folder_is_read_in_the_order_of_its_files(tmp_path: Path, messages):
+    for number, ticks in ((10, slice(900, 1000)), (9, slice(0, 900))):
+        states = {RobotState.TOPIC: messages[RobotState.TOPIC][ticks]}
+        write_bag(tmp_path / f"split_{number}.mcap", states)
+    assert read_recording(tmp_path).rows(RobotState)["seq"].tolist() == list(range(1000))
+
+
+@pytest.mark.parametrize("form", ["csv", "npz", "parquet"])
+def test_what_is_exported_is_what_was_recorded(tmp_path: Path, bag: Path, form: str):
+    if form == "parquet":
+        parquet = pytest.importorskip("pyarrow.parquet", reason="the extra parquet")
+    export(read_tables(bag), tmp_path / "out", form)
+    recording = read_recording(bag)
+    for topic, stem in ((Sensors.TOPIC, "cassie_sensors"), (Mode.TOPIC, "cassie_mode")):
+        rows, path = recording.lane[topic], tmp_path / "out" / f"{stem}.{form}"
+        if form == "npz":
+            with np.load(path) as content:
+                for name in rows.dtype.names or ():
+                    np.testing.assert_array_equal(content[name], rows[name])
+                np.testing.assert_array_equal(content["log_time"], rows["seq"] * TICK_NS)
+            continue
+        if form == "csv":
+            with path.open(newline="") as stream:
+                read = list(csv.DictReader(stream))
+            columns = {key: np.array([float(row[key]) for row in read]) for key in read[0]}
+        else:
+            table = parquet.read_table(path)
+            columns = {name: table[name].to_numpy() for name in table.column_names}
+        for name, field in FIELDS[topic].items():
+            for index, part in enumerate(field.components or ("",)):
+                expected = rows[name][:, index] if part else rows[name]
+                np.testing.assert_array_equal(columns[f"{name}.{part}".rstrip(".")], expected)
+    if form == "parquet":
+        schema = parquet.read_schema(tmp_path / "out" / "cassie_sensors.parquet")
+        assert schema.field("drive_torque.left_knee").metadata == {b"unit": b"Nm"}
+
+
+def test_pandas_reads_an_export(tmp_path: Path, bag: Path):
+    pandas = pytest.importorskip("pandas")
+    export(read_tables(bag, [GROUND_TRUTH_TOPIC]), tmp_path / "out", "csv")
+    frame = pandas.read_csv(tmp_path / "out" / "cassie_ground_truth.csv")
+    np.testing.assert_array_equal(frame["position.x"], read_recording(bag).truth["position"][:, 0])
+    assert frame["position.z"].iloc[0] == standing_height()
+
+
+def test_topics_of_any_type_become_columns(tmp_path: Path):
+    """By the definitions in the bag, with joints by their names and words as words."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/JointState"
+    types = store.types
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1, 5), "base")
+    path = tmp_path / "joints.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/joint_states", kind)
+        for count in (1, 2):
+            joints = types[kind](
+                header, ["knee", "toe"][:count], np.arange(count) + 0.5, np.zeros(0), np.zeros(0)
+            )
+            writer.write(channel, bytes(store.serialize_cdr(joints, kind)), count, count)
+    table = read_tables(path)["/joint_states"]
+    np.testing.assert_array_equal(table.fields["position.knee"], [0.5, 0.5])
+    np.testing.assert_array_equal(table.fields["position.toe"], [np.nan, 1.5])
+    assert table.fields["header.frame_id"].tolist() == ["base", "base"]
+    export({"/joint_states": table}, tmp_path / "out", "npz")
+    with np.load(tmp_path / "out" / "joint_states.npz", allow_pickle=False) as content:
+        assert content["header.frame_id"].tolist() == ["base", "base"]
+
+
+def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
+    """A command without its gains, as an older version could have had it."""
+    text = "builtin_interfaces/Time stamp\nuint32 episode\nuint64 seq\nfloat64[2] torque\n"
+    text += "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    sample = MotorCommand()
+    sample.torque[:2] = 1.5, -2.0
+    path = tmp_path / "old.mcap"
+    with BagWriter(path) as writer:
+        writer._schemas[MotorCommand.TYPE] = writer._writer.register_schema(
+            MotorCommand.TYPE, "ros2msg", text.encode()
+        )
+        channel = writer.add_topic(MotorCommand.TOPIC, MotorCommand.TYPE)
+        writer.write(channel, sample.to_bytes()[:44], 0, 0)
+    table = read_tables(path)[MotorCommand.TOPIC]
+    assert table.fields["torque.1"].tolist() == [-2.0]
+
+
+def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, bag: Path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "cassie_state.csv").write_text("mine")
+    done = command("export", bag, "-o", out)
+    assert done.returncode == 2
+    assert "cassie_state.csv exists" in done.stderr
+    assert [path.name for path in out.iterdir()] == ["cassie_state.csv"]
+    assert (out / "cassie_state.csv").read_text() == "mine"
+
+
+def test_parquet_without_its_library_says_what_to_install(tmp_path: Path, bag: Path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(BagError, match="pip install pyarrow"):
+        export(read_tables(bag, [Mode.TOPIC]), tmp_path / "out", "parquet")
+    assert not (tmp_path / "out").exists()
+
+
+VERBS = {"info": (), "export": ()}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("missing.mcap", None, "No such file or directory"),
+        ("empty.mcap", b"", "is empty"),
+        ("ros1.bag", b"#ROSBAG V2.0\n" + bytes(100), "is not an MCAP file"),
+        ("old.db3", b"SQLite format 3\0" + bytes(100), "ros2 bag convert"),
+        ("short.mcap", b"\x89MCA", "is not an MCAP file"),
+        ("only_magic.mcap", b"\x89MCAP0\r\n", "message"),
+        ("folder", "", "holds no MCAP file"),
+        ("db3", "old.db3", "ros2 bag convert"),
+    ],
+)
+def test_what_is_no_bag_is_one_line(tmp_path: Path, bag: Path, verb, name, content, reason):
+    path = tmp_path / name
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        path.mkdir()
+        if content:
+            (path / content).write_bytes(b"")
+    others = [bag if word == "BAG" else word for word in VERBS[verb]]
+    before = sorted(tmp_path.rglob("*"))
+    done = command(verb, path, *others)
+    assert done.returncode == 2, done.stdout
+    assert reason in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()[-1]) < 400
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_info_is_text_or_json(bag: Path):
+    done = command("info", bag)
+    assert done.returncode == 0, done.stderr
+    assert "/cassie/state " in done.stdout and "500.0" in done.stdout
+    assert "nothing: seq has no gap" in done.stdout
+    assert "0.00 .. 1.98 s  walk" in done.stdout
+    done = command("info", bag, "--json")
+    assert '"whole": true' in done.stdout
+
+
+def test_each_message_of_a_folder_is_read_once(folder: Path, messages):
+    assert sum(1 for _ in read_messages(folder)) == sum(map(len, messages.values()))
