@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from cassie_bags.bag.diagnosis import lockstep_broken, problems
 from cassie_bags.bag.recording import read_recording
+from cassie_bags.bag.rosbag2 import contents_of, write_metadata
 from cassie_bags.errors import RunError
 from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
@@ -118,6 +119,7 @@ def keep(outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True) -
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
     write_resolved(outcome.experiment, files["experiment"])
+    write_metadata(folder, [contents_of(bag)])
     if pictures:
         from cassie_bags.report.pictures import draw
 

@@ -20,7 +20,7 @@ from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
-from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
+from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
@@ -129,7 +129,7 @@ class Recorder(Node):
 
     def _write(self, subscription: RecordedTopic, raw: bytes, wall: int) -> None:
         topic = subscription.topic
-        robot = self._clock_of_robot.time_of(topic, raw)
+        robot = self._clock_of_robot.time_of(topic, raw, wall)
         log_time = wall if self._wall_clock else robot
         self._bag.write(subscription.channel, raw, log_time, wall)
         self._first = log_time if self._first is None else self._first
@@ -157,7 +157,7 @@ class Recorder(Node):
         if qos is None:
             return False
         try:
-            channel = self._bag.add_topic(topic, type_name, qos_numbers(qos, 100 if lane else 10))
+            channel = self._bag.add_topic(topic, type_name, recorded_qos(qos, 100 if lane else 10))
             subscription = RecordedTopic(self, type_name, topic, qos, channel)
         except ValueError as error:
             self._unknown.add(topic)
