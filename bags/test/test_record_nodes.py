@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from synthetic import glide_messages
+from test_bag import write_bag
 
 pytest.importorskip("rclpy")
 
 import rclpy
+from mcap.reader import make_reader
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     RECORDED_TOPICS,
     TYPES,
@@ -107,7 +117,9 @@ def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[]
     }
     wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
     ticks = len(messages["/cassie/state"])
+    deadline = time.monotonic() + PATIENCE
     while not heard():
+        assert time.monotonic() < deadline, "not every topic was heard"
         for topic, list_ in messages.items():
             publishers[topic].publish(list_[0])
         time.sleep(0.1)
@@ -153,6 +165,143 @@ def test_the_recorder_loses_nothing_and_closes_its_bag_on_ctrl_c(
         assert reader.duration == pytest.approx(4.0e9, rel=0.01)
 
 
+def late_messages(seconds: float, begin: float) -> dict[str, list[bytes]]:
+    """Of a robot that runs since `begin` seconds."""
+    messages = {}
+    for topic, list_ in glide_messages(begin + seconds).items():
+        messages[topic] = list_[round(len(list_) * begin / (begin + seconds)) :]
+    return messages
+
+
+def latched(node: Node) -> Any:
+    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = node.create_publisher(String, "/robot_description", qos)
+    publisher.publish(String(data="<robot name='cassie'/>"))
+    return publisher
+
+
+def test_a_recording_begun_late_begins_at_the_robots_time(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    publisher = latched(node)
+    start_recorder(processes, bag)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    time.sleep(0.5)  # it has the description before anything tells robot time
+    publish_all(node, late_messages(2.0, 30.0), lambda: processes.printed("record", COMPLETE))
+    processes.stop("record")
+    with AnyReader([bag]) as reader:
+        assert reader.topics["/robot_description"].msgcount == 1
+        assert reader.start_time == pytest.approx(30e9, abs=0.01e9)
+        assert reader.duration == pytest.approx(2e9, abs=0.05e9)
+
+
+def test_a_folder_is_recorded_split_and_found_by_other_readers(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    folder = tmp_path / "walk"
+    messages = glide_messages(4.0)
+    start_recorder(processes, folder, "--max-bag-duration", "1", "--compression-format", "none")
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    processes.stop("record")
+    processes.check("record")
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "metadata.yaml",
+        *(f"walk_{number}.mcap" for number in range(4)),
+    ]
+    assert same(read_recording(folder), messages) == []
+    with AnyReader([folder]) as reader:
+        assert reader.topics["/cassie/state"].msgcount >= 2000
+
+
+def call(node: Node, kind: Any, name: str, request: Any) -> Any:
+    client = node.create_client(kind, name)
+    wait_until(client.service_is_ready)
+    future = client.call_async(request)
+    wait_until(lambda: spin(node) and future.done())
+    return future.result()
+
+
+def test_a_service_begins_and_ends_recordings(processes: Processes, node: Node, tmp_path: Path):
+    bag = tmp_path / "bag.mcap"
+    publisher = latched(node)
+    record = [executable("cassie_bags", "record"), "-o", bag, "--start-paused"]
+    processes.start("record", record)
+    service = "/recorder/record"
+    assert not call(node, SetBool, service, SetBool.Request(data=False)).success
+    for name in ("bag.mcap", "bag_2.mcap", "bag_3.mcap"):
+        assert call(node, SetBool, service, SetBool.Request(data=True)).success
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        assert not call(node, SetBool, service, SetBool.Request(data=True)).success
+        answer = call(node, SetBool, service, SetBool.Request(data=False))
+        assert answer.success and name in answer.message
+        wait_until(lambda: publisher.get_subscription_count() == 0)
+        with AnyReader([tmp_path / name]) as reader:
+            assert reader.topics["/robot_description"].msgcount == 1
+    assert not call(node, Trigger, "/recorder/split", Trigger.Request()).success
+    processes.stop("record")
+    processes.check("record")
+    assert len(list(tmp_path.glob("*.mcap"))) == 3
+
+
+def test_parameters_of_all_nodes_their_changes_and_files_are_kept(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    (tmp_path / "gaits.json").write_text("{}")
+    node.declare_parameter("speed", 0.5)
+    node.declare_parameter("gaits", str(tmp_path / "gaits.json"))
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    bag = tmp_path / "bag.mcap"
+    processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
+
+    def kept() -> bool:
+        executor.spin_once(timeout_sec=0.05)
+        return bag.exists() and b"gaits.json" in bag.read_bytes()
+
+    wait_until(kept)
+    wait_until(lambda: node.count_subscribers("/parameter_events") > 0)
+    node.set_parameters([Parameter("speed", value=0.7)])
+    wait_until(lambda: node.count_subscribers("/parameter_events") > 0)
+    time.sleep(0.5)
+    executor.remove_node(node)
+    processes.stop("record")
+    index = BagIndex()
+    events = [data for *_, data in read_messages(bag, ["/parameter_events"], index)]
+    assert json.loads(index.metadata["cassie_parameters:/test"]["speed"]) == 0.5
+    assert any(b"speed" in data for data in events)
+    with bag.open("rb") as stream:
+        (attachment,) = make_reader(stream).iter_attachments()
+    assert (attachment.name.split("/")[1], attachment.data) == ("gaits.json", b"{}")
+
+
+def test_a_disk_that_fills_ends_the_recording_in_one_line(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    program = executable("cassie_bags", "record")
+    limited = f"ulimit -f 600; exec {program} -o {bag} --compression-format none"  # in KiB
+    processes.start("record", ["bash", "-c", limited])
+    messages = glide_messages(8.0)
+    publishers = {
+        topic: node.create_publisher(message_class(kind), topic, WRITER)
+        for topic, kind in TYPES.items()
+    }
+    wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
+    for tick in range(4000):
+        publishers["/cassie/state"].publish(messages["/cassie/state"][tick])
+        publishers["/cassie/sensors"].publish(messages["/cassie/sensors"][tick])
+        time.sleep(0.001)
+        if not processes.running("record"):
+            break
+    wait_until(lambda: not processes.running("record"))
+    with pytest.raises(RunError, match="exit code 1"):
+        processes.check()
+    words = processes.log("record").read_text()
+    assert words.count("error: cannot write bag") == 1 and "Traceback" not in words
+    assert recover(bag, tmp_path / "saved.mcap").messages > 100
+
+
 def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
     processes: Processes, node: Node, tmp_path: Path
 ):
@@ -172,8 +321,6 @@ def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
 def test_a_replay_publishes_every_message_with_its_type(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     messages = glide_messages(2.0)
     bag, copy = tmp_path / "bag.mcap", tmp_path / "copy.mcap"
     write_bag(bag, messages)
@@ -192,8 +339,6 @@ def test_a_replay_publishes_every_message_with_its_type(
 
 
 def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node, tmp_path: Path):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     received: dict[str, list[bytes]] = {"RobotState": [], "MotorCommand": [], "Mode": []}
@@ -213,8 +358,6 @@ def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node
 def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     publisher = node.create_publisher(
@@ -231,8 +374,6 @@ def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
 def test_a_replay_of_some_topics_plays_these_again_and_again(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     received: list[bytes] = []
@@ -250,8 +391,6 @@ def test_a_replay_of_some_topics_plays_these_again_and_again(
 def test_ctrl_c_ends_a_replay_to_a_subscriber_that_is_stopped(
     processes: Processes, domain: int, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.1))
     listener = (
@@ -275,8 +414,6 @@ def test_ctrl_c_ends_a_replay_to_a_subscriber_that_is_stopped(
 
 
 def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(2.0))
     content = bag.read_bytes()
@@ -305,8 +442,6 @@ def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys
 
 
 def spin(node: Node) -> bool:
-    from rclpy.executors import SingleThreadedExecutor
-
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     for _ in range(100):
@@ -322,7 +457,11 @@ def spin(node: Node) -> bool:
         (["replay", "text.mcap"], "is not an MCAP file"),
         (["recover", "text.mcap"], "is not an MCAP file"),
         (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
-        (["record", "-o", "text.mcap"], "text.mcap exists: give another file"),
+        (["record", "-o", "text.mcap"], "text.mcap exists: give another name"),
+        (["record", "-o", "there"], "there exists: give another name"),
+        (["record", "-o", "new.mcap", "--min-free-space", "1e8"], "less than 100000000 MiB"),
+        (["recover", "bag.mcap", "-o", "text.mcap"], "text.mcap exists: give another output"),
+        (["recover", "bag.mcap", "-o", "/proc/bag.mcap"], "cannot write /proc/bag.mcap"),
         (["record", "-o", "new.mcap", "--metadata", "flat.yaml"], "seed = 3 is not a mapping"),
     ],
 )
@@ -332,7 +471,9 @@ def test_a_wrong_file_ends_the_command_with_one_line(
     (tmp_path / "text.mcap").write_text("no bag")
     (tmp_path / "flat.yaml").write_text("seed: 3")
     name, *words = command
-    paths = [str(tmp_path / word) if "." in word else word for word in words]
+    write_bag(tmp_path / "bag.mcap", glide_messages(0.1))
+    (tmp_path / "there").mkdir()
+    paths = [str(tmp_path / word) if word == "there" or "." in word else word for word in words]
     processes.start(name, [executable("cassie_bags", name), *paths])
     wait_until(lambda: not processes.running(name))
     with pytest.raises(RunError, match=f"exit code 2: {name}: error: .*{reason}"):

@@ -204,6 +204,8 @@ class BagWriter:
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:
+        if self._stream.closed:
+            raise BagError(f"cannot write bag {self.path}: it is closed")
         try:
             yield
         except OSError as error:
@@ -308,4 +310,4 @@ class FolderWriter:
         if self._max_bytes and self._file.size >= self._max_bytes:
             return True
         began = log_time if self._first_log is None else self._first_log
-        return bool(self._max_duration and abs(log_time - began) >= self._max_duration)
+        return bool(self._max_duration and log_time - began >= self._max_duration)

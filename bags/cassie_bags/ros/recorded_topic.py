@@ -21,6 +21,7 @@ class RecordedTopic(RawSubscription):
 
     Attributes:
         channel: Where the bag keeps it.
+        lost: Messages that were sent and did not come.
     """
 
     def __init__(
@@ -33,6 +34,20 @@ class RecordedTopic(RawSubscription):
         """
         super().__init__(node, message_class(type_name), topic, qos)
         self.channel = channel
+        self.lost = 0
+        self._numbers: dict[bytes, int] = {}
+
+    def take_raw(self) -> bytes | None:
+        """The oldest message not yet taken; None if there is none."""
+        raw = super().take_raw()
+        number = None if raw is None else self.inbox.number
+        if number is not None:
+            writer = self.inbox.writer
+            before = self._numbers.get(writer, number)
+            if number > before + 1:
+                self.lost += number - before - 1
+            self._numbers[writer] = max(number, before)
+        return raw
 
 
 def message_class(type_name: str) -> Any:
