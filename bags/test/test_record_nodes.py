@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import signal
 import sys
 import time
@@ -18,12 +20,14 @@ pytest.importorskip("rclpy")
 
 import rclpy
 from mcap.reader import make_reader
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -338,6 +342,119 @@ def test_a_replay_publishes_every_message_with_its_type(
         assert reader.topics["/clock"].msgcount > 10
 
 
+class Listener:
+    """Hears states; their seqs in order."""
+
+    def __init__(self, node: Node) -> None:
+        self.seqs: list[int] = []
+        state = message_class("cassie_msgs/msg/RobotState")
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._node = node
+        node.create_subscription(state, "/cassie/state", lambda m: self.seqs.append(m.seq), 1000)
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        wait_until(lambda: self._executor.spin_once(timeout_sec=0.05) or condition())
+
+    def quiet(self) -> bool:
+        """Whether nothing comes for a while."""
+        count = len(self.seqs)
+        until = time.monotonic() + 0.5
+        while time.monotonic() < until:
+            self._executor.spin_once(timeout_sec=0.05)
+        return len(self.seqs) == count
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        self.wait_for(client.service_is_ready)
+        future = client.call_async(request)
+        self.wait_for(future.done)
+        return future.result()
+
+    def set(self, name: str, value: float) -> bool:
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        answer = self.call(SetParameters, "/replay/set_parameters", request)
+        return all(result.successful for result in answer.results)
+
+
+def test_a_replay_is_paused_stepped_and_sought_by_services(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(2.0))
+    heard = Listener(node)
+    replay = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", str(PATIENCE)]
+    processes.start("replay", [*replay, "--topics", "/cassie/state"])
+    heard.wait_for(lambda: len(heard.seqs) == 1)  # the first moment stands still
+    assert heard.quiet()
+    for seq in (1, 2):
+        assert heard.call(Trigger, "/replay/step", Trigger.Request()).success
+        heard.wait_for(lambda seq=seq: heard.seqs == list(range(seq + 1)))
+    assert heard.set("position", 1.0)
+    heard.wait_for(lambda: heard.seqs[-1] == 500)
+    assert heard.quiet()
+    assert not heard.set("position", 99.0) and not heard.set("rate", 0.0)
+    assert heard.set("rate", 4.0)
+    assert heard.call(SetBool, "/replay/pause", SetBool.Request(data=False)).success
+    assert not heard.call(Trigger, "/replay/step", Trigger.Request()).success
+    heard.wait_for(lambda: heard.seqs[-1] == 999)
+    assert heard.seqs[3:] == list(range(500, 1000))
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+
+
+def test_a_part_of_a_folder_of_ros2_bag_is_replayed(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    messages = glide_messages(2.0)
+    source, folder = tmp_path / "bag.mcap", tmp_path / "theirs"
+    write_bag(source, messages)
+    with (
+        AnyReader([source]) as reader,
+        Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        by_topic = {
+            each.topic: writer.add_connection(each.topic, each.msgtype, typestore=reader.typestore)
+            for each in reader.connections
+        }
+        for each, stamp, raw in reader.messages():
+            writer.write(by_topic[each.topic], 1_700_000_000_000_000_000 + stamp, raw)
+    assert same(read_recording(folder), messages) == []
+    heard = Listener(node)
+    replay = [executable("cassie_bags", "replay"), folder, "--wait", str(PATIENCE)]
+    part = ["--start", "0.5", "--duration", "0.2", "--topics", "/cassie/state"]
+    processes.start("replay", [*replay, *part])
+    heard.wait_for(lambda: not processes.running("replay"))
+    processes.check("replay")
+    heard.wait_for(heard.quiet)
+    assert heard.seqs == list(range(250, 351))
+
+
+def test_keys_on_a_terminal_steer_a_replay(processes: Processes, node: Node, tmp_path: Path):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(2.0))
+    heard = Listener(node)
+    ours, theirs = pty.openpty()
+    program = executable("cassie_bags", "replay")
+    words = f"{program} {bag} -p --wait {PATIENCE} --topics /cassie/state < {os.ttyname(theirs)}"
+    processes.start("replay", ["bash", "-c", f"exec {words}"])
+    heard.wait_for(lambda: len(heard.seqs) == 1)
+    os.write(ours, b"\x1b[C")
+    heard.wait_for(lambda: heard.seqs == [0, 1])
+    os.write(ours, b" ")
+    heard.wait_for(lambda: len(heard.seqs) > 50)
+    os.write(ours, b" ")
+    heard.wait_for(heard.quiet)
+    os.write(ours, b"\x1b[D")
+    heard.wait_for(lambda: heard.seqs[-1] == 0)
+    os.write(ours, b"q")
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+    os.close(ours)
+    os.close(theirs)
+
+
 def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node, tmp_path: Path):
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
@@ -368,6 +485,24 @@ def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
     words = processes.log("replay").read_text()
     assert words.startswith("replay: error: /cassie/sensors is written by ")
     assert "ROS_DOMAIN_ID=" in words and len(words.splitlines()) == 1
+    node.destroy_publisher(publisher)
+
+
+def test_a_replay_ends_when_a_node_begins_to_write_the_same(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    heard = Listener(node)
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "--loop"])
+    heard.wait_for(lambda: len(heard.seqs) > 10)
+    publisher = node.create_publisher(
+        message_class("cassie_msgs/msg/Sensors"), "/cassie/sensors", 1
+    )
+    heard.wait_for(lambda: not processes.running("replay"))
+    assert "/cassie/sensors is written by " in processes.log("replay").read_text()
+    with pytest.raises(RunError, match="exit code 1"):
+        processes.check("replay")
     node.destroy_publisher(publisher)
 
 
@@ -430,7 +565,7 @@ def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path)
     ("words", "reason"),
     [
         (["--wait", "nan"], "nan is not 0 s or more"),
-        (["--rate", "fast"], "fast is not a rate above 0"),
+        (["--rate", "fast"], "fast is not a rate of 0.01 .. 1000"),
     ],
 )
 def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys):
@@ -455,6 +590,7 @@ def spin(node: Node) -> bool:
     [
         (["replay", "none.mcap"], "No such file"),
         (["replay", "text.mcap"], "is not an MCAP file"),
+        (["replay", "bag.mcap", "--start", "99"], "has no message in the part asked for"),
         (["recover", "text.mcap"], "is not an MCAP file"),
         (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
         (["record", "-o", "text.mcap"], "text.mcap exists: give another name"),
