@@ -44,7 +44,7 @@ from cassie_bags.bag.recover import recover
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
-from cassie_bags.ros.recorded_topic import message_class
+from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
 PATIENCE = 20.0
@@ -340,6 +340,24 @@ def test_a_replay_publishes_every_message_with_its_type(
     with AnyReader([copy]) as reader:
         assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
         assert reader.topics["/clock"].msgcount > 10
+
+
+def test_messages_that_did_not_come_are_counted_by_topic(node: Node):
+    state = message_class("cassie_msgs/msg/RobotState")
+    publishers = [node.create_publisher(state, "/cassie/state", 100) for _ in range(2)]
+    topic = RecordedTopic(
+        node, "cassie_msgs/msg/RobotState", "/cassie/state", QoSProfile(depth=10), 1
+    )
+    wait_until(lambda: topic.matched == 2)
+    raw = glide_messages(0.01)["/cassie/state"][0]
+    publishers[0].publish(raw)
+    wait_until(lambda: topic.take_raw() is not None)
+    for _ in range(25):  # the queue holds the last ten
+        publishers[0].publish(raw)
+    time.sleep(0.5)
+    publishers[1].publish(raw)
+    wait_until(lambda: topic.take_raw() is None)
+    assert topic.lost in (15, 16)  # of the other writer's the first may push out one more
 
 
 class Listener:
