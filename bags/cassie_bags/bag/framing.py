@@ -309,8 +309,9 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
         return data
     if compression == "zstd":
         try:
-            stream = zstandard.ZstdDecompressor().stream_reader(data)
-            return stream.read(size)
+            if zstandard.frame_content_size(data) == size:
+                return zstandard.decompress(data, size)
+            return zstandard.ZstdDecompressor().stream_reader(data).read(size)  # never more
         except zstandard.ZstdError as error:
             raise BagError(f"damaged chunk: {error}") from None
     raise BagError(f"chunk in unknown compression {compression}")
