@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def placed(scene: str, parameters: dict[str, Any]) -> Plant:
-    """Cassie as she starts in a scene."""
+    """Cassie as it starts in a scene."""
     scenario = Scenario(scene=scene, scene_parameters=parameters, start="standing")
     return Plant(PlantConfig(sensors="ideal"), scenario, meshes=True)
 

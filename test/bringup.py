@@ -146,7 +146,7 @@ class Robot:
         return self.eyes.call(service, fields)
 
     def stands(self) -> bool:
-        """Whether Cassie is up, by her true height."""
+        """Whether Cassie is up, by its true height."""
         return self.eyes.height() > 0.75
 
 

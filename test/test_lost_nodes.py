@@ -43,7 +43,7 @@ def _bring_up(robot: Robot, gait: str) -> None:
 
 
 def _bring_up_again(robot: Robot, gait: str) -> None:
-    """The same after a loss that may have cost her the balance: then from the start."""
+    """The same after a loss that may have cost it the balance: then from the start."""
     eyes = robot.eyes
 
     def up() -> bool:
@@ -93,7 +93,7 @@ def _check_replay(bag: Path) -> None:
 
 
 def _lose_operator(robot: Robot, gait: str) -> None:
-    """She stops and stands; a new operator takes over."""
+    """It stops and stands; a new operator takes over."""
     eyes = robot.eyes
     killed = robot.kill("scripted_operator")
     reported = eyes.wait_for(
@@ -116,7 +116,7 @@ def _lose_supervisor(robot: Robot, gait: str) -> None:
     )
     assert reported - killed < REPORT_LIMIT
     ticks = eyes.tick + 1200
-    eyes.wait_for(lambda: eyes.tick >= ticks, "her to stop, step in place and stand")
+    eyes.wait_for(lambda: eyes.tick >= ticks, "it to stop, step in place and stand")
     assert robot.stands()
     robot.start("mode_supervisor")
     eyes.wait_for(lambda: eyes.is_well(name), "the controller to hear the new supervisor")

@@ -43,6 +43,7 @@ SUPPLIERS = {
     "cma": Supplier("", "cma"),
     "distributed": Supplier("", "distributed"),
     "imageio": Supplier("python3-imageio", "imageio"),
+    "jinja2": Supplier("python3-jinja2", "jinja2"),
     "llvmlite": Supplier("python3-numba", "llvmlite"),
     "matplotlib": Supplier("python3-matplotlib", "matplotlib"),
     "mcap": Supplier("", "mcap"),

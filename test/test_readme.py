@@ -13,28 +13,98 @@ from pathlib import Path
 
 import pytest
 from rclpy.context import Context
+from test_layers import FOLDERS
 
 from cassie_bags.studies.sweep.table import all_rows
 from cassie_control.controller.config import ControllerConfig
 from cassie_msgs.tunables import names
+from cassie_sim.camera import PACKAGES
 
 ROOT = Path(__file__).resolve().parents[1]
-READMES = [ROOT / "README.md", *sorted(ROOT.glob("*/README.md"))]
+READMES = [ROOT / "README.md", *sorted(ROOT.glob("[!.]*/README.md"))]
+
+
+LONGEST_SENTENCE = 25
+"""Words in a sentence of the first page."""
 
 
 def commands() -> Iterator[tuple[str, str, str]]:
-    """Package, executable and the rest of each command, with the lines that go on with it."""
+    """Package, executable and the rest of each command in any README."""
     for readme in READMES:
-        text = re.sub(r"\n +(?=\[-)", " ", readme.read_text(encoding="utf-8"))
-        yield from re.findall(r"ros2 run (cassie_\w+) (\w+)([^\n`#]*)", text)
+        yield from commands_in(readme.read_text(encoding="utf-8"))
+
+
+def commands_in(text: str) -> list[tuple[str, str, str]]:
+    """Package, executable and the rest of each command, with the lines that go on with it."""
+    text = re.sub(r"\n +(?=\[-)", " ", text)
+    return re.findall(r"ros2 run ([a-z]\w+) (\w+)([^\n`#]*)", text)
 
 
 def source_of(package: str, executable: str) -> str:
-    """The sources of an executable; the test fails if a package's setup.py has none."""
-    (setup,) = (path for path in ROOT.glob("*/setup.py") if f'"{package}"' in path.read_text())
-    module = re.search(rf'"{executable} = ([\w.]+):main"', setup.read_text())
+    """The sources of an executable, with those of modules of its package that it hands over to.
+
+    The test fails if a package's setup.py has none.
+    """
+    setups = [path for path in ROOT.glob("*/setup.py") if f'"{package}"' in path.read_text()]
+    assert setups, f"there is no package {package}"
+    module = re.search(rf'"{executable} = ([\w.]+):main"', setups[0].read_text())
     assert module, f"{package} has no {executable}"
-    return (setup.parent / f"{module[1].replace('.', '/')}.py").read_text(encoding="utf-8")
+    folder = setups[0].parent
+    source = (folder / f"{module[1].replace('.', '/')}.py").read_text(encoding="utf-8")
+    for parent, name in re.findall(rf"^from ({package}[\w.]*) import (\w+)$", source, re.MULTILINE):
+        path = folder / parent.replace(".", "/") / f"{name}.py"
+        source += path.read_text(encoding="utf-8") if path.is_file() else ""
+    return source
+
+
+def missing_targets(text: str, folder: Path) -> list[str]:
+    """Relative links and images of a README in a folder that lead nowhere, headings included."""
+    found = re.findall(r"\]\((?!https?:)([^)\s]+)\)", text)
+    found += re.findall(r"<img src=\"(?!https?:)([^\"]+)\"", text)
+    missing = []
+    for target in found:
+        name, _, heading = target.partition("#")
+        path = folder / name
+        if name and heading and path.is_file():
+            known = headings(path.read_text(encoding="utf-8"))
+        else:
+            known = headings(text)
+        if not path.exists() or (heading and heading not in known):
+            missing.append(target)
+    return missing
+
+
+def headings(text: str) -> list[str]:
+    """Names of a README's headings in links, as GitHub makes them."""
+    lines = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return [re.sub(r"[^\w -]", "", line.lower()).replace(" ", "-") for line in lines]
+
+
+def missing_inputs(text: str) -> list[str]:
+    """Targets of make, and files of this workspace in command lines, that do not exist."""
+    lines = re.findall(r"^ {4}(?! )(.+?)(?:#.*)?$", text, re.MULTILINE)
+    code = "\n".join([*lines, *re.findall(r"`(make [^`]+|ros2 run [^`]+)`", text)])
+    targets = re.findall(r"^make ([a-z]+)", code, re.MULTILINE)
+    known = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    missing = [f"make {target}" for target in targets if target not in known]
+    paths = re.findall(r"(?<![\w/.])((?:bags|\.workspace|test|cassie_\w+)/[\w./-]+)", code)
+    made = ("cassie/", "cassie_msgs/srv/", "cassie_msgs/msg/")  # a virtual environment; types
+    return missing + [p for p in paths if not p.startswith(made) and not (ROOT / p).exists()]
+
+
+def sentences(text: str) -> list[str]:
+    """Sentences of a README: of its paragraphs, items, headings and cells, without its code."""
+    text = re.sub(r"^ {4}.*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)  # of a link its words
+    text = re.sub(r"^#.*$", r"\g<0>\n", text, flags=re.MULTILINE)
+    parts = re.split(r"\n\s*\n|\n(?=[-|>]|\d+\. )|\|", text)
+    found = [re.split(r"(?<=[.!?])[*_]*\s+", " ".join(part.split())) for part in parts]
+    return [sentence for part in found for sentence in part if sentence]
+
+
+def words(sentence: str) -> int:
+    """Number of words of a sentence; code in backticks counts as one."""
+    return len(re.findall(r"\S*\w\S*", re.sub(r"`[^`]*`", "code", sentence)))
 
 
 def test_parameter_tables_are_those_of_the_code() -> None:
@@ -43,10 +113,83 @@ def test_parameter_tables_are_those_of_the_code() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_files_that_readmes_name_exist() -> None:
-    for readme in READMES:
-        for target in re.findall(r"\]\((?!http)([^)#]+)\)", readme.read_text(encoding="utf-8")):
-            assert (readme.parent / target).exists(), f"{readme.name} names {target}"
+@pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
+def test_links_images_and_inputs_of_readmes_exist(readme: Path) -> None:
+    text = readme.read_text(encoding="utf-8")
+    assert missing_targets(text, readme.parent) == []
+    assert missing_inputs(text) == []
+
+
+def test_the_first_page_has_short_sentences_and_calls_the_robot_it() -> None:
+    text = READMES[0].read_text(encoding="utf-8")
+    assert [s for s in sentences(text) if words(s) > LONGEST_SENTENCE] == []
+    assert re.findall(r"\b(?:she|her|he|his|him)\b", text, re.IGNORECASE) == []
+    assert len(text.splitlines()) < 250
+
+
+def test_the_robot_is_it_everywhere() -> None:
+    folders = (*FOLDERS.values(), *(ROOT / name for name in ("test", ".workspace")))
+    files = [path for folder in folders for path in folder.rglob("*.py")]
+    files += [*READMES, *(ROOT / "bags" / "experiments").glob("*.yaml")]
+    this = Path(__file__).resolve()
+    wrong = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in files
+        if path.resolve() != this
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if re.search(r"\b(?:she|her|hers|herself)\b", line, re.IGNORECASE)
+    ]
+    assert len(files) > 300
+    assert wrong == []
+
+
+def test_the_first_page_installs_what_the_build_and_the_camera_ask_for() -> None:
+    (line,) = re.findall(r"apt install (git .*)", READMES[0].read_text(encoding="utf-8"))
+    asked = set(re.findall(r"python3-\w+", (ROOT / ".workspace/pick_python.sh").read_text()))
+    asked |= {"gcc", "g++", "make", *re.findall(r"lib\w+1(?:-[\w-]+)?", PACKAGES)}
+    assert asked <= set(line.split())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[there](nowhere.md)",
+        "[there](README.md#no-such-heading)",
+        "[here](#no-such-heading)",
+        "![film](bags/images/nothing.gif)",
+        '<img src="bags/images/nothing.png" height="42">',
+    ],
+)
+def test_a_wrong_link_is_found(text: str) -> None:
+    assert len(missing_targets(f"# A heading\n{text}", ROOT)) == 1
+    right = "# A heading\n[a](#a-heading) ![b](bags/images/walk.gif) [c](README.md#stop) [d](test)"
+    assert missing_targets(right, ROOT) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "    make nothing",
+        "try `make nothing`",
+        "    ros2 run cassie_bags experiment bags/experiments/nothing.yaml",
+        "`ros2 run cassie_bags experiment bags/experiments/nothing.yaml`",
+    ],
+)
+def test_a_wrong_target_or_file_of_a_command_is_found(text: str) -> None:
+    assert len(missing_inputs(text)) == 1
+    assert missing_inputs("    make demo    # builds\n    cat bags/experiments/demo.yaml") == []
+
+
+def test_a_wrong_command_is_found() -> None:
+    for text in ("ros2 run cassie_bags nothing", "ros2 run nothing record --all"):
+        ((package, executable, _),) = commands_in(text)
+        with pytest.raises(AssertionError):
+            source_of(package, executable)
+
+
+def test_a_long_sentence_is_found() -> None:
+    text = "# Title\n\nShort: one.\n- an item\n    a b c d\n\n| cell | " + "word " * 26 + "|"
+    assert [words(s) for s in sentences(text)] == [1, 2, 2, 1, 26]
 
 
 def test_modules_that_readmes_name_exist() -> None:

@@ -28,13 +28,15 @@ from cassie_bags.bag.recording import (
 )
 from cassie_bags.bag.recording import TYPES as RECORDED_TYPES
 from cassie_bags.bag.recover import recover
-from cassie_bags.bag.standard_messages import TYPE as ODOMETRY
 from cassie_bags.bag.writer import CHUNK_NS, QOS_LANE, BagWriter, FolderWriter
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import RobotState
+from cassie_msgs.standard_messages import ODOMETRY
 from cassie_sim import ground_truth, segway_truth
 
-TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()} | {GROUND_TRUTH_TOPIC: ODOMETRY}
+TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()} | {
+    GROUND_TRUTH_TOPIC: ODOMETRY.type
+}
 
 
 def write_bag(path: Path, messages: dict[str, list[bytes]]) -> None:
@@ -389,5 +391,5 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
 
 
 def test_the_true_pose_is_looked_for_where_the_simulator_puts_it():
-    assert (GROUND_TRUTH_TOPIC, ODOMETRY) == (ground_truth.TOPIC, ground_truth.TYPE)
+    assert ground_truth.TOPIC == GROUND_TRUTH_TOPIC
     assert segway_truth.TYPES.items() <= RECORDED_TYPES.items()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import pytest
 
-from cassie_bags.ros import estimators
+from cassie_bags.cli import estimators as command
+from cassie_bags.cli.frame import OK, WRONG_INPUT
+from cassie_bags.studies import estimators
 from cassie_bags.studies.estimators import compare
 
 
@@ -31,20 +32,23 @@ def test_it_is_better_than_the_velocity_of_the_loaded_leg(flat):
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["mud"], "unknown ground mud: choose from flat"), (["--seed", "-1"], "--seed = -1")],
+    [
+        (["flt"], "unknown ground flt: did you mean flat?"),
+        (["--seed", "-1"], "-1 is not a whole number"),
+    ],
 )
-def test_wrong_arguments_are_named(monkeypatch, capsys, arguments, said):
-    monkeypatch.setattr(sys, "argv", ["estimators", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        estimators.main()
-    assert stop.value.code == estimators.WRONG_INPUT
+def test_wrong_arguments_are_named(capsys, arguments, said):
+    try:
+        code = command.main(arguments)
+    except SystemExit as stop:
+        code = stop.code
+    assert code == WRONG_INPUT
     assert said in capsys.readouterr().err
 
 
 def test_the_table_has_a_row_for_each_estimator(monkeypatch, capsys, flat):
-    monkeypatch.setattr(sys, "argv", ["estimators", "flat", "--seed", "2"])
     monkeypatch.setattr(estimators, "compare", lambda *_: list(flat.values()))
-    assert estimators.main() == estimators.DONE
+    assert command.main(["flat", "--seed", "2"]) == OK
     out = capsys.readouterr().out
     for name, errors in flat.items():
         (row,) = (line for line in out.splitlines() if name in line)

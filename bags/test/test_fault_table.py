@@ -1,4 +1,4 @@
-"""Sensors that fail while Cassie stands and walks under her own control."""
+"""Sensors that fail while Cassie stands and walks under its own control."""
 
 from __future__ import annotations
 

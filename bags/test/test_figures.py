@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import warnings
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +14,43 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 from synthetic import glide
 
-from cassie_bags.report.figures import draw_all, footsteps, knee_phase_portrait, moving_mean
+from cassie_bags.bag.recording import Recording
+from cassie_bags.report.figures import (
+    DRAWERS,
+    draw_all,
+    footsteps,
+    knee_phase_portrait,
+    moving_mean,
+    outputs_by_phase,
+)
 from cassie_bags.report.strip import STRIP_LENGTH, moments, strip
+from cassie_bags.report.view import View, view_of
+from cassie_bags.signals.events import Event
 from cassie_bags.signals.metrics import Phase
-from cassie_bags.signals.track import Track, make_track
+from cassie_bags.signals.track import Track
 from cassie_gaits.names import DRIVES
+from cassie_msgs.layout import ControllerStatus, RobotMode
 from cassie_sim.errors import SimulationError
-from cassie_sim.scenario import Scenario
 
 PHASES = (Phase("first", 0.0, 1.0), Phase("second", 1.0, 2.0))
 
 
+PUSH = Event("push", 0.5, 0.6, "push 5 Ns", (50.0, 0.0, 0.0))
+
+
+def view(recording: Recording, title: str = "try", phases: Sequence[Phase] = PHASES) -> View:
+    """What pictures show of a recording, with some phases and a push."""
+    return replace(view_of(recording, title), phases=phases, events=[PUSH])
+
+
 @pytest.fixture(scope="module")
-def track() -> Track:
-    return make_track(glide(2.0, yaw_rate=0.3))
+def shown() -> View:
+    return view(glide(2.0, yaw_rate=0.3))
+
+
+@pytest.fixture(scope="module")
+def track(shown: View) -> Track:
+    return shown.track
 
 
 def shades(path: Path) -> int:
@@ -34,34 +59,47 @@ def shades(path: Path) -> int:
     return len(np.unique(pixels, axis=0))
 
 
-def test_each_figure_is_a_png_with_something_in_it(track: Track, tmp_path: Path):
-    files = draw_all(track, PHASES, "try", tmp_path)
-    assert set(files) == {"knee_phase_portrait", "speed_tracking", "footsteps"}
+def test_each_figure_is_a_png_with_something_in_it(shown: View, tmp_path: Path):
+    files = draw_all(shown, tmp_path)
+    assert set(files) == set(DRAWERS) - {"outputs_by_phase"}  # it glides without steps
     for path in files.values():
         assert shades(path) > 20
 
 
+def test_outputs_are_drawn_over_the_phase_of_each_stance(shown: View):
+    rows = np.zeros(200, ControllerStatus.DTYPE)
+    rows["mode"], rows["stance_leg"] = RobotMode.WALK, np.arange(200) // 20 % 2
+    rows["phase"] = np.arange(200) % 20 / 20
+    rows["y"][:, 3] = 0.01 * np.where(rows["stance_leg"] == 0, 1.0, -1.0)  # m, of the leg length
+    figure = outputs_by_phase(replace(shown, status=rows))
+    assert figure is not None
+    assert len(figure.axes) == 9
+    means = [line.get_ydata() for line in figure.axes[3].lines if line.get_linestyle() == "-"]
+    np.testing.assert_allclose([np.nanmean(m) for m in means[:2]], [10.0, -10.0])  # mm
+    assert outputs_by_phase(replace(shown, status=rows[:5])) is None
+
+
 def test_a_run_that_ended_at_once_can_be_drawn(tmp_path: Path):
-    for path in draw_all(make_track(glide(0.02)), (), "short", tmp_path).values():
+    for path in draw_all(view(glide(0.02), phases=()), tmp_path).values():
         assert path.is_file()
 
 
-def test_phases_that_a_run_did_not_reach_leave_room_for_the_others(track: Track, tmp_path: Path):
+def test_phases_that_a_run_did_not_reach_leave_room_for_the_others(shown: View, tmp_path: Path):
     late = (Phase("at the end", 1.0, 70.0), Phase("never", 70.0, 80.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # matplotlib warns where a label leaves it no room
-        draw_all(track, (*PHASES, *late), "short", tmp_path)
+        draw_all(replace(shown, phases=(*PHASES, *late)), tmp_path)
 
 
 def test_a_run_that_ended_in_damping_can_be_drawn(tmp_path: Path):
-    damped = make_track(glide(2.0))
-    damped.legs[200:] = np.nan  # no estimate, so no place of the feet
-    for path in draw_all(damped, PHASES, "damped", tmp_path).values():
+    damped = view(glide(2.0))
+    damped.track.legs[200:] = np.nan  # no estimate, so no place of the feet
+    for path in draw_all(damped, tmp_path).values():
         assert shades(path) > 20
 
 
 def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
-    track: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shown: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     reason = "install the Debian packages libegl1"
 
@@ -70,14 +108,16 @@ def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
 
     monkeypatch.setattr("cassie_bags.report.strip.Camera", no_opengl)
     path = tmp_path / "strip.png"
-    assert strip(track, Scenario(), PHASES, "try", path) == reason
+    assert strip(shown, path) == reason
     assert shades(path) > 20
 
 
-def test_a_strip_shows_the_middle_of_each_phase(track: Track):
+def test_a_strip_shows_as_many_images_of_each_phase(track: Track):
     phases = [Phase(str(i), 0.4 * i, 0.4 * i + 0.4) for i in range(5)]
     shown = [track.time[index] for index in moments(track, phases)]
-    np.testing.assert_allclose(shown, [0.2, 0.6, 1.0, 1.4, 1.8], atol=0.003)
+    np.testing.assert_allclose(shown, np.arange(0.1, 2.0, 0.2), atol=0.003)
+    middles = [track.time[index] for index in moments(track, phases, 7)]
+    np.testing.assert_allclose(middles, [0.2, 0.6, 1.0, 1.4, 1.8], atol=0.003)
     assert len(moments(track, ())) == STRIP_LENGTH
 
 
@@ -99,7 +139,7 @@ def test_a_moving_mean_is_unknown_where_a_value_is():
 
 def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
     """As tall as wide the plot is narrow: its legend lay on the title."""
-    figure = footsteps(make_track(glide(2.0, vx=0.0)), "standing_recovery, seed 0")
+    figure = footsteps(view(glide(2.0, vx=0.0), "standing_recovery, seed 0"))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     written = [*figure.legends, *figure.texts, *(axes.title for axes in figure.axes)]
@@ -112,11 +152,12 @@ def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
 
 def test_the_angles_of_a_knee_that_hardly_moves_can_be_read():
     """On a Segway they wrote over each other."""
-    track = make_track(glide(2.0, vx=4.0))
+    ride = view(glide(2.0, vx=4.0), "segway_ride, seed 0")
+    track = replace(ride.track, sensors=ride.track.sensors.copy())
     track.sensors["drive_position"][:, DRIVES.index("left_knee")] = np.linspace(
         -2.19, -1.99, len(track.time)
     )
-    figure = knee_phase_portrait(track, "segway_ride, seed 0")
+    figure = knee_phase_portrait(replace(ride, track=track, events=()))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     axes = figure.axes[0]

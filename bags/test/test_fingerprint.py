@@ -19,15 +19,16 @@ from cassie_bags.run.fingerprint import (
     Run,
     default_path,
     differences,
-    environment,
     fields_to_hash,
     load,
     record,
     take,
 )
 from cassie_bags.run.observers import BagObserver
+from cassie_bags.run.provenance import environment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import run
+from cassie_bags.studies import fingerprints
 from cassie_bags.studies.workers import ThisProcess
 from cassie_msgs.layout import RobotState
 
@@ -59,8 +60,8 @@ def prints(tmp_path: Path, file: Path, here: None) -> Path:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """One robot, in this process: starting others takes longer than the runs."""
-    monkeypatch.setattr(command, "workers", lambda *_: ThisProcess())
-    monkeypatch.setattr(command, "ROBOTS", (2,))
+    monkeypatch.setattr(fingerprints, "workers", lambda *_: ThisProcess())
+    monkeypatch.setattr(fingerprints, "ROBOTS", (2,))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from test_experiment_command import environment
 
-from cassie_bags.cli.learn_torques import table
 from cassie_bags.errors import ExperimentError
 from cassie_bags.studies.learn import (
     Lesson,
@@ -22,6 +21,7 @@ from cassie_bags.studies.learn import (
     lessons,
     merged,
 )
+from cassie_bags.studies.learn_torques import table
 from cassie_bags.studies.sweep.course import Budget, walk
 from cassie_bags.studies.trial import TRACKING, experiment_of, run_trial
 from cassie_control.controller.learned_torques import JOINTS, nothing_learned, save_torques

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +19,15 @@ from synthetic import TICK_NS, glide, glide_messages, standing_height
 from test_bag import write_bag
 
 from cassie_bags.bag import fields
+from cassie_bags.bag.comparison import Difference, compare_recordings
 from cassie_bags.bag.continuity import episodes, only_episode
 from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.reader import read_messages
-from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, read_recording
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.summary import STATUS_TOPIC, summarize
-from cassie_bags.bag.tables import read_tables
+from cassie_bags.bag.tables import read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
 from cassie_bags.signals.falls import falls
@@ -95,6 +98,8 @@ def test_every_field_of_every_topic_has_a_unit_or_a_meaning(messages):
             shape = kind.DTYPE[name].shape
             assert len(field.components) == (shape[0] if shape else 0), (kind.TOPIC, name)
             assert field.about
+            assert len(field.units) in (0, len(field.components))
+    assert FIELDS[RobotState.TOPIC]["v"].unit_of("yaw") == "rad/s"
     assert fields.DRIVES == names.DRIVES
     assert fields.JOINTS == names.SENSED_JOINTS
     assert fields.COORDINATES == names.COORDINATES
@@ -277,7 +282,7 @@ def test_parquet_without_its_library_says_what_to_install(tmp_path: Path, bag: P
     assert not (tmp_path / "out").exists()
 
 
-VERBS = {"info": (), "export": ()}
+VERBS = {"info": (), "export": (), "plot": (), "compare": ("BAG",), "report": ()}
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -289,7 +294,7 @@ VERBS = {"info": (), "export": ()}
         ("ros1.bag", b"#ROSBAG V2.0\n" + bytes(100), "is not an MCAP file"),
         ("old.db3", b"SQLite format 3\0" + bytes(100), "ros2 bag convert"),
         ("short.mcap", b"\x89MCA", "is not an MCAP file"),
-        ("only_magic.mcap", b"\x89MCAP0\r\n", "message"),
+        ("only_magic.mcap", b"\x89MCAP0\r\n", "holds no"),
         ("folder", "", "holds no MCAP file"),
         ("db3", "old.db3", "ros2 bag convert"),
     ],
@@ -324,3 +329,88 @@ def test_info_is_text_or_json(bag: Path):
 
 def test_each_message_of_a_folder_is_read_once(folder: Path, messages):
     assert sum(1 for _ in read_messages(folder)) == sum(map(len, messages.values()))
+
+
+def test_a_bag_is_the_same_as_itself_in_another_container(bag: Path, folder: Path):
+    done = command("compare", bag, folder)
+    assert done.returncode == 0, done.stderr
+    assert "the same to the last bit" in done.stdout
+
+
+def test_the_first_difference_has_its_field_tick_and_values(tmp_path: Path, messages):
+    one, other = (from_messages(messages, 1.0) for _ in range(2))
+    lane = {topic: rows.copy() for topic, rows in other.lane.items()}
+    state = lane[RobotState.TOPIC]
+    state["episode"] += 4  # which tells runs apart
+    state["q"][700:, 3] += 1e-6
+    state["v"][650, 0] = -0.0  # which equals 0, but is another bit
+    state["covariance"][:, 0] = np.nan
+    same = {**one.lane, RobotState.TOPIC: one.lane[RobotState.TOPIC].copy()}
+    same[RobotState.TOPIC]["covariance"][:, 0] = np.nan
+    lane[MotorCommand.TOPIC] = lane[MotorCommand.TOPIC][:-5]
+    found = {
+        c.topic: c for c in compare_recordings(replace(one, lane=same), replace(other, lane=lane))
+    }
+    assert found[RobotState.TOPIC].first == Difference("v.x", 650, 1.3, (0.0, -0.0))
+    assert found[RobotState.TOPIC].different == 301
+    assert found[Sensors.TOPIC].same
+    command = found[MotorCommand.TOPIC]
+    assert (command.counts, command.common, command.different) == ((1000, 995), 995, 0)
+    assert not command.same
+
+
+def test_compare_tells_a_difference_by_its_exit_code_and_draws_both(tmp_path: Path, bag: Path):
+    other = tmp_path / "other.mcap"
+    write_bag(other, glide_messages(2.0, vx=0.4))
+    picture = tmp_path / "both.png"
+    done = command("compare", bag, other, "-o", picture)
+    assert done.returncode == 1, done.stderr
+    assert (
+        "first difference of /cassie/mode: vx at tick 0 (0.000 s): 0.5 against 0.4" in done.stdout
+    )
+    assert re.search(r"vx_mean +0.5 +0.4 +-0.1", done.stdout)
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_field_is_found_by_its_short_name(bag: Path):
+    (yaw, velocity, whole) = read_curves(
+        bag, ["state.q.yaw", "mode.vx", "/cassie/sensors.drive_torque"]
+    )
+    recording = read_recording(bag)
+    np.testing.assert_array_equal(yaw.columns["yaw"], recording.rows(RobotState)["q"][:, 3])
+    assert (yaw.name, yaw.unit) == ("/cassie/state.q.yaw", "rad")
+    assert list(velocity.columns) == ["vx"]
+    assert tuple(whole.columns) == fields.DRIVES
+    np.testing.assert_allclose(whole.time, np.arange(1000) * 0.002)
+    with pytest.raises(BagError, match=r"did you mean q\.yaw"):
+        read_curves(bag, ["state.q.jaw"])
+
+
+def test_plots_are_drawn_and_never_over_a_file(tmp_path: Path, bag: Path):
+    for words in ((), ("state.q.yaw", "sensors.drive_torque")):
+        path = tmp_path / f"{len(words)}.png"
+        done = command("plot", bag, *words, "-o", path)
+        assert done.returncode == 0, done.stderr
+        assert path.stat().st_size > 10_000
+        before = path.read_bytes()
+        assert command("plot", bag, *words, "-o", path).returncode == 2
+        assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_wrong_words_are_answered_before_anything_heavy_is_loaded(bag: Path, verb: str):
+    code = (
+        "import sys; sys.argv = sys.argv[1:]\n"
+        f"from cassie_bags.cli.{verb} import main\n"
+        "try: main()\n"
+        "except SystemExit as end: assert end.code in (0, 2), end.code\n"
+        "heavy = {'numpy', 'mujoco', 'matplotlib', 'rosbags', 'jinja2'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    for words in (["--help"], ["--no-such-option", str(bag), str(bag)], ["missing.mcap"]):
+        done = subprocess.run(
+            [sys.executable, "-c", code, verb, *words],
+            capture_output=True, text=True, check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cassie_bags.cli import return_map
+from cassie_bags.cli.frame import WRONG_INPUT
 from cassie_bags.errors import RunError
-from cassie_bags.ros import return_map
 from cassie_bags.studies.return_map import experiment_of, in_line, measure
 from cassie_bags.studies.return_map_fit import ABOVE_NOISE, Deviations, decay, fit, steps_to_decay
 
@@ -56,7 +57,7 @@ def test_nothing_is_fitted_to_noise():
 def test_decay_counts_the_steps_after_which_it_stays_small():
     values = np.zeros((5, 6))
     values[:, 0] = (1.0, 0.05, 0.2, 0.05, 0.01)
-    values[:, 4] = 7.0  # where she is does not count
+    values[:, 4] = 7.0  # where it is does not count
     run = Deviations((1.0, 0.0), 0.0, values)
     np.testing.assert_allclose(decay([run]), values[:, 0])
     assert steps_to_decay([run]) == 3
@@ -91,17 +92,18 @@ def test_a_speed_that_is_not_walked_is_an_error():
         (["nothing.json"], "nothing.json"),
         (["--speeds", "3"], "3 m/s is outside -0.5 .. 1 of"),
         (["--speeds", "nan"], "nan m/s is outside"),
+        (["--impulse", "50"], "50 N s is outside 0.1 .. 10"),
     ],
 )
 def test_wrong_input_is_named_in_a_line(arguments, reason, capsys):
-    assert return_map.main(arguments) == return_map.WRONG_INPUT
+    assert return_map.main(arguments) == WRONG_INPUT
     error = capsys.readouterr().err
     assert reason in error
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [["--impulse", "50"], ["--seed", "-1"], ["--jobs", "0"]])
+@pytest.mark.parametrize("arguments", [["--seed", "-1"], ["--jobs", "0"]])
 def test_wrong_options_are_refused(arguments, capsys):
     with pytest.raises(SystemExit):
         return_map.main(arguments)
-    assert "is outside" in capsys.readouterr().err
+    assert "is not a whole number of" in capsys.readouterr().err

@@ -10,13 +10,15 @@ import pytest
 from synthetic import glide
 
 from cassie_bags.bag.recording import Recording, Rows, stamps
-from cassie_bags.bag.standard_messages import odometry_dtype
-from cassie_bags.ros import toe_gains as command
+from cassie_bags.bag.standard_messages import read_odometry
+from cassie_bags.cli import toe_gains as command
+from cassie_bags.cli.frame import WRONG_INPUT
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_bags.signals.riding import gate_miss, measure_ride
 from cassie_bags.signals.track import rolled
+from cassie_bags.studies import toe_gains
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.segway_rows import GO, leans, segway_rows
 from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
@@ -43,7 +45,7 @@ RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
 def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
     """Rows of a Segway at 1 m/s, `left` of the x axis (m), whose pitch swings at 4 Hz (rad)."""
     time = np.arange(round(100 * seconds)) / 100.0
-    rows = np.zeros(len(time), odometry_dtype(bytes(1100)))
+    rows = np.zeros(len(time), read_odometry([]).dtype)
     rows["sec"], rows["nanosec"] = time, np.round(1e9 * (time % 1.0))
     rows["position"][:, 0], rows["position"][:, 1] = time, left
     angle = 0.5 * pitch * np.sin(2.0 * math.pi * 4.0 * time)
@@ -120,7 +122,7 @@ def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
 
 
 def test_random_leans_do_not_throw_her_off():
-    """She turned as it rolled slowly backward, and the torso swung from side to side."""
+    """It turned as it rolled slowly backward, and the torso swung from side to side."""
     row = next(row for row in segway_rows() if row.name == "segway.leans")
     trial = next(t for t in row.trials(Budget(seeds=6), 0.0) if t.seed == 6)
     shorter = dataclasses.replace(trial, content={**trial.content, "duration": 45.0})
@@ -177,8 +179,7 @@ def test_the_worst_robot_counts_and_who_fell_is_told():
 
 def test_a_folder_that_cannot_be_made_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("sys.argv", ["toe_gains", "--out", str(tmp_path / "file" / "folder")])
     monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr(command, "workers", lambda *_: pytest.fail("it runs"))
-    assert command.main() == command.WRONG_INPUT
+    monkeypatch.setattr(toe_gains, "workers", lambda *_: pytest.fail("it runs"))
+    assert command.main(["--out", str(tmp_path / "file" / "folder")]) == WRONG_INPUT
     assert "Not a directory" in capsys.readouterr().err

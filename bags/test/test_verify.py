@@ -15,10 +15,10 @@ from cassie_bags.bag.writer import QOS_LANE, BagWriter
 from cassie_bags.cli.verify import main
 from cassie_bags.errors import BagError
 from cassie_bags.run.cores import make_loop
-from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.experiment import packaged_folder, parse_experiment
 from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.verify import Replayed, verify
+from cassie_bags.run.verify import Replayed, Verification, verify
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sensors
 
 WALK = """
@@ -71,6 +71,22 @@ def test_a_bag_gives_the_same_bits_again(bag: Path, capsys: pytest.CaptureFixtur
     assert found.gaps == []
     assert main([str(bag)]) == 0
     assert capsys.readouterr().out.count("identical") == 3
+
+
+SHIPPED = sorted((packaged_folder() / "recordings").glob("*.mcap"))
+
+
+def test_bags_are_shipped_and_stay_small():
+    assert len(SHIPPED) >= 3
+    assert sum(path.stat().st_size for path in SHIPPED) < 15e6
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_bags_give_the_same_bits_again(path: Path):
+    found = verify(path)
+    assert found.compared > 3000
+    assert found.gaps == []
+    assert found.holds, found.differences
 
 
 def test_one_bit_is_found_with_its_place_and_both_values(bag: Path, tmp_path: Path):
@@ -206,3 +222,20 @@ def test_gaits_beside_the_bag_stand_for_those_that_changed(bag: Path, tmp_path: 
     assert _file(described, tmp_path / "bag.mcap") == tmp_path / "mine.json"
     with pytest.raises(BagError, match=r"/gone/mine\.json is not as it was"):
         _file({**described, "sha256": "0" * 64}, tmp_path / "bag.mcap")
+
+
+def test_with_other_libraries_the_first_seconds_are_held_to_a_tolerance(bag: Path):
+    found = verify(bag)
+    assert found.elsewhere == []
+    commands = found.replayed[MotorCommand.TOPIC]
+    off = {
+        **found.replayed,
+        MotorCommand.TOPIC: Replayed(commands.recorded, commands.computed.copy()),
+    }
+    elsewhere = Verification(off, [], ["numpy 1, recorded 2"])
+    torque = off[MotorCommand.TOPIC].computed["torque"]
+    torque[100, 0] = np.nextafter(torque[100, 0], 1e3)
+    assert elsewhere.differences
+    assert elsewhere.holds
+    torque[100, 0] += 1e-6
+    assert not elsewhere.holds

@@ -66,7 +66,7 @@ def test_it_does_not_run_ahead_at_the_end_of_an_acceleration():
 
 
 def test_it_does_not_bounce_from_leg_to_leg_while_it_walks_backward():
-    """Every other step was 3 cm higher, more and more until she fell."""
+    """Every other step was 3 cm higher, more and more until it fell."""
     recording, track = walk("vx: -0.9", 14.0, seed=1)
     status = recording.rows(ControllerStatus)
     late = stamps(status) > 10.0
@@ -90,7 +90,7 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
 # One robot in ten of those drawn falls; which ones hangs on the last bit of an angle.
 @pytest.mark.parametrize(("seed", "heavier"), [(None, 1.0), (None, 1.001), (5, 1.0)])
 def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed, heavier):
-    """She put her feet far out to catch herself, and they slid away."""
+    """It put its feet far out to catch itself, and they slid away."""
     file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
     changes = () if heavier == 1.0 else (f"model.mass={heavier}",)
     experiment = resolve(replace(load_experiment(file, changes, seed), duration=20.0))
@@ -115,7 +115,7 @@ def test_the_pillar_of_the_waxed_floor_is_in_her_way():
 
 @pytest.mark.parametrize("seed", [None, 4])
 def test_heels_that_dig_into_sand_pitch_her_feet_and_she_walks_on(seed):
-    """Feet pitched by 30 degrees looked like a slope, and the ground met them early: she fell."""
+    """Feet pitched by 30 degrees looked like a slope, and the ground met them early: it fell."""
     file = Path(__file__).parents[1] / "experiments" / "sand_court.yaml"
     experiment = resolve(replace(load_experiment(file, (), seed), duration=24.0))
     store = Store()
@@ -130,10 +130,10 @@ def test_heels_that_dig_into_sand_pitch_her_feet_and_she_walks_on(seed):
 
 @pytest.mark.parametrize("seed", [4, 8])
 def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
-    """Feet that were held back from far out let her speed to the side grow from step to step."""
+    """Feet that were held back from far out let its speed to the side grow from step to step."""
     (row,) = chosen_rows(["radio.jumps"])
     trial = next(one for one in row.trials(Budget(), 0.0) if one.seed == seed)
-    others = ("roll", "com_x", "com_y", "trims")  # with which she walks elsewhere
+    others = ("roll", "com_x", "com_y", "trims")  # with which it walks elsewhere
     steps = [
         {name: value for name, value in step.items() if name not in others}
         for step in trial.content["operator"]
@@ -147,7 +147,7 @@ def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
 
 
 def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_her():
-    """By 4 cm, for the sake of a waxed floor: robot 8 fell as she came onto it."""
+    """By 4 cm, for the sake of a waxed floor: robot 8 fell as it came onto it."""
     (row,) = chosen_rows(["slope.side"])
     trial = next(one for one in row.trials(Budget(), 8.0) if one.seed == 8)
     assert not run_trial(trial)["fell"]
@@ -177,7 +177,7 @@ def test_tilt_and_trims_do_not_make_a_walking_robot_fall(wish):
     ("row", "phase"), [("fore", 2), ("fore", 11), ("fore", 61), ("aft", 12), ("aft", 96)]
 )
 def test_a_push_in_place_is_not_answered_by_too_long_a_step(row, phase):
-    """The step that caught it threw her back faster than the next one could bear."""
+    """The step that caught it threw it back faster than the next one could bear."""
     trial = chosen_rows([f"push_in_place.{row}"])[0].trials(Budget(phases=100), 22.0)[phase]
     assert not run_trial(trial)["fell"]
 

@@ -127,8 +127,8 @@ class ModeInForce:
 class StopAndStand:
     """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
 
-    Off and damping stay what they are; other set-points keep their values. On a Segway, which she
-    does not leave, the lean goes back to zero as well: it would go on to drive her.
+    Off and damping stay what they are; other set-points keep their values. On a Segway, which it
+    does not leave, the lean goes back to zero as well: it would go on to drive it.
 
     Args:
         period: Of control. In s.

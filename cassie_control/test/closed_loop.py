@@ -44,7 +44,7 @@ class Moment:
 
 
 class Robot:
-    """A simulated Cassie and her operator."""
+    """A simulated Cassie and its operator."""
 
     def __init__(
         self,

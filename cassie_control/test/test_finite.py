@@ -36,3 +36,12 @@ def test_the_error_says_which_message():
     command.trims[1] = math.nan
     with pytest.raises(ControlError, match=r"^operator command trims\[1\] is nan, must be finite$"):
         check(command, "operator command", ControlError)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [1e200, -1e308, math.inf, math.nan])
+def test_a_value_whose_square_overflows_is_refused_without_a_warning(value):
+    state = RobotState()
+    state.q[5] = value
+    with pytest.raises(ControlError, match=r"q\[5\]"):
+        check(state, "state", ControlError)

@@ -168,7 +168,7 @@ def test_the_gains_fall_with_speed_forward(speed, share):
 
 @pytest.mark.parametrize(("wish", "share"), [(0.0, 0.0), (0.1, 0.5), (0.4, 1.0), (-0.4, 1.0)])
 def test_a_foot_is_held_back_from_far_out_under_way_only(wish, share):
-    """Held back in the steps that follow a push while standing, too, she fell."""
+    """Held back in the steps that follow a push while standing, too, it fell."""
     readings = pose()
     moving(readings, wish, -0.6)
 
@@ -187,7 +187,7 @@ def test_a_foot_is_held_back_from_far_out_under_way_only(wish, share):
     ("latency", "share"), [(0.0, 0.3), (0.005, 0.65), (0.01, 1.0), (0.04, 1.0)]
 )
 def test_with_late_drives_a_foot_goes_all_the_way_out(latency, share):
-    """Their sway is wide, and cut short it grew until she fell."""
+    """Their sway is wide, and cut short it grew until it fell."""
     late = LateGains(far_within=0.01)
     assert late.placement(WalkConfig(far_share=0.3), latency).far_share == pytest.approx(share)
 

@@ -63,7 +63,7 @@ def test_walking_begins_with_a_lean_to_the_left_and_a_step_of_the_right_leg():
     assert core.activity is Activity.STANDING
     command = run(core, standing(), WALK, 0.9 * CONFIG.transition.lean_time)
     assert core.activity is Activity.LEANING
-    assert command.position[8] > command.position[3]  # the right leg is longer: she leans left
+    assert command.position[8] > command.position[3]  # the right leg is longer: it leans left
     run(core, standing(), WALK, 0.2 * CONFIG.transition.lean_time)
     assert core.activity is Activity.WALKING
     assert float(core.status.stance_leg) == 0.0

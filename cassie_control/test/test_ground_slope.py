@@ -83,13 +83,13 @@ def ever_slower(phase):
 
 @pytest.mark.parametrize("rise", [lambda phase: np.tan(0.36 * phase), ever_slower])
 def test_a_foot_that_the_ground_gives_way_under_shows_no_slope(rise):
-    """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise she ran away."""
+    """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise it ran away."""
     assert max(map(abs, walk_with(GroundSlope(PERIOD), *10 * [rise]))) < 0.02
 
 
 @pytest.mark.parametrize(("rise", "least", "most"), [(0.2, 0.0, 0.01), (-0.2, -0.201, -0.19)])
 def test_a_rise_is_believed_no_longer_where_the_ground_gives_way(rise, least, most):
-    """A fall is: a foot that lands early costs a little speed, one that lands late throws her."""
+    """A fall is: a foot that lands early costs a little speed, one that lands late throws it."""
     slope = GroundSlope(PERIOD)
     *_, before = walk_with(slope, *25 * [lambda phase: rise])
     *_, after = walk_with(slope, *20 * [ever_slower])
@@ -127,7 +127,7 @@ def test_it_can_be_switched_off():
 
 
 def test_walks_down_a_slope_at_the_commanded_speed():
-    """Without the slope in the law she runs away to more than 1 m/s and falls."""
+    """Without the slope in the law it runs away to more than 1 m/s and falls."""
     parameters = {"rise_deg": -12.0, "start": 0.5}
     scenario = Scenario(scene="slope", scene_parameters=parameters, start="standing")
     robot = Robot(scenario, record=True)

@@ -55,7 +55,7 @@ def test_a_failing_channel_is_named_in_time(walked_faithful, channel, kind):
     assert set(first) <= {channel}
 
 
-# Between two steps she hardly accelerates; what falls into that is seen at the next touchdown.
+# Between two steps it hardly accelerates; what falls into that is seen at the next touchdown.
 @pytest.mark.parametrize(("ticks", "in_time"), [(10, IN_TIME), (20, STEP)], ids=["20ms", "40ms"])
 @pytest.mark.parametrize("axis", range(3))
 def test_a_late_accelerometer_is_named_in_time(walked_faithful, axis, ticks, in_time):
@@ -71,7 +71,7 @@ def test_a_late_accelerometer_is_named_in_time(walked_faithful, axis, ticks, in_
         assert set(first) <= {channel}
         if len(bad):
             assert first.get(channel, 10**6) <= bad[0] + in_time
-    assert errors > 0 or axis == 0  # fore and aft she hardly accelerates in place
+    assert errors > 0 or axis == 0  # fore and aft it hardly accelerates in place
 
 
 @pytest.mark.parametrize("start", range(200, 500, 60))

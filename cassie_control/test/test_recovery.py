@@ -1,4 +1,4 @@
-"""When steps that she took by herself may end."""
+"""When steps that it took by itself may end."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ def test_at_rest_on_both_feet_they_end():
     [{"vertical": 0.3}, {"vertical": -0.3}, {"ahead": 0.25}, {"aside": 0.5}, {"roll": 0.2}],
 )
 def test_who_bounces_runs_or_leans_steps_on(state):
-    """Taken over while she rises, a foot leaves the ground and she tips over the other."""
+    """Taken over while it rises, a foot leaves the ground and it tips over the other."""
     assert not rested(**state)

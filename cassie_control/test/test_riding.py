@@ -1,4 +1,4 @@
-"""Riding: which way is up, what the ground does, and where she leans."""
+"""Riding: which way is up, what the ground does, and where it leans."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Pendulum:
 @pytest.mark.parametrize("acceleration", [0.0, 0.5, -0.5])
 def test_the_grounds_acceleration_is_found_and_the_com_held_in_spite_of_it(acceleration):
     pendulum = Pendulum()
-    wanted = 0.04 * acceleration  # a Segway goes where she leans
+    wanted = 0.04 * acceleration  # a Segway goes where it leans
     pendulum.run(6.0, acceleration, wanted)
     assert pendulum.balance.acceleration[0] == pytest.approx(acceleration, abs=0.02)
     assert pendulum.balance.speed == pytest.approx(5.5 * acceleration, abs=0.1)
@@ -163,7 +163,7 @@ def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
 
 
 def test_who_leans_her_at_a_steady_speed_tells_her_that_speed():
-    """In one state all the time the ground seems to accelerate: without him she drifts off."""
+    """In one state all the time the ground seems to accelerate: without him it drifts off."""
     quick = replace(CONFIG, speed_time=0.5)
     leaning = mode_of(height=0.65, com_x=0.01, vx=3.0)
     told, _ = ridden(crouched(), leaning, 6000, quick)
@@ -199,7 +199,7 @@ def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
 
 
 def leant(ahead=0.0, turn=0.0, outward=0.03, **wish):
-    """Where she leans a second after a wish, as she turns with her CoM so far ahead (m, rad/s).
+    """Where it leans a second after a wish, as it turns with its CoM so far ahead (m, rad/s).
 
     Hips rolled `outward` (rad): by 0.03 the feet are 0.32 m from each other, as on a platform.
     """
@@ -212,13 +212,13 @@ def leant(ahead=0.0, turn=0.0, outward=0.03, **wish):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_too_fast_a_turn_is_not_leant_into(side):
-    """At the same lean it turns faster as it slows down, and throws her out."""
+    """At the same lean it turns faster as it slows down, and throws it out."""
     assert side * leant(turn=0.5 * side, com_y=0.095 * side)[1] > 0.06
     assert side * leant(turn=2.0 * side, com_y=0.095 * side)[1] < 0.03
 
 
 def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
-    """She ends a walk with feet 0.22 to 0.27 m from each other, and tipped over them."""
+    """It ends a walk with feet 0.22 to 0.27 m from each other, and tipped over them."""
     platform, narrow, narrower = (
         leant(ahead=0.03, outward=o, com_y=0.1)[1] for o in (0.03, 0.0, -0.02)
     )
@@ -228,7 +228,7 @@ def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
 
 
 def test_far_back_she_does_not_lean_to_a_side():
-    """There the outer shin catches the pad of the bar, and her foot slips."""
+    """There the outer shin catches the pad of the bar, and its foot slips."""
     assert leant(ahead=0.05, com_y=0.05)[1] == pytest.approx(0.05)
     assert leant(com_y=0.05)[1] == pytest.approx(0.05)
     assert leant(ahead=-0.08, com_y=0.05)[1] < 0.035
@@ -236,7 +236,7 @@ def test_far_back_she_does_not_lean_to_a_side():
 
 @pytest.mark.parametrize(("carried", "left"), [(0.97, 1.0), (0.9, 0.5), (0.8, 0.0)])
 def test_she_leans_less_where_the_feet_do_not_carry_her(carried, left):
-    """A shin on the bar's pad did: the feet told of rest while she rolled backward, and fell."""
+    """A shin on the bar's pad did: the feet told of rest while it rolled backward, and fell."""
     half = 0.5 * carried * WEIGHT
     state = state_of(leg_joints(), leg_joints(), height=0.65, forces=(half, half))
     for sign in (1.0, -1.0):

@@ -1,4 +1,4 @@
-"""A simulated Cassie rides: on plain ground, on a Segway until she is stopped and lifted off."""
+"""A simulated Cassie rides: on plain ground, on a Segway until it is stopped and lifted off."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
 
 
 def test_leant_to_a_side_after_a_walk_on_plain_ground_she_does_not_tip_over():
-    """She ends a walk with her feet nearer to each other than a Segway's platform has them."""
+    """It ends a walk with its feet nearer to each other than a Segway's platform has them."""
     robot = Robot(Scenario(start="standing", draw=Draw.from_seed(3)), "faithful")
     robot.run(2.0)
     robot.wish(mode=int(RobotMode.WALK))
@@ -73,7 +73,7 @@ def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
 
 @pytest.fixture(scope="module")
 def riding() -> Robot:
-    """At more than 3 m/s, leant forward for a while; the gantry lifts her at 30 s."""
+    """At more than 3 m/s, leant forward for a while; the gantry lifts it at 30 s."""
     robot = put_on(LET_DOWN["gantry"], 5.0, take_hold=28.0)
     robot.wish(com_x=0.06)
     robot.run(3.5)
@@ -111,7 +111,7 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
 
 
 def test_leant_back_and_to_a_side_until_it_rolls_backward_she_is_not_thrown_off():
-    """It turned faster and faster as it slowed down, and threw her out as it rolled back."""
+    """It turned faster and faster as it slowed down, and threw it out as it rolled back."""
     robot = put_on(LET_DOWN["gantry"][:2], 5.0)
     robot.wish(com_x=0.06)
     robot.run(2.0)

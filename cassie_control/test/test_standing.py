@@ -219,7 +219,7 @@ def test_the_torso_bends_to_where_the_feet_cannot_press(speed):
 
 
 def test_who_has_not_settled_meets_a_push_with_less():
-    """Ground that has just been met bounces: gains that stop a push would shake her."""
+    """Ground that has just been met bounces: gains that stop a push would shake it."""
     moving = both_feet(velocity=(0.03, 0.0))
     early = stood(moving, ticks=20).torque[TOES] - stood(both_feet()).torque[TOES]
     later = settled(moving).torque[TOES] - settled(both_feet()).torque[TOES]

@@ -78,7 +78,7 @@ def test_a_push_beyond_that_makes_her_step_and_stand_again(force):
     assert "walking" in activities
     assert set(activities[-1000:]) == {"standing"}
     assert abs(robot.moments[-1].velocity).max() < 0.05
-    assert "one foot off the ground: stepping until she rests" in told
+    assert "one foot off the ground: stepping until it rests" in told
     assert robot.supervisor.status.readiness == ""
     assert robot.mode is RobotMode.STAND
 

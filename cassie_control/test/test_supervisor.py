@@ -46,7 +46,7 @@ def test_hanging_she_stands_and_says_that_she_waits_to_be_let_down(scene):
     scene.state.foot_force[:] = 0.0
     scene.run(1.0)
     assert scene.mode is STAND
-    assert scene.readiness == f"the feet carry 0 N of {WEIGHT:.0f} N: let her down"
+    assert scene.readiness == f"the feet carry 0 N of {WEIGHT:.0f} N: let it down"
     scene.state.foot_force[:] = 0.5 * WEIGHT
     scene.run(1.0)
     assert scene.readiness == ""
@@ -57,7 +57,7 @@ def test_walking_needs_the_weight_on_the_feet(scene):
     scene.wish(mode=int(WALK))
     scene.run(2.0)
     assert scene.mode is STAND
-    assert scene.readiness == f"the feet carry {0.6 * WEIGHT:.0f} N of {WEIGHT:.0f} N: let her down"
+    assert scene.readiness == f"the feet carry {0.6 * WEIGHT:.0f} N of {WEIGHT:.0f} N: let it down"
 
 
 def test_walking_needs_both_feet_on_the_ground(scene):
@@ -74,7 +74,7 @@ def test_walking_begins_at_its_height(standing):
     mode = standing.run(2.0)
     assert standing.mode is STAND
     assert standing.readiness == "walking begins at 0.95 m, pelvis at 0.80 m"
-    assert float(mode.height) == pytest.approx(CONFIG.walk_height)  # she rises by herself
+    assert float(mode.height) == pytest.approx(CONFIG.walk_height)  # it rises by itself
 
 
 def test_walking_needs_standing_still_for_a_while(scene):
@@ -208,7 +208,7 @@ def test_a_fall_damps_until_she_has_been_upright_for_a_while(walking, index, val
     walking.state.q[index] = 0.0
     walking.run(0.9 * CONFIG.upright_time)
     assert walking.mode is DAMP
-    assert walking.readiness == "Cassie fell: hang her up or set her upright"
+    assert walking.readiness == "Cassie fell: hang it up or set its upright"
     walking.run(0.2 * CONFIG.upright_time)
     assert walking.mode is STAND
     assert not walking.core.status.fallen
@@ -233,7 +233,7 @@ def test_sinking_onto_the_ground_upright_is_a_fall_too(standing):
     for _ in range(250):
         standing.run()
         assert standing.mode is DAMP
-        assert standing.core.status.fallen  # upright, but as low as she fell
+        assert standing.core.status.fallen  # upright, but as low as it fell
     standing.state.q[2] = 0.6
     standing.run(1.2)
     assert standing.mode is STAND
@@ -243,7 +243,7 @@ def test_too_low_to_stand_is_said(scene):
     scene.state.q[2] = 0.3
     scene.run(2.0)
     assert scene.mode is DAMP
-    assert scene.readiness == "the pelvis is at 0.30 m: lift her"
+    assert scene.readiness == "the pelvis is at 0.30 m: lift it"
 
 
 def test_standing_begins_at_the_height_she_has_on_the_ground(scene):

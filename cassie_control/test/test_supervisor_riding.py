@@ -44,7 +44,7 @@ def ride(standing):
 
 
 def leave(riding):
-    """Ask to stand, wait until she has braked, and confirm."""
+    """Ask to stand, wait until it has braked, and confirm."""
     riding.wish(mode=int(STAND))
     riding.run(CONFIG.ride_stop_time + 0.1)
     riding.wish(mode=int(SEGWAY))
@@ -59,7 +59,7 @@ def test_riding_is_refused_with_a_foot_in_the_air(standing):
     standing.state.contact_probability[:] = (1.0, 0.0)
     standing.wish(mode=int(SEGWAY), height=0.6)
     standing.run(3.0)
-    assert "let her down" in standing.readiness
+    assert "let it down" in standing.readiness
 
 
 def test_a_link_that_comes_back_is_no_wish_to_ride(standing):

@@ -14,7 +14,8 @@ from cassie_sim.errors import SimulationError
 
 Image = npt.NDArray[np.uint8]
 _BACKENDS = {"egl": "libEGL.so.1", "osmesa": "libOSMesa.so.8"}
-_PACKAGES = "libegl1 and libgl1-mesa-dri (or libosmesa6)"
+PACKAGES = "libegl1 and libgl1-mesa-dri (or libosmesa6)"
+"""Debian packages that rendering needs."""
 
 
 class RenderError(SimulationError):
@@ -125,5 +126,5 @@ def _gl_context(width: int, height: int) -> Any:
         except Exception as error:  # the bindings raise whatever their loader raised
             problems.append(f"{backend}: {error}")
     raise RenderError(
-        f"cannot render off screen ({'; '.join(problems)}): install the Debian packages {_PACKAGES}"
+        f"cannot render off screen ({'; '.join(problems)}): install the Debian packages {PACKAGES}"
     )

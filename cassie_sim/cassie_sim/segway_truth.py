@@ -5,17 +5,15 @@ Nothing on the control lane reads them: the robot does not know what it stands o
 
 from __future__ import annotations
 
-import struct
-
 import mujoco
 
-from cassie_sim.ground_truth import TYPE as ODOMETRY
-from cassie_sim.ground_truth import OdometryWriter, stamped
+from cassie_msgs.standard_messages import IMU, ODOMETRY, Writer
+from cassie_sim.ground_truth import OdometryWriter
 from cassie_sim.plant import Plant
 
 TRUTH_TOPIC = "/segway/ground_truth"
 IMU_TOPIC = "/segway/imu"
-TYPES = {TRUTH_TOPIC: ODOMETRY, IMU_TOPIC: "sensor_msgs/msg/Imu"}
+TYPES = {TRUTH_TOPIC: ODOMETRY.type, IMU_TOPIC: IMU.type}
 """Type of each topic."""
 
 FRAME = "segway"
@@ -24,7 +22,7 @@ RATE = 100
 """Highest rate of the messages, in robot time. In Hz."""
 
 _UNKNOWN = -1.0  # first element of a covariance: the reading is not given
-_READINGS = struct.Struct("<4d9d3d9d3d9d")
+_ANGULAR, _FORCE = (slice(first, first + count) for first, count in IMU.fields.values())
 
 
 class SegwayTruth:
@@ -36,8 +34,8 @@ class SegwayTruth:
 
     def __init__(self) -> None:
         self._odometry = OdometryWriter(FRAME)
-        head = b"\x00\x01\x00\x00" + stamped(IMU_FRAME)
-        self._head = head + bytes(-(len(head) - 4) % 8)
+        self._imu = Writer(IMU, IMU_FRAME)
+        self._imu.figures[3:5] = 1.0, _UNKNOWN  # w, and the first covariance of the orientation
         self._model: mujoco.MjModel | None = None
         self._is_there = False
 
@@ -66,10 +64,6 @@ class SegwayTruth:
 
     def _write_imu(self, plant: Plant) -> bytes:
         felt = plant.data.sensordata
-        rates, force = (felt[i : i + 3].tolist() for i in (self._gyro, self._force))
-        none = (0.0,) * 9
-        readings = _READINGS.pack(
-            *(0.0, 0.0, 0.0, 1.0), *(_UNKNOWN, *none[1:]), *rates, *none, *force, *none
-        )
-        stamp = struct.pack("<iI", *divmod(plant.seq * plant.tick_ns, 1_000_000_000))
-        return self._head[:4] + stamp + self._head[12:] + readings
+        self._imu.figures[_ANGULAR] = felt[self._gyro : self._gyro + 3]
+        self._imu.figures[_FORCE] = felt[self._force : self._force + 3]
+        return self._imu.to_bytes(plant.seq * plant.tick_ns)

@@ -6,10 +6,11 @@ import math
 import struct
 from dataclasses import dataclass
 
+from cassie_msgs.sample import LayoutError
+from cassie_msgs.standard_messages import ODOMETRY, read_rows
+
 TOPIC = "/cassie/ground_truth"
 """nav_msgs/Odometry of the true pelvis, which stands for the operator's eyes."""
-
-_NUMBERS = struct.Struct("<7d")
 
 
 class SightError(ValueError):
@@ -53,13 +54,12 @@ def see(raw: bytes) -> Sight:
         SightError: if it is too short to be one.
     """
     try:
-        end = _after_string(raw, 12)
-        end = _after_string(raw, 4 + -(-(end - 4) // 4) * 4)
-        pose = 4 + -(-(end - 4) // 8) * 8
-        x, y, _, qx, qy, qz, qw = _NUMBERS.unpack_from(raw, pose)
-        vx, vy, vz, *_ = struct.unpack_from("<3d", raw, pose + 8 * (7 + 36))
-    except struct.error:
-        raise SightError(f"{len(raw)} bytes are no odometry") from None
+        (row,) = read_rows(ODOMETRY, [raw])
+    except LayoutError as error:
+        raise SightError(str(error)) from None
+    x, y, _ = row["position"].tolist()
+    qx, qy, qz, qw = row["orientation"].tolist()
+    vx, vy, vz = row["linear"].tolist()
     # The first two rows of the rotation, body to world.
     row_x = (1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qz * qw), 2.0 * (qx * qz + qy * qw))
     row_y = (2.0 * (qx * qy + qz * qw), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz - qx * qw))
@@ -68,8 +68,3 @@ def see(raw: bytes) -> Sight:
     world_y = row_y[0] * vx + row_y[1] * vy + row_y[2] * vz
     speed = math.cos(heading) * world_x + math.sin(heading) * world_y
     return Sight(stamp_of(raw), x, y, heading, speed)
-
-
-def _after_string(raw: bytes, start: int) -> int:
-    (length,) = struct.unpack_from("<I", raw, start)
-    return start + 4 + int(length)

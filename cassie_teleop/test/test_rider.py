@@ -50,7 +50,7 @@ def test_what_he_sees_is_what_the_odometry_says():
     assert (seen.x, seen.y) == (1.0, -2.0)
     assert seen.heading == pytest.approx(0.7)
     assert seen.speed == pytest.approx(3.0)
-    with pytest.raises(SightError, match="no odometry"):
+    with pytest.raises(SightError, match="are no nav_msgs/msg/Odometry"):
         see(b"short")
 
 

@@ -70,9 +70,8 @@ def _write_parquet(table: Table, path: Path) -> None:
     columns = table.columns()
     fields = []
     for name, values in columns.items():
-        unit = table.field(name.partition(".")[0] if name not in table.fields else name).unit
         array_type = pa.string() if values.dtype.kind == "U" else pa.from_numpy_dtype(values.dtype)
-        fields.append(pa.field(name, array_type, metadata={"unit": unit}))
+        fields.append(pa.field(name, array_type, metadata={"unit": table.unit(name)}))
     arrays = [
         pa.array(values.tolist() if values.dtype.kind == "U" else np.ascontiguousarray(values))
         for values in columns.values()
@@ -103,7 +102,7 @@ def _write_units(tables: Mapping[str, Table], path: Path) -> None:
                 field = table.field(name)
                 for component in table.components(name) or ("",):
                     column = f"{name}.{component}" if component else name
-                    writer.writerow((topic, column, field.unit, field.about))
+                    writer.writerow((topic, column, table.unit(column), field.about))
 
 
 FORMATS: dict[str, Callable[[Table, Path], None]] = {

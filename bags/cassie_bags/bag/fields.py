@@ -45,6 +45,9 @@ _VARIANCES = (
     *("x", "y", "z", "yaw", "pitch", "roll", "vx", "vy", "vz"),
     *("rate_x", "rate_y", "rate_z"),
 )
+_POSE_UNITS = ("m",) * 3 + ("rad",) * 17
+_OUTPUT_UNITS = tuple("m" if name.endswith("length") else "rad" for name in OUTPUTS)
+_VARIANCE_UNITS = ("m^2",) * 3 + ("rad^2",) * 3 + ("m^2/s^2",) * 3 + ("rad^2/s^2",) * 3
 _MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in RobotMode)
 
 
@@ -56,11 +59,23 @@ class Field:
         unit: Its unit; empty for numbers without one.
         about: What it is.
         components: Names of the entries of an array, in order; empty for a scalar.
+        units: Unit of each entry, where they differ.
     """
 
     unit: str
     about: str
     components: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    def unit_of(self, component: str) -> str:
+        """Unit of an entry by its name; the field's for a scalar."""
+        if self.units and component in self.components:
+            return self.units[self.components.index(component)]
+        return self.unit
+
+
+def _per_second(units: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{unit}/s" for unit in units)
 
 
 _COMMON = {
@@ -110,22 +125,24 @@ FIELDS: dict[str, dict[str, Field]] = {
         "drive_torque": Field("Nm", "torque at the joint", DRIVES),
         "joint_position": Field("rad", "joints without a drive of their own", JOINTS),
         "joint_velocity": Field("rad/s", "their speed", JOINTS),
-        "battery": Field("V, 0..1", "voltage and state of charge", ("voltage", "charge")),
+        "battery": Field(
+            "V, 0..1", "voltage and state of charge", ("voltage", "charge"), ("V", "0..1")
+        ),
         "power": Field("", "1 while the drives are powered"),
         "damping": Field("", "1 while the drives damp by themselves"),
         **_DELAYS,
     },
     RobotState.TOPIC: {
         **_COMMON,
-        "q": Field("m, rad", "generalized coordinates, see eq:qdef", COORDINATES),
-        "v": Field("m/s, rad/s", "time derivative of q", COORDINATES),
+        "q": Field("m, rad", "generalized coordinates, see eq:qdef", COORDINATES, _POSE_UNITS),
+        "v": Field("m/s, rad/s", "time derivative of q", COORDINATES, _per_second(_POSE_UNITS)),
         "com_position": Field("m", "from the middle of the feet, heading frame", XYZ),
         "com_velocity": Field("m/s", "of the centre of mass, heading frame", XYZ),
         "foot_force": Field("N", "vertical force from spring deflection", LEGS),
         "foot_load": Field("0..1", "part of the load threshold on each foot", LEGS),
         "contact_probability": Field("0..1", "of each foot", LEGS),
         "angular_velocity": Field("rad/s", "pelvis frame", XYZ),
-        "covariance": Field("squares of m, rad, m/s, rad/s", "its diagonal", _VARIANCES),
+        "covariance": Field("", "its diagonal", _VARIANCES, _VARIANCE_UNITS),
         "power": Field("", "1 while the drives are powered"),
         "drive_torque": Field("Nm", "as the drives report it", DRIVES),
         "battery_charge": Field("0..1", "-1 while the gauge fails"),
@@ -157,8 +174,8 @@ FIELDS: dict[str, dict[str, Field]] = {
         "gait_speed": Field("m/s", "speed at which the gait library is read"),
         "step_time": Field("s", "nominal duration of the present step"),
         "velocity": Field("m/s", "filtered velocity", ("sagittal", "lateral")),
-        "y": Field("rad, m", "tracking error of the nine outputs", OUTPUTS),
-        "dy": Field("rad/s, m/s", "its rate", OUTPUTS),
+        "y": Field("rad, m", "tracking error of the nine outputs", OUTPUTS, _OUTPUT_UNITS),
+        "dy": Field("rad/s, m/s", "its rate", OUTPUTS, _per_second(_OUTPUT_UNITS)),
         "saturation": Field("", "largest ratio of commanded to permitted torque"),
         "command_latency": Field("s", "from a state to the drives, beyond their 3 ms"),
         "supervisor_lost": Field("", "1 while the controller stops and stands by itself"),

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.standard_messages import IMU_TYPE, read_imu, read_odometry
-from cassie_bags.bag.standard_messages import TYPE as ODOMETRY
+from cassie_bags.bag.standard_messages import read_imu, read_odometry
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
+from cassie_msgs.standard_messages import IMU, ODOMETRY
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[Any]
@@ -29,9 +29,9 @@ SEGWAY_IMU_TOPIC = "/segway/imu"
 
 TYPES: dict[str, str] = {
     **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
-    GROUND_TRUTH_TOPIC: ODOMETRY,
-    SEGWAY_TRUTH_TOPIC: ODOMETRY,
-    SEGWAY_IMU_TOPIC: IMU_TYPE,
+    GROUND_TRUTH_TOPIC: ODOMETRY.type,
+    SEGWAY_TRUTH_TOPIC: ODOMETRY.type,
+    SEGWAY_IMU_TOPIC: IMU.type,
 }
 """Message type of each topic that every run is recorded with; the Segway's only where it is."""
 

@@ -177,8 +177,9 @@ def information(files: Sequence[Contents]) -> dict[str, Any]:
 
 
 def record_of(contents: Contents) -> dict[str, str]:
-    """Content of the metadata record `RECORD` of a file."""
-    return {"serialized_metadata": _text(information([contents])), "ROS_DISTRO": "jazzy"}
+    """Content of the metadata record `RECORD` of a file, which may be renamed."""
+    said = information([contents]) | {"relative_file_paths": [], "files": []}
+    return {"serialized_metadata": _text(said), "ROS_DISTRO": "jazzy"}
 
 
 def write_metadata(folder: Path, files: Sequence[Contents]) -> None:

@@ -151,6 +151,22 @@ def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
         yield from pairwise(bounds)
 
 
+def intervals_of_mode(
+    time: npt.NDArray[np.float64], modes: npt.NDArray[np.int64]
+) -> list[Interval]:
+    """Intervals of one mode each.
+
+    Args:
+        time: Of samples. Shape (n,), in s.
+        modes: Mode at each. Shape (n,).
+    """
+    last = len(time) - 1
+    return [
+        Interval(_mode_name(modes[start]), float(time[start]), float(time[min(end, last)]))
+        for start, end in runs(modes)
+    ]
+
+
 def _decoded(
     topic: str,
     messages: Mapping[str, list[bytes]],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,6 +63,13 @@ class Table:
         """Unit and meaning of a field."""
         return TIMES.get(name) or FIELDS.get(self.topic, {}).get(name, _UNKNOWN)
 
+    def unit(self, column: str) -> str:
+        """Unit of a column."""
+        if column in TIMES or column in self.fields:
+            return self.field(column).unit
+        name, _, component = column.rpartition(".")
+        return self.field(name).unit_of(component)
+
     def components(self, name: str) -> tuple[str, ...]:
         """Names of the entries of a field; empty for a scalar."""
         values = self.fields[name]
@@ -105,6 +112,73 @@ def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[
     if not messages:
         raise BagError(f"{bag} holds no whole message{' of these topics' if topics else ''}")
     return {topic: _table(topic, messages[topic], index) for topic in sorted(messages)}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Columns of one field over time.
+
+    Attributes:
+        name: Topic and field.
+        unit: Of all of them.
+        time: In s.
+        columns: Shape (n,) each, by the name of the component; the field's for a scalar.
+    """
+
+    name: str
+    unit: str
+    time: npt.NDArray[np.float64]
+    columns: Mapping[str, Array]
+
+
+def read_curves(bag: Path | str, names: Sequence[str]) -> list[Curve]:
+    """Fields of a bag by name.
+
+    Args:
+        bag: MCAP file, or a folder as `ros2 bag` writes it.
+        names: TOPIC.FIELD or TOPIC.FIELD.COMPONENT; `/cassie/` may be left out.
+
+    Raises:
+        BagError: if it cannot be read, or has no such field (the message names the nearest one);
+            if a field holds words.
+    """
+    index = BagIndex()
+    for _ in read_messages(bag, (), index):
+        pass
+    parts = [_topic_of(name, index.types) for name in names]
+    tables = read_tables(bag, list(dict.fromkeys(topic for topic, _ in parts)))
+    found = []
+    for topic, name in parts:
+        if topic not in tables:
+            raise BagError(f"{bag} holds no message of {topic}")
+        found.append(_curve(tables[topic], name))
+    return found
+
+
+def _topic_of(name: str, topics: Collection[str]) -> tuple[str, str]:
+    """Topic and field that a word names."""
+    for topic in sorted(topics, key=len, reverse=True):
+        for alias in (topic, topic.strip("/"), topic.removeprefix("/cassie/")):
+            if name.startswith(f"{alias}."):
+                return topic, name[len(alias) + 1 :]
+    raise BagError(unknown_name(name.partition(".")[0], topics, "topic"))
+
+
+def _curve(table: Table, name: str) -> Curve:
+    columns = table.columns()
+    if name in table.fields:
+        parts = table.components(name)
+        chosen = {part: columns[f"{name}.{part}"] for part in parts} or {name: columns[name]}
+        unit = table.field(name).unit
+    elif name in columns:
+        chosen, unit = {name.rpartition(".")[2]: columns[name]}, table.unit(name)
+    elif below := {key: columns[key] for key in columns if key.startswith(f"{name}.")}:
+        chosen, unit = {key[len(name) + 1 :]: values for key, values in below.items()}, ""
+    else:
+        raise BagError(unknown_name(name, [*table.fields, *columns], f"field of {table.topic}"))
+    if any(values.dtype.kind not in "biuf" for values in chosen.values()):
+        raise BagError(f"{table.topic}.{name} holds words, which cannot be drawn")
+    return Curve(f"{table.topic}.{name}", unit, columns["time"], chosen)
 
 
 def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) -> Table:

@@ -3,59 +3,34 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
-from collections.abc import Iterable
+from collections.abc import Sequence
 
-from tqdm import tqdm
-
-from cassie_bags.studies.estimators import GROUNDS, Errors, compare, table
-from cassie_gaits.errors import CassieError
-
-DONE, WRONG_INPUT, STOPPED = 0, 2, 130
-"""Exit codes."""
+from cassie_bags.cli.arguments import count
+from cassie_bags.cli.frame import exit_codes, play
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags estimators`."""
-    arguments = _arguments()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    results: list[Errors] = []
-    try:
-        for ground in arguments.grounds or GROUNDS:
-            results += compare(ground, arguments.seed, _progress)
-    except KeyboardInterrupt:
-        print("estimators: stopped", file=sys.stderr)
-        return STOPPED
-    except (ValueError, CassieError) as error:
-        print(f"estimators: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
-    print(f"seed {arguments.seed}; RMS errors against the truth", file=sys.stderr)
-    print("\n".join(table(results)))
-    return DONE
+    return play(_parser(), _run, argv)
 
 
-def _progress(ticks: range) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
-    return bar
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.studies.estimators import run
+
+    return run(arguments)
 
 
-def _arguments() -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="estimators",
         description="Walk on each ground once, give the recorded samples to both estimators and "
         "print their errors against the truth.",
-        epilog="Exit codes: 0 done, 2 wrong arguments, 130 stopped.",
+        epilog=exit_codes("done", ""),
     )
-    parser.add_argument("grounds", nargs="*", metavar="GROUND", help=f"of {', '.join(GROUNDS)}")
-    parser.add_argument("--seed", type=int, default=1, help="robot and noise drawn (default 1)")
-    arguments = parser.parse_args()
-    for ground in arguments.grounds:
-        if ground not in GROUNDS:
-            parser.error(f"unknown ground {ground}: choose from {', '.join(GROUNDS)}")
-    if arguments.seed < 0:
-        parser.error(f"--seed = {arguments.seed} is outside 0 .. inf")
-    return arguments
+    parser.add_argument("grounds", nargs="*", metavar="GROUND", help="all of them if none is named")
+    parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
+    return parser
 
 
 if __name__ == "__main__":

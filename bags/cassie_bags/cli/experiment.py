@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -23,11 +24,14 @@ from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import Experiment, load_experiment
 from cassie_bags.run.judge import Outcome, evaluate
 from cassie_bags.run.observers import BagObserver, both
+from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.run.yaml_file import consistent
-from cassie_bags.signals.track import make_track
 from cassie_bags.studies.workers import ctrl_c_at_the_end
+
+if TYPE_CHECKING:
+    from cassie_bags.report.page import Entry
 
 PASSED, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
@@ -45,7 +49,7 @@ def main() -> int:
             experiment, arguments.out, in_process=arguments.in_process, stack=arguments.stack
         )
         if arguments.out is not None:
-            outcome = keep(outcome, arguments.out, pictures=not arguments.no_pictures)
+            outcome, _ = keep(outcome, arguments.out, pictures=not arguments.no_pictures)
     except KeyboardInterrupt:
         print("experiment: stopped", file=sys.stderr)
         return STOPPED
@@ -114,22 +118,36 @@ def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
     return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
 
 
-def keep(outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True) -> Outcome:
-    """Leave table, JSON and pictures beside the bag; returns the outcome with their names."""
+def keep(
+    outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True
+) -> tuple[Outcome, Entry]:
+    """Leave table, JSON, pictures and page beside the bag.
+
+    Returns:
+        The outcome with their names, and what a page says of it.
+    """
+    from cassie_bags.report.page import page, run_entry
+
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
     write_resolved(outcome.experiment, files["experiment"])
     write_metadata(folder, [contents_of(bag)])
+    view = None
     if pictures:
         from cassie_bags.report.pictures import draw
+        from cassie_bags.report.view import view_of_run
 
-        track = make_track(read_recording(bag))
-        files |= draw(outcome.experiment, track, folder, film=film)
+        view = view_of_run(outcome.experiment, bag)
+        files |= draw(view, folder, film=film) | {"report": folder / "report.html"}
     names = {name: str(path) for name, path in files.items()}
     outcome = dataclasses.replace(outcome, files=names)
     files["table"].write_text(table(outcome) + "\n", encoding="utf-8")
     (folder / "result.json").write_text(json_line(outcome) + "\n", encoding="utf-8")
-    return outcome
+    entry = run_entry(outcome, view, {})
+    if pictures:
+        title = f"Cassie: {outcome.experiment.name}"
+        files["report"].write_text(page(title, [entry], versions()), encoding="utf-8")
+    return outcome, entry
 
 
 def _interrupt(*_: object) -> None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import signal
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -18,7 +16,6 @@ from cassie_bags.cli.arguments import count
 from cassie_bags.cli.experiment import keep, run_experiment
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page
-from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters
 from cassie_bags.run.experiment import Experiment, load_experiment, packaged_experiments
 from cassie_bags.run.provenance import versions
@@ -44,21 +41,21 @@ class Task:
     film: bool
 
 
-def run_task(task: Task) -> tuple[str, str]:
+def run_task(task: Task) -> Entry:
     """Run an experiment and leave its files.
 
     Returns:
-        Its line of JSON and its table; what ended a run before its end is told in their place.
+        What the page says of it; what ended a run before its end is told in its place.
     """
     experiment = _experiment(task)
     try:
         outcome = run_experiment(experiment, task.folder, in_process=task.in_process)
-        outcome = keep(outcome, task.folder, pictures=True, film=task.film)
+        _, entry = keep(outcome, task.folder, pictures=True, film=task.film)
     except (RunError, ValueError, OSError) as error:
         reason = f"{NOT_RUN}: {' '.join(str(error).split())}"
         content = {"name": experiment.name, "seed": experiment.seed, "passed": False}
-        return json.dumps(content | {"failures": [reason]}), reason
-    return json_line(outcome), table(outcome)
+        return content | {"failures": [reason]}
+    return entry
 
 
 def main() -> int:
@@ -79,7 +76,7 @@ def main() -> int:
     except (ValueError, OSError) as error:
         print(f"experiments: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
-    failures = [failure for entry in entries for failure in entry.content["failures"]]
+    failures = [failure for entry in entries for failure in entry["failures"]]
     if any(failure.startswith(NOT_RUN) for failure in failures):
         return NO_RUN
     return NOT_AS_EXPECTED if failures else PASSED
@@ -117,10 +114,8 @@ def _run(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     crew: Workers = ThisProcess() if arguments.dds else workers(arguments.jobs, None)
     bar = tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty(), leave=False)
     with contextlib.closing(crew), bar:
-        for index, (line, text) in crew.results(run_task, tasks):
-            content: dict[str, Any] = json.loads(line)
-            about = _experiment(tasks[index]).about
-            found[index] = Entry(content, about, text)
+        for index, content in crew.results(run_task, tasks):
+            found[index] = content
             entries = [found[key] for key in sorted(found)]
             path = arguments.out / "report.html"
             sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None
@@ -128,7 +123,7 @@ def _run(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
             bar.update()
             verdict = "as expected" if content["passed"] else "; ".join(content["failures"])
             bar.write(f"{content['name']}, seed {content['seed']}: {verdict}", file=sys.stderr)
-    print(f"{sum(e.content['passed'] for e in entries)} of {len(entries)} as expected: {path}")
+    print(f"{sum(e['passed'] for e in entries)} of {len(entries)} as expected: {path}")
     return entries
 
 

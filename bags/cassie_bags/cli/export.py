@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import SAME, answer, bag_argument, stem
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play, stem
 
 FORMATS = ("csv", "parquet", "npz")
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags export`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="export",
         description="Write topics of a bag into files for other programs, one for each topic, and "
         "fields.csv with the unit of every column.",
-        epilog="Exit codes: 0, 2 for a wrong file or arguments, 130 stopped.",
+        epilog=exit_codes("done"),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
     parser.add_argument("--format", choices=FORMATS, default="csv", help="default: csv")
@@ -27,11 +32,10 @@ def main() -> int:
     parser.add_argument(
         "-o", "--output", type=Path, default=None, help="folder (default: BAG_FORMAT)"
     )
-    arguments = parser.parse_args()
-    return answer("export", lambda: _export(arguments))
+    return parser
 
 
-def _export(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.bag.export import export
     from cassie_bags.bag.tables import read_tables
 
@@ -43,7 +47,7 @@ def _export(arguments: argparse.Namespace) -> int:
     files = export(tables, folder, arguments.format)
     count = sum(len(table.log_time) for table in tables.values())
     print(f"{count} messages of {len(tables)} topics in {len(files)} files in {folder}")
-    return SAME
+    return OK
 
 
 if __name__ == "__main__":

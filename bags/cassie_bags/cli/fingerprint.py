@@ -3,165 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import dataclasses
-import functools
-import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
-from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.run.experiment import packaged_experiments
-from cassie_bags.run.fingerprint import (
-    FAST,
-    ROBOTS,
-    START,
-    Difference,
-    Fingerprint,
-    Fingerprints,
-    Run,
-    default_path,
-    differences,
-    environment,
-    fields_to_hash,
-    load,
-    save,
-    take,
-)
-from cassie_bags.studies.workers import Workers, workers
-
-SAME, DIFFERENT, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
-"""Exit codes."""
+from cassie_bags.cli.frame import exit_codes, play
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags fingerprint`."""
-    arguments = _arguments(argv)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with contextlib.closing(workers(arguments.jobs, None)) as crew:
-            return _renew(arguments, crew) if arguments.renew else _check(arguments, crew)
-    except KeyboardInterrupt:
-        print("fingerprint: stopped", file=sys.stderr)
-        return STOPPED
-    except RunError as error:
-        print(f"fingerprint: error: {error}", file=sys.stderr)
-        return NO_RUN
-    except (ValueError, OSError) as error:
-        print(f"fingerprint: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
+    return play(_parser(), _run, argv)
 
 
-def _check(arguments: argparse.Namespace, crew: Workers) -> int:
-    known = load(arguments.file)
-    elsewhere = _changes(known.environment)
-    runs = _runs(arguments, START if elsewhere else None)
-    if elsewhere:
-        print(
-            f"not as recorded: {'; '.join(elsewhere)}\n"
-            f"holding the pose in the first {START:g} s within tolerances in place of the bits"
-        )
-    found = _take(runs, known, crew)
-    told: list[Difference] = []
-    for run in runs:
-        expected = known.runs.get(run.file.stem, {}).get(run.robot)
-        if expected is None:
-            told.append(Difference(run.file.stem, run.robot, "", "has no fingerprint: --renew"))
-        else:
-            told += differences(run, expected, found[run], exactly=not elsewhere)
-    if not (arguments.files or arguments.fast):
-        names = {run.file.stem for run in runs}
-        told += [
-            Difference(name, robot, "", "has no experiment file: --renew")
-            for name, robots in known.runs.items()
-            for robot in robots
-            if name not in names
-        ]
-    _print(told, len(runs))
-    return DIFFERENT if told else SAME
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.studies.fingerprints import run
+
+    return run(arguments)
 
 
-def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
-    if arguments.fast or arguments.bags:
-        raise ExperimentError("--renew takes whole runs: neither --fast nor --bags")
-    prints = Fingerprints(environment(), fields_to_hash(), {})
-    if arguments.files and arguments.file.exists():
-        known = load(arguments.file)
-        if (changes := _changes(known.environment)) or known.fields != prints.fields:
-            changed = "; ".join(changes) or "messages have other fields"
-            raise ExperimentError(f"all fingerprints have to be renewed: {changed}")
-        prints = known
-    runs = _runs(arguments, None)
-    merged = {name: dict(robots) for name, robots in prints.runs.items()}
-    for run, found in _take(runs, prints, crew).items():
-        merged.setdefault(run.file.stem, {})[run.robot] = found
-    in_order = {name: dict(sorted(robots.items())) for name, robots in sorted(merged.items())}
-    save(dataclasses.replace(prints, runs=in_order), arguments.file)
-    print(f"fingerprints of {len(runs)} runs: {arguments.file}")
-    return SAME
-
-
-def _take(runs: list[Run], prints: Fingerprints, crew: Workers) -> dict[Run, Fingerprint]:
-    """Fingerprints of runs, made of the same fields as `prints`."""
-    found: dict[Run, Fingerprint] = {}
-    with tqdm(total=len(runs), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for index, taken in crew.results(functools.partial(take, fields=prints.fields), runs):
-            found[runs[index]] = taken
-            bar.update()
-    return found
-
-
-def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
-    files: list[Path] = arguments.files or packaged_experiments()
-    if not arguments.fast:
-        return [
-            Run(file, robot, seconds, _bag(arguments.bags, file.stem, robot))
-            for file in files
-            for robot in ROBOTS
-        ]
-    chosen = {file: FAST[file.stem] for file in files if file.stem in FAST}
-    return [Run(file, robot, seconds or long) for file, (robot, long) in chosen.items()]
-
-
-def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
-    """The bag that the command `experiments` left of a run in its folder, if it is there."""
-    if folder is None:
-        return None
-    bag = folder / (f"{name}_{robot}" if robot else name) / "bag.mcap"
-    return bag if bag.exists() else None
-
-
-def _changes(recorded: Mapping[str, str]) -> list[str]:
-    """In what this machine and its libraries are not those of the fingerprints."""
-    here = environment()
-    return [
-        f"{name} {here.get(name, 'unknown')}, recorded {recorded.get(name, 'unknown')}"
-        for name in {**recorded, **here}
-        if here.get(name) != recorded.get(name)
-    ]
-
-
-def _print(told: list[Difference], count: int) -> None:
-    if told:
-        print(f"{'experiment':20} {'robot':5}  {'topic':26} what")
-    for each in told:
-        print(f"{each.experiment:20} {each.robot:5}  {each.topic:26} {each.what}")
-    wrong = len({(each.experiment, each.robot) for each in told})
-    print(f"{wrong} of {count} runs differ" if told else f"{count} runs as recorded")
-
-
-def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fingerprint",
         description="Run experiments in one process, without ROS, and hold each topic against "
         "its recorded SHA-256: a change that is meant to change nothing changes none. With other "
         "libraries or another kind of processor the estimated pose in the first "
-        f"{START:g} s must be the same within tolerances.",
-        epilog="Exit codes: 0 as recorded, 1 not, 2 wrong file or arguments, 3 a worker died, "
-        "130 stopped.",
+        "5 s must be the same within tolerances.",
+        epilog=exit_codes("as recorded", "not"),
     )
     parser.add_argument("files", nargs="*", type=Path, help="experiments; all of the package")
     parser.add_argument("--fast", action="store_true", help="the first part of a few runs only")
@@ -172,11 +39,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         metavar="FOLDER",
         help="read bags that the command experiments left here, in place of making these runs",
     )
-    parser.add_argument(
-        "--file", type=Path, default=default_path(), help="of fingerprints (the package's)"
-    )
+    parser.add_argument("--file", type=Path, default=None, help="of fingerprints (the package's)")
     parser.add_argument("--jobs", type=int, default=None, help="processes; one for each core")
-    return parser.parse_args(argv)
+    return parser
 
 
 if __name__ == "__main__":

@@ -3,177 +3,38 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import datetime
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from cassie_bags.cli.arguments import positive, seconds
-from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.run.cores import load_learned
-from cassie_bags.run.provenance import versions
-from cassie_bags.run.yaml_file import consistent
-from cassie_bags.studies.learn import (
-    Comparison,
-    compared,
-    comparisons,
-    learn,
-    lessons,
-    merged,
-)
-from cassie_bags.studies.learn_picture import draw
-from cassie_bags.studies.sweep.course import Budget, walk
-from cassie_bags.studies.trial import experiment_of, run_trial
-from cassie_bags.studies.workers import Workers, workers
-from cassie_control.controller.learned_torques import (
-    SPEEDS,
-    LearnedTorques,
-    load_torques,
-    nothing_learned,
-    path_beside,
-    save_torques,
-)
-from cassie_gaits.gait_library import OUTPUTS, Provenance
-from cassie_gaits.gait_library_file import default_library_path
-
-LEARNED, WORSE, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
-"""Exit codes."""
-
-HELD_OUT_FROM = 1001
-"""First seed of the robots that it does not learn from."""
-
-FILE = path_beside(default_library_path()).name
+from cassie_bags.cli.frame import exit_codes, play
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags learn_torques`."""
-    arguments = _arguments()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        learned = _begin(arguments)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew:
-            learned = _learn(learned, arguments, crew)
-            file = arguments.out / FILE
-            save_torques(learned, file)
-            found = _compare(learned, file, arguments, crew)
-    except KeyboardInterrupt:
-        print("learn_torques: stopped", file=sys.stderr)
-        return STOPPED
-    except RunError as error:
-        print(f"learn_torques: error: {error}", file=sys.stderr)
-        return NO_RUN
-    except (ValueError, OSError) as error:
-        print(f"learn_torques: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
-    print(table(found))
-    draw(arguments.out / "learn_torques.png", learned, found)
-    print(f"kept in {file}; use it with --set controller.learned_torques_file={file}")
-    worse = any(c.fell_after > c.fell_before or not c.total_after < c.total_before for c in found)
-    return WORSE if worse else LEARNED
+    return play(_parser(), _run, argv)
 
 
-def table(found: Sequence[Comparison]) -> str:
-    """Errors without and with learned torques, and what is left of them, by speed."""
-    head = ["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]
-    lines = [head]
-    for c in found:
-        lines.append(
-            [
-                f"{c.speed:g}",
-                f"{c.fell_before} > {c.fell_after} of {c.runs}",
-                f"{c.total_before:.4f} > {c.total_after:.4f}",
-                f"{100.0 * c.total_after / c.total_before:.0f} %",
-                *(f"{100.0 * share:.0f} %" for share in c.after / c.before),
-            ]
-        )
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    rows = ["  ".join(map(str.rjust, line, widths)) for line in lines]
-    title = "RMS tracking without > with learned torques, and what is left of it, of each output"
-    return "\n".join([title, *rows])
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.studies.learn_torques import run
+
+    return run(arguments)
 
 
-def _begin(arguments: argparse.Namespace) -> LearnedTorques:
-    """Where learning begins; what cannot run is refused here."""
-    experiment = experiment_of(walk(Budget(changes=consistent(arguments.set)), 1, (0.0, 1.0)))
-    load_learned(experiment)
-    if arguments.begin is not None:
-        return load_torques(arguments.begin)
-    speeds = tuple(sorted(set(arguments.speeds)))
-    for speed in speeds:
-        if not -1.0 <= speed <= 2.0:
-            raise ExperimentError(f"--speeds {speed:g} is outside -1 .. 2 m/s")
-    return nothing_learned(speeds)
-
-
-def _learn(learned: LearnedTorques, arguments: argparse.Namespace, crew: Workers) -> LearnedTorques:
-    """Rounds in which each robot learns on from the mean of all."""
-    seeds = range(1, arguments.robots + 1)
-    changes = tuple(arguments.set)
-    print(f"learning by robots of seeds 1 to {arguments.robots}", file=sys.stderr)
-    total = arguments.rounds * arguments.robots * len(learned.speeds)
-    with tqdm(total=total, unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for number in range(1, arguments.rounds + 1):
-            outcomes = []
-            round_ = lessons(learned, seeds, arguments.seconds, changes)
-            for _, outcome in crew.results(learn, round_):
-                outcomes.append(outcome)
-                bar.update()
-            learned = merged(learned, outcomes)
-            steps = sum(o.taught for o in outcomes)
-            fell = ", ".join(f"{o.speed:g} m/s" for o in outcomes if o.fell) or "none"
-            said = f"round {number} of {arguments.rounds}: {steps} steps; fell: {fell}"
-            bar.write(said, file=sys.stderr)
-    settings = {
-        "seeds": list(seeds),
-        "rounds": arguments.rounds,
-        "seconds": arguments.seconds,
-        "changes": list(changes),
-        "begin": None if arguments.begin is None else str(arguments.begin.name),
-        "versions": versions(),
-    }
-    today = datetime.date.today().isoformat()
-    origin = Provenance("cassie_bags.learn_torques", "1", today, settings)
-    return LearnedTorques(learned.speeds, learned.torques, origin)
-
-
-def _compare(
-    learned: LearnedTorques, file: Path, arguments: argparse.Namespace, crew: Workers
-) -> list[Comparison]:
-    """Every speed by robots held out, with and without."""
-    seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
-    changes = (*arguments.set, f"controller.learned_torques_file={file.resolve()}")
-    trials = comparisons(learned, seeds, arguments.measured, changes)
-    results = {}
-    with tqdm(total=len(trials), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for index, figures in crew.results(run_trial, trials):
-            results[index] = figures
-            bar.update()
-    count = len(seeds)
-    return [
-        compared(speed, [results[i] for i in range(n * count, (n + 1) * count)])
-        for n, speed in enumerate(learned.speeds.tolist())
-    ]
-
-
-def _arguments() -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="learn_torques",
         description="Drawn robots walk at each speed and learn torques over their steps; "
         "their mean is kept and held against walking without it, by robots not seen before.",
-        epilog="Exit codes: 0 done, 1 tracking or falls got worse at a speed, 2 wrong file or "
-        "arguments, 3 no scheduler, 130 stopped.",
+        epilog=exit_codes("done", "tracking or falls got worse at a speed"),
     )
     parser.add_argument("--robots", type=positive, default=4, help="to learn with, from seed 1")
     parser.add_argument("--rounds", type=positive, default=2, help="each from the mean before")
     parser.add_argument("--seconds", type=seconds, default=10.0, help="learned at each speed")
     parser.add_argument("--held-out", type=positive, default=3, help="other robots to report on")
     parser.add_argument("--measured", type=seconds, default=8.0, help="length of their runs in s")
-    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="in m/s")
+    parser.add_argument("--speeds", type=float, nargs="+", default=None, help="in m/s")
     parser.add_argument("--begin", type=Path, default=None, metavar="FILE", help="learn on from it")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
@@ -181,7 +42,7 @@ def _arguments() -> argparse.Namespace:
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
     parser.add_argument("--out", type=Path, default=Path("build/learn"), help="folder to write to")
-    return parser.parse_args()
+    return parser
 
 
 if __name__ == "__main__":

@@ -3,149 +3,31 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import dataclasses
-import signal
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from cassie_bags.cli.arguments import count, positive, seconds
-from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.run.yaml_file import spelled_out
-from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
-from cassie_bags.studies.sweep.picture import draw
-from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
-from cassie_bags.studies.sweep.table import all_rows, cell, chosen_rows, load, save, table
-from cassie_bags.studies.trial import experiment_of
-from cassie_bags.studies.workers import Remembering, Workers, completed, workers
-
-MET, NOT_MET, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
-"""Exit codes."""
-
-FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
-QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
-"""How much is run, all of it and with --quick."""
-
-MEASURED, PAPERS = "measured", "paper's law"
-"""Names of variants."""
+from cassie_bags.cli.frame import exit_codes, play
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags sweep`."""
-    arguments = _arguments()
-    if arguments.list:
-        for row in all_rows():
-            print(f"{row.name:24} {row.title}")
-        return MET
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        rows = chosen_rows(arguments.rows)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        results = _measure(rows, arguments)
-    except KeyboardInterrupt:
-        print("sweep: stopped", file=sys.stderr)
-        return STOPPED
-    except RunError as error:
-        print(f"sweep: error: {error}", file=sys.stderr)
-        return NO_RUN
-    except (ValueError, OSError) as error:
-        print(f"sweep: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
-    return MET if all(results[MEASURED][row.name].met for row in rows) else NOT_MET
+    return play(_parser(), _run, argv)
 
 
-def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
-    """Measure rows, each with every variant; what there is is kept after each row."""
-    own = spelled_out(arguments.set)
-    variants: dict[str, tuple[str, ...]] = {MEASURED: own}
-    if not arguments.no_compare:
-        name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
-        variants[name] = (*own, *spelled_out([arguments.compare]))
-    for changes in variants.values():
-        experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
-    budget = Budget(
-        arguments.seeds,
-        arguments.phases,
-        arguments.seconds,
-        arguments.beyond,
-        own,
-    )
-    kept, every = arguments.out / "sweeps.json", all_rows()
-    results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
-    if arguments.resume:
-        for name, found in load(kept, every, budget).items():
-            results.setdefault(name, {}).update(found)
-    fewer = {} if arguments.compare_seeds is None else _fewer(budget, arguments.compare_seeds)
-    open_rows = [
-        (row, name, dataclasses.replace(budget, changes=changes, **(fewer if compared else {})))
-        for row in rows
-        for compared, (name, changes) in enumerate(variants.items())
-        if row.name not in results[name]
-    ]
-    try:
-        for row, name, result in _measured(open_rows, arguments):
-            results[name][row.name] = result
-            save(kept, every, results, budget)
-    finally:
-        if measured := _done(rows, results):
-            print(table(measured, results))
-        if done := _done(every, results):
-            (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
-            draw(arguments.out / "sweeps.png", done, results)
-    return results
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.studies.sweep.measure import run
+
+    return run(arguments)
 
 
-def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row]:
-    return [row for row in rows if row.name in results[MEASURED]]
-
-
-def _fewer(budget: Budget, seeds: int) -> dict[str, int]:
-    """What changes in a budget with no more robots than these."""
-    return {"seeds": min(seeds, budget.seeds), "phases": min(seeds, budget.phases)}
-
-
-def _measured(
-    open_rows: list[tuple[Row, str, Budget]], arguments: argparse.Namespace
-) -> Iterator[tuple[Row, str, RowResult]]:
-    """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
-    bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
-    crew = Remembering(workers(arguments.jobs, arguments.scheduler))
-    lanes = max(1, 2 * crew.count // max(arguments.seeds, arguments.phases))
-    # The crew is closed before the threads that wait for it are.
-    with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
-        futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
-        try:
-            for future in completed(futures):
-                row, name, _ = futures[future]
-                yield row, name, future.result()
-        finally:
-            threads.shutdown(wait=False, cancel_futures=True)
-
-
-def _row(row: Row, variant: str, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
-    def progress(word: str) -> None:
-        bar.update()
-        bar.set_postfix_str(word)
-
-    try:
-        result = measure_row(row, budget, crew, progress)
-    except ExperimentError as error:
-        result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
-    bar.write(f"{row.title} ({variant}): {cell(result)}", file=sys.stderr)
-    return result
-
-
-def _arguments() -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sweep",
         description="Measure what the robot can do: a table of target, figure, and the same with "
         "the paper's own law. Runs in process, without ROS, as fast as it goes.",
-        epilog="Exit codes: 0 all targets reached, 1 not all, 2 wrong arguments, 3 no scheduler, "
-        "130 stopped; what was measured until then stands in sweeps.json.",
+        epilog=exit_codes("all targets reached", "not all"),
     )
     _add_extent(parser)
     _add_comparison(parser)
@@ -157,11 +39,7 @@ def _arguments() -> argparse.Namespace:
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
     parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
-    arguments = parser.parse_args()
-    for name, value in (QUICK if arguments.quick else FULL).items():
-        if getattr(arguments, name) is None:
-            setattr(arguments, name, value)
-    return arguments
+    return parser
 
 
 def _add_extent(parser: argparse.ArgumentParser) -> None:
@@ -194,7 +72,7 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--compare",
-        default=PAPER_LAW,
+        default=None,
         metavar="KEY=VALUE",
         help="measure also with this, or with what stands in @FILE (the paper's own law with "
         "drive gains with which it walks)",

@@ -3,35 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.errors import RunError
-
-SAME, DIFFERENT, WRONG_INPUT, STOPPED = 0, 1, 2, 130
-"""Exit codes."""
+from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, WRONG_INPUT, exit_codes, play
 
 
 def main(argv: Sequence[str]) -> int:
     """Entry point of `ros2 run cassie_bags replay --verify`."""
-    arguments = _arguments(argv)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        return _verify(arguments)
-    except KeyboardInterrupt:
-        print("replay: stopped", file=sys.stderr)
-        return STOPPED
-    except (ValueError, OSError, RunError) as error:
-        print(f"replay: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
+    return play(_parser(), _run, argv)
 
 
-def _verify(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm  # these take a while to load
 
-    from cassie_bags.run.verify import verify
+    from cassie_bags.run.verify import START, TOLERANCE, verify
     from cassie_bags.run.yaml_file import consistent
 
     other = bool(arguments.changes or arguments.gaits)
@@ -53,6 +40,10 @@ def _verify(arguments: argparse.Namespace) -> int:
             f"{first.episode} ({first.time:.3f} s): recorded {first.recorded!r}, "
             f"computed {first.computed!r}"
         )
+    if found.elsewhere:
+        print(f"not as recorded: {'; '.join(found.elsewhere)}")
+        print(f"so the first {START:g} s are held to {TOLERANCE:g} in place of the bits: ", end="")
+        print("they agree" if found.holds else "they do NOT agree")
     for gap in found.gaps:
         print(f"gap: {gap}")
     if other and arguments.plot is None:
@@ -65,17 +56,16 @@ def _verify(arguments: argparse.Namespace) -> int:
     if not found.compared:
         print("nothing could be verified", file=sys.stderr)
         return WRONG_INPUT
-    return DIFFERENT if found.differences and not other else SAME
+    return OK if found.holds or other else NOT_AS_EXPECTED
 
 
-def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="replay --verify",
         description="Feed a bag's samples, operator commands and parameters through estimator, "
         "supervisor and controller again, as fast as they go, and compare their states, modes and "
         "motor commands with the recorded ones, to the last bit.",
-        epilog="Exit codes: 0 identical, 1 not, 2 wrong file or arguments, or nothing to compare, "
-        "130 stopped.",
+        epilog=exit_codes("identical", "not"),
     )
     parser.add_argument("file", type=Path, help="bag")
     parser.add_argument("--verify", action="store_true", help=argparse.SUPPRESS)
@@ -98,4 +88,4 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--plot", type=Path, default=None, metavar="FILE", help="picture (replay.png)"
     )
-    return parser.parse_args(argv)
+    return parser

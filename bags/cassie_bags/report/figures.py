@@ -1,8 +1,8 @@
-"""Pictures of a run: the left knee's phase portrait, speed tracking and footsteps."""
+"""Pictures of a run: modes, tracking, outputs, forces, torques, estimate and footsteps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,31 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from cassie_bags.bag.fields import OUTPUTS
+from cassie_bags.bag.summary import Interval
+from cassie_bags.report.view import View
+from cassie_bags.signals.estimation import estimation_error
+from cassie_bags.signals.events import Event
 from cassie_bags.signals.footsteps import placements
-from cassie_bags.signals.metrics import Phase
-from cassie_bags.signals.track import AVERAGED_OVER, Track
-from cassie_gaits.names import DRIVES
+from cassie_bags.signals.metrics import torque_limits
+from cassie_bags.signals.track import AVERAGED_OVER
+from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_msgs.layout import RobotMode
 
 FloatArray = npt.NDArray[np.float64]
 
 DARK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#9a9a9a"
+GREEN, PURPLE, RED = "#117733", "#aa4499", "#cc0000"
+
+EVENT_COLOURS = {"push": PURPLE, "gantry": GREEN, "fault": "#b8860b", "fall": RED}
+MODE_COLOURS = {
+    "off": "#dddddd", "damp": "#f0b8a8", "stand": "#c9dcee", "walk": "#b9dfc4", "segway": "#efe2a6"
+}  # fmt: skip
+
+FEWEST_SAMPLES = 20
+"""Status samples of walking below which the outputs are not drawn over the phase."""
 
 _PANELS = (
     ("vx", "forward\n(m/s)"),
@@ -28,6 +43,9 @@ _PANELS = (
     ("yaw_rate", "yaw rate\n(rad/s)"),
     ("height", "height\n(m)"),
 )
+_BINS = 25  # of the phase
+_AFTER_PUSH = 0.5  # s for which outputs and phase portrait show a push
+_MEAN = 0.2  # s over which the estimator's velocity error is also averaged
 
 STYLE: dict[str, Any] = {
     "font.size": 9,
@@ -42,34 +60,167 @@ STYLE: dict[str, Any] = {
 }
 
 
-def draw_all(track: Track, phases: Sequence[Phase], title: str, folder: Path) -> dict[str, Path]:
+def draw_all(view: View, folder: Path) -> dict[str, Path]:
     """Draw every picture into a folder.
 
     Args:
-        track: Signals of the run.
-        phases: Phases to mark.
-        title: Name of the run.
+        view: Of the run.
         folder: Where to; it is made if it is not there.
 
     Returns:
-        The files by name.
+        The files by name; what a run has no data for is left out.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    drawers: dict[str, Callable[[], Figure]] = {
-        "knee_phase_portrait": lambda: knee_phase_portrait(track, title),
-        "speed_tracking": lambda: speed_tracking(track, phases, title),
-        "footsteps": lambda: footsteps(track, title),
-    }
     files = {}
     with matplotlib.rc_context(STYLE):
-        for name, drawer in drawers.items():
-            files[name] = folder / f"{name}.png"
-            drawer().savefig(files[name])
+        for name, drawer in DRAWERS.items():
+            figure = drawer(view)
+            if figure is not None:
+                files[name] = folder / f"{name}.png"
+                figure.savefig(files[name])
     return files
 
 
-def knee_phase_portrait(track: Track, title: str) -> Figure:
+def mode_timeline(view: View) -> Figure:
+    """Modes over time with what the supervisor said, and every event by name."""
+    figure = Figure(figsize=(9.0, 1.9), layout="constrained")
+    axes = figure.subplots()
+    draw_modes(axes, view.modes)
+    mark(axes, view.events)
+    last = -np.inf
+    span = float(view.track.time[-1] - view.track.time[0]) or 1.0
+    for event in view.events:
+        inside = event.t0 <= view.track.time[-1]
+        if inside and event.t0 - last > 0.03 * span:  # names on each other are left out
+            axes.annotate(
+                event.text, (event.t0, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                textcoords="offset points", rotation=30, fontsize=7,
+                color=EVENT_COLOURS[event.kind],
+            )  # fmt: skip
+            last = event.t0
+    axes.set(yticks=[], xlabel="robot time (s)", ylim=(0.0, 1.0))
+    _limit_time([axes], view)
+    figure.suptitle(f"Modes: {view.title}", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
+    """Modes as coloured bars with their names."""
+    modes = list(modes)
+    span = modes[-1].t1 - modes[0].t0 if modes else 1.0
+    for mode in modes:
+        axes.axvspan(mode.t0, mode.t1, color=MODE_COLOURS.get(mode.name, GREY), linewidth=0)
+        if mode.t1 - mode.t0 > 0.04 * span:
+            middle = 0.5 * (mode.t0 + mode.t1)
+            axes.text(middle, 0.5, mode.name, ha="center", va="center", fontsize=8, color=DARK)
+
+
+def mark(axes: Any, events: Iterable[Event]) -> None:
+    """Mark events on a plot over time."""
+    for event in events:
+        colour = EVENT_COLOURS[event.kind]
+        if event.t1 > event.t0:
+            axes.axvspan(event.t0, event.t1, color=colour, alpha=0.15, linewidth=0)
+        axes.axvline(event.t0, color=colour, linewidth=0.8, linestyle="--")
+
+
+def speed_tracking(view: View) -> Figure:
+    """Commanded and achieved velocities and height over time."""
+    track = view.track
+    figure, panels = _over_time(view, len(_PANELS), 6.4)
+    for axes, (name, label) in zip(panels, _PANELS, strict=True):
+        achieved = np.where(track.carries, track.achieved[name], np.nan)
+        commanded = np.where(track.carries, track.commanded[name], np.nan)
+        if name != "height":
+            axes.plot(track.time, achieved, color=BLUE, alpha=0.25, linewidth=0.5)
+            achieved = moving_mean(track.time, achieved, AVERAGED_OVER)
+        axes.plot(track.time, achieved, color=BLUE, label="achieved")
+        axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
+        axes.set_ylabel(label)
+        axes.set_ylim(*_limits(achieved, commanded))
+        for index, phase in enumerate(view.phases):
+            shade = 0.18 if index % 2 else 0.09
+            axes.axvspan(phase.t0, phase.t1, color=GREY, alpha=shade, linewidth=0)
+    end = track.time[-1]
+    for phase in (phase for phase in view.phases if phase.t0 < end):
+        middle = 0.5 * (phase.t0 + min(phase.t1, end))
+        panels[0].annotate(
+            phase.name, (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+            textcoords="offset points", rotation=30, fontsize=7, color=DARK,
+        )  # fmt: skip
+    return _titled(figure, panels, view, "Tracking")
+
+
+def overview(view: View) -> Figure:
+    """Modes, tracking, foot forces and the largest torque, one above the other."""
+    track = view.track
+    figure = Figure(figsize=(9.0, 8.4), layout="constrained")
+    ratios = [0.35, *[1.0] * (len(_PANELS) + 2)]
+    modes, *panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
+    draw_modes(modes, view.modes)
+    modes.set(yticks=[], ylim=(0.0, 1.0))
+    for axes, (name, label) in zip(panels, _PANELS, strict=False):
+        achieved = np.where(track.carries, track.achieved[name], np.nan)
+        commanded = np.where(track.carries, track.commanded[name], np.nan)
+        axes.plot(track.time, achieved, color=BLUE, linewidth=0.7, label="achieved")
+        axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
+        axes.set(ylabel=label, ylim=_limits(achieved, commanded))
+    forces, torque = panels[-2:]
+    for leg, colour in enumerate((BLUE, ORANGE)):
+        forces.plot(track.time, track.state["foot_force"][:, leg], color=colour, linewidth=0.5)
+    forces.set_ylabel("force left,\nright (N)")
+    ratio = 100.0 * np.abs(track.sensors["drive_torque"]) / torque_limits()
+    torque.plot(track.time, ratio.max(axis=1), color=DARK, linewidth=0.5)
+    torque.set(ylabel="largest\ntorque (%)", ylim=(0.0, 108.0))
+    for axes in (modes, *panels):
+        mark(axes, view.events)
+    _limit_time(panels, view)
+    return _titled(figure, panels, view, "Overview")
+
+
+def outputs_by_phase(view: View) -> Figure | None:
+    """Error of each output over the phase of a step, by stance leg; None without steps."""
+    rows = view.status[(view.status["mode"] == RobotMode.WALK) & (view.status["stance_leg"] >= 0)]
+    if len(rows) < FEWEST_SAMPLES:
+        return None
+    time = rows["sec"] + rows["nanosec"] * 1e-9
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    panels = figure.subplots(3, 3, sharex=True).ravel()
+    edges = np.linspace(0.0, 1.0, _BINS + 1)
+    for index, (axes, name) in enumerate(zip(panels, OUTPUTS, strict=True)):
+        metres = name.endswith("length")
+        error = rows["y"][:, index] * (1e3 if metres else 180.0 / np.pi)
+        for leg, colour in enumerate((BLUE, ORANGE)):
+            own = rows["stance_leg"] == leg
+            axes.plot(rows["phase"][own], error[own], ".", color=colour, alpha=0.12, markersize=2)
+            where = np.digitize(rows["phase"][own], edges) - 1
+            means = [
+                error[own][where == b].mean() if (where == b).any() else np.nan
+                for b in range(_BINS)
+            ]
+            axes.plot(0.5 * (edges[1:] + edges[:-1]), means, color=colour, linewidth=1.6)
+        pushed = _pushed(time, view.events)
+        axes.plot(rows["phase"][pushed], error[pushed], ".", color=PURPLE, markersize=3)
+        axes.axhline(0.0, color=GREY, linewidth=0.6)
+        axes.set_title(f"{name.replace('_', ' ')} ({'mm' if metres else 'deg'})", fontsize=8)
+        spread = np.percentile(np.abs(error), 99.0) if np.isfinite(error).all() else 0.0
+        axes.set_ylim(-max(1.2 * spread, 1e-3), max(1.2 * spread, 1e-3))
+    for axes in panels[-3:]:
+        axes.set_xlabel("phase of the step")
+    handles = [
+        Line2D([], [], color=c, label=f"{leg} stance")
+        for leg, c in zip(LEGS, (BLUE, ORANGE), strict=True)
+    ]
+    if _pushed(time, view.events).any():
+        handles.append(Line2D([], [], color=PURPLE, marker=".", linestyle="", label="pushed"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.suptitle(f"Outputs' errors: {view.title}", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def knee_phase_portrait(view: View) -> Figure:
     """Rate of the left knee over its angle while walking, coloured by the speed asked for."""
+    track = view.track
     figure, axes = _figure(4.8, 4.2)
     walking = track.mode == RobotMode.WALK
     shown = walking if walking.any() else track.carries | ~track.carries.any()
@@ -86,46 +237,71 @@ def knee_phase_portrait(track: Track, title: str) -> Figure:
     else:
         lines.set(color=BLUE)
     axes.add_collection(lines)
+    pushed = _pushed(track.time, view.events) & shown
+    if pushed.any():
+        axes.plot(angle[pushed], rate[pushed], ".", color=PURPLE, markersize=2, label="pushed")
+        axes.legend(loc="upper right")
     axes.autoscale_view()
     axes.locator_params(axis="x", nbins=5)
     axes.set(xlabel="left knee angle (rad)", ylabel="left knee rate (rad/s)")
-    axes.set_title(f"Left knee, {'walking' if walking.any() else 'standing'}: {title}")
+    axes.set_title(f"Left knee, {'walking' if walking.any() else 'standing'}: {view.title}")
     return figure
 
 
-def speed_tracking(track: Track, phases: Sequence[Phase], title: str) -> Figure:
-    """Commanded and achieved velocities and height over time."""
-    figure = Figure(figsize=(9.0, 6.4), layout="constrained")
-    panels = figure.subplots(len(_PANELS), 1, sharex=True)
-    for axes, (name, label) in zip(panels, _PANELS, strict=True):
-        achieved = np.where(track.carries, track.achieved[name], np.nan)
-        commanded = np.where(track.carries, track.commanded[name], np.nan)
-        if name != "height":
-            axes.plot(track.time, achieved, color=BLUE, alpha=0.25, linewidth=0.5)
-            achieved = moving_mean(track.time, achieved, AVERAGED_OVER)
-        axes.plot(track.time, achieved, color=BLUE, label="achieved")
-        axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
+def foot_forces(view: View) -> Figure:
+    """Vertical force on each foot as the springs tell it."""
+    figure, panels = _over_time(view, 2, 3.4)
+    for leg, (axes, colour) in enumerate(zip(panels, (BLUE, ORANGE), strict=True)):
+        axes.plot(
+            view.track.time, view.track.state["foot_force"][:, leg], color=colour, linewidth=0.6
+        )
+        axes.set_ylabel(f"{LEGS[leg]}\n(N)")
+        axes.set_ylim(*_limits(view.track.state["foot_force"]))
+    return _titled(figure, panels, view, "Vertical foot forces")
+
+
+def torques(view: View) -> Figure:
+    """Torque of each drive by its limit."""
+    ratio = 100.0 * np.abs(view.track.sensors["drive_torque"]) / torque_limits()
+    figure, panels = _over_time(view, len(LEG_DRIVES), 6.4)
+    for index, (axes, drive) in enumerate(zip(panels, LEG_DRIVES, strict=True)):
+        for leg, colour in enumerate((BLUE, ORANGE)):
+            values = ratio[:, leg * len(LEG_DRIVES) + index]
+            axes.plot(view.track.time, values, color=colour, linewidth=0.5, label=LEGS[leg])
+        axes.axhline(100.0, color=RED, linewidth=0.7)
+        axes.set_ylim(0.0, 108.0)
+        axes.set_ylabel(f"{drive.replace('_', ' ')}\n(%)")
+    return _titled(figure, panels, view, "Torques by their limits")
+
+
+def estimate(view: View) -> Figure:
+    """Errors of the state estimate: velocity, tilt and displacement."""
+    track = view.track
+    error = estimation_error(track.state, track.position, track.velocity, track.angles)
+    figure, panels = _over_time(view, 3, 4.8)
+    rows = (
+        (error.velocity, ("forward", "to the left", "up"), "velocity\n(m/s)", 1.0),
+        (error.tilt, ("roll", "pitch"), "tilt\n(deg)", 180.0 / np.pi),
+        (error.position, ("x", "y"), "displacement\n(m)", 1.0),
+    )
+    for axes, (values, names, label, scale) in zip(panels, rows, strict=True):
+        curves = []
+        for index, (name, colour) in enumerate(zip(names, (BLUE, ORANGE, GREEN), strict=False)):
+            curve = scale * values[:, index]
+            if label.startswith("velocity"):
+                curve = moving_mean(track.time, curve, _MEAN)
+            curves.append(curve)
+            axes.plot(track.time, curve, color=colour, linewidth=0.8, label=name)
+        axes.axhline(0.0, color=GREY, linewidth=0.6)
+        axes.set_ylim(*_limits(*curves, least=0.002))
         axes.set_ylabel(label)
-        axes.set_ylim(*_limits(achieved, commanded))
-        for index, phase in enumerate(phases):
-            shade = 0.18 if index % 2 else 0.09
-            axes.axvspan(phase.t0, phase.t1, color=GREY, alpha=shade, linewidth=0)
-    end = track.time[-1]
-    for phase in (phase for phase in phases if phase.t0 < end):
-        middle = 0.5 * (phase.t0 + min(phase.t1, end))
-        panels[0].annotate(
-            phase.name, (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
-            textcoords="offset points", rotation=30, fontsize=7, color=DARK,
-        )  # fmt: skip
-    panels[-1].set_xlabel("robot time (s)")
-    panels[-1].set_xlim(track.time[0], end)
-    figure.legend(*panels[1].get_legend_handles_labels(), loc="upper right", ncols=2)
-    figure.suptitle(f"Tracking: {title}", x=0.01, ha="left", fontsize=10)
-    return figure
+        axes.legend(loc="upper left", ncols=3, fontsize=7, borderaxespad=0.1)
+    return _titled(figure, panels, view, "Estimate less truth", legend=False)
 
 
-def footsteps(track: Track, title: str) -> Figure:
+def footsteps(view: View) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
+    track = view.track
     places = np.concatenate([track.position[:, :2], *track.legs[:, :, -1, :2].swapaxes(0, 1)])
     places = places[np.isfinite(places).all(axis=1)]  # damped, the feet are not known
     low, high = places.min(axis=0) - 0.25, places.max(axis=0) + 0.25
@@ -145,11 +321,29 @@ def footsteps(track: Track, title: str) -> Figure:
                 )  # fmt: skip
                 label = None
     axes.plot(*track.position[0, :2], "o", color=DARK, markersize=4, label="start")
+    for kind in dict.fromkeys(event.kind for event in view.events):
+        times = [event.t0 for event in view.events if event.kind == kind]
+        index = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
+        axes.plot(*track.position[index, :2].T, "x", color=EVENT_COLOURS[kind], label=kind)
     axes.set_aspect("equal", adjustable="box")
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    figure.legend(*axes.get_legend_handles_labels(), loc="upper right", ncols=4)
-    figure.suptitle(f"Footsteps from above: {title}", x=0.01, ha="left", fontsize=10)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.suptitle(f"Footsteps from above: {view.title}", x=0.01, ha="left", fontsize=10)
     return figure
+
+
+DRAWERS: dict[str, Callable[[View], Figure | None]] = {
+    "mode_timeline": mode_timeline,
+    "speed_tracking": speed_tracking,
+    "footsteps": footsteps,
+    "foot_forces": foot_forces,
+    "torques": torques,
+    "outputs_by_phase": outputs_by_phase,
+    "knee_phase_portrait": knee_phase_portrait,
+    "estimate": estimate,
+}
+"""Every picture by name, in the order in which a page shows them."""
 
 
 def moving_mean(time: FloatArray, values: FloatArray, width: float) -> FloatArray:
@@ -172,13 +366,51 @@ def moving_mean(time: FloatArray, values: FloatArray, width: float) -> FloatArra
     return np.where(known, mean, np.nan)
 
 
-def _limits(*curves: FloatArray) -> tuple[float, float]:
-    values = np.concatenate(curves)
+def _over_time(view: View, count: int, height: float) -> tuple[Figure, Sequence[Any]]:
+    """Panels over time, with every event marked."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+    for axes in panels:
+        mark(axes, view.events)
+    _limit_time(panels, view)
+    return figure, panels
+
+
+def _limit_time(panels: Sequence[Any], view: View) -> None:
+    start, end = float(view.track.time[0]), float(view.track.time[-1])
+    panels[-1].set_xlim(start, max(end, start + 1e-3))
+
+
+def _titled(
+    figure: Figure, panels: Sequence[Any], view: View, title: str, *, legend: bool = True
+) -> Figure:
+    handles, labels = panels[1].get_legend_handles_labels() if legend else ([], [])
+    for kind in dict.fromkeys(event.kind for event in view.events):
+        handles.append(Line2D([], [], color=EVENT_COLOURS[kind], linestyle="--", linewidth=0.8))
+        labels.append(kind)
+    panels[-1].set_xlabel("robot time (s)")
+    if handles:
+        figure.legend(handles, labels, loc="upper right", ncols=len(handles))
+    figure.suptitle(f"{title}: {view.title}", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def _pushed(time: FloatArray, events: Iterable[Event]) -> npt.NDArray[np.bool_]:
+    """Samples during a push and shortly after it."""
+    found = np.zeros(len(time), bool)
+    for event in events:
+        if event.kind == "push":
+            found |= (time >= event.t0) & (time < event.t1 + _AFTER_PUSH)
+    return found
+
+
+def _limits(*curves: FloatArray, least: float = 0.02) -> tuple[float, float]:
+    values = np.concatenate([curve.ravel() for curve in curves])
     values = values[np.isfinite(values)]
     if not len(values):
         return -1.0, 1.0
     low, high = float(values.min()), float(values.max())
-    margin = max(0.1 * (high - low), 0.02)
+    margin = max(0.1 * (high - low), least)
     return low - margin, high + margin
 
 

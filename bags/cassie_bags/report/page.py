@@ -1,112 +1,185 @@
-"""One page about many runs: a table, then each run with its phases and pictures. Self-contained."""
+"""One page about one or many runs: tables and pictures. A single HTML file without links."""
 
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-PICTURES = ("strip", "knee_phase_portrait", "speed_tracking", "footsteps")
+import jinja2
+from PIL import Image
+
+from cassie_bags.report.text import finite, outcome_content, phase_content
+from cassie_bags.report.view import View
+from cassie_bags.run.judge import Outcome
+from cassie_bags.signals.metrics import Metrics
+
+CAPTIONS = {
+    "strip": "Images",
+    "mode_timeline": "Modes",
+    "speed_tracking": "Tracking",
+    "footsteps": "Footsteps",
+    "foot_forces": "Foot forces",
+    "torques": "Torques by their limits",
+    "outputs_by_phase": "Errors of the outputs over the phase of a step",
+    "knee_phase_portrait": "Phase portrait of the left knee",
+    "estimate": "Error of the state estimate",
+}
 """Pictures of a run that the page shows, by name, in order."""
 
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;
-       padding: 0 1rem; }
-h1, h2 { font-weight: 600; } h2 { border-top: 1px solid #ccc; padding-top: 1.2rem; }
-table { border-collapse: collapse; } td, th { padding: .25rem .8rem .25rem 0; text-align: left;
-       vertical-align: top; border-bottom: 1px solid #eee; }
-pre { overflow-x: auto; font-size: 12px; background: #f6f6f6; padding: .6rem; }
-img { max-width: 100%; } .pair img { max-width: 49%; }
-.yes { color: #00704a; } .no { color: #b03a00; }
-"""
+MOST_BESIDE = 3
+"""Runs whose pictures stand side by side; more are shown one after another."""
+
+_SHAPES = {"strip": "strip", "knee_phase_portrait": "narrow"}
+_TRACKED = (
+    {"name": "vx", "label": "forward"},
+    {"name": "vy", "label": "left"},
+    {"name": "yaw_rate", "label": "yaw rate"},
+    {"name": "height", "label": "height"},
+)
+_NO_DITHER = Image.Dither.NONE
+_NEARLY_WHITE = 247  # to which the fewer colours may turn a white ground
+_COLOURS = 256  # of a picture of lines and text
+
+Entry = Mapping[str, Any]
+"""What the page says of a run, as JSON has it: what `run_entry` or `drive_entry` gives."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A run on the page.
+def run_entry(outcome: Outcome, view: View | None, versions: Mapping[str, str]) -> Entry:
+    """An experiment for the page.
 
-    Attributes:
-        content: What `report.json_line` says of it.
-        about: What it is, in a sentence.
-        table: Its table as text.
+    Args:
+        outcome: What came of it.
+        view: What its pictures show, if there are any.
+        versions: It was made with.
     """
+    content: Entry = finite(
+        {
+            **outcome_content(outcome),
+            **_view_content(view),
+            "about": outcome.experiment.about,
+            "versions": dict(versions),
+        }
+    )
+    return content
 
-    content: Mapping[str, Any]
-    about: str
-    table: str
+
+def drive_entry(
+    view: View, metrics: Metrics, files: Mapping[str, str], versions: Mapping[str, str]
+) -> Entry:
+    """A recorded drive for the page, of which nothing was expected."""
+    content: Entry = finite(
+        {
+            "name": view.title,
+            "fell": metrics.fell,
+            "fall_time": metrics.fall_time,
+            "duration": metrics.run["duration"],
+            "metrics": dict(metrics.run),
+            "phases": [phase_content(phase) for phase in metrics.phases],
+            **_view_content(view),
+            "versions": dict(versions),
+            "files": dict(files),
+        }
+    )
+    return content
+
+
+def _view_content(view: View | None) -> dict[str, Any]:
+    if view is None:
+        return {}
+    return {
+        "modes": [vars(mode) for mode in view.modes],
+        "events": [vars(event) for event in view.events],
+        "notes": list(view.notes),
+    }
 
 
 def page(
-    title: str, entries: Sequence[Entry], versions: Mapping[str, str], sweeps: Path | None = None
+    title: str,
+    entries: Sequence[Entry],
+    versions: Mapping[str, str],
+    sweeps: Path | None = None,
 ) -> str:
     """The page as HTML.
 
     Args:
         title: Its title.
-        entries: The runs.
-        versions: What they were made with.
+        entries: The runs. Up to `MOST_BESIDE` with pictures are shown side by side.
+        versions: The page was made with.
         sweeps: Folder with sweeps.png and sweeps.txt to show at the end, or None.
     """
-    parts = [
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'>",
-        f"<title>{html.escape(title)}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>{html.escape(title)}</h1>",
-        _summary(entries),
-        *(_section(entry) for entry in entries),
-        _sweeps(sweeps) if sweeps is not None else "",
-        "<h2>Made with</h2><p>",
-        html.escape(", ".join(f"{name} {version}" for name, version in versions.items())),
-        "</p></body></html>",
-    ]
-    return "\n".join(parts)
+    loader = jinja2.PackageLoader("cassie_bags", "report")
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    runs = [_prepared(entry) for entry in entries]
+    metrics = [run["metrics"] for run in runs]
+    return environment.get_template("page.html").render(
+        title=title,
+        entries=runs,
+        judged=[run for run in runs if run["passed"] is not None],
+        beside=1 < len(runs) <= MOST_BESIDE and all(any(run["pictures"].values()) for run in runs),
+        figures=[
+            n for n in (metrics[0] if metrics else {}) if any(m.get(n) is not None for m in metrics)
+        ],
+        captions=CAPTIONS,
+        shapes=_SHAPES,
+        tracked=_TRACKED,
+        versions=versions,
+        sweeps=_sweeps(sweeps),
+    )
 
 
-def _summary(entries: Sequence[Entry]) -> str:
-    rows = ["<tr><th>run</th><th>seed</th><th>as expected</th><th>of it</th></tr>"]
-    for entry in entries:
-        content = entry.content
-        good = content["passed"]
-        said = "; ".join(content["failures"]) or entry.about
-        anchor = _anchor(entry)
-        rows.append(
-            f"<tr><td><a href='#{anchor}'>{html.escape(content['name'])}</a></td>"
-            f"<td>{content['seed']}</td>"
-            f"<td class='{'yes' if good else 'no'}'>{'yes' if good else 'no'}</td>"
-            f"<td>{html.escape(said)}</td></tr>"
-        )
-    passed = sum(bool(entry.content["passed"]) for entry in entries)
-    return f"<p>{passed} of {len(entries)} runs as expected.</p><table>{''.join(rows)}</table>"
+def _prepared(entry: Entry) -> dict[str, Any]:
+    """An entry with everything that the template reads."""
+    seed = entry.get("seed")
+    heading = entry["name"] if seed is None else f"{entry['name']}, seed {seed}"
+    files = entry.get("files", {})
+    told = {check["problem"] for check in entry.get("checks", [])}
+    failures = entry.get("failures", [])
+    absent = {"passed": None, "fell": None, "fall_time": None, "duration": None, "about": ""}
+    empty = dict.fromkeys(("phases", "checks", "modes", "events", "notes"), ())
+    return {
+        **absent,
+        **empty,
+        **{name: {} for name in ("metrics", "draw", "versions")},
+        **entry,
+        "seed": seed,
+        "heading": heading,
+        "anchor": heading.replace(" ", "-"),
+        "failures": failures,
+        "other_failures": [failure for failure in failures if failure not in told],
+        # Those that it names only: beside them an earlier run may have left others.
+        "pictures": {n: _picture(Path(files[n]), n) if n in files else "" for n in CAPTIONS},
+        "video": _data("video/mp4", Path(files["video"]).read_bytes()) if "video" in files else "",
+    }
 
 
-def _section(entry: Entry) -> str:
-    parts = [
-        f"<h2 id='{_anchor(entry)}'>{html.escape(entry.content['name'])}, "
-        f"seed {entry.content['seed']}</h2><p>{html.escape(entry.about)}</p>",
-        f"<pre>{html.escape(entry.table)}</pre><div class='pair'>",
-    ]
-    # Those that it names only: beside them an earlier run may have left others.
-    files = entry.content.get("files", {})
-    parts += [_image(Path(files[name]), name) for name in PICTURES if name in files]
-    return "".join([*parts, "</div>"])
+def _sweeps(folder: Path | None) -> dict[str, str]:
+    if folder is None or not (folder / "sweeps.txt").is_file():
+        return {"text": "", "picture": ""}
+    picture = folder / "sweeps.png"
+    return {
+        "text": (folder / "sweeps.txt").read_text(encoding="utf-8"),
+        "picture": _picture(picture, "sweeps") if picture.is_file() else "",
+    }
 
 
-def _anchor(entry: Entry) -> str:
-    return html.escape(f"{entry.content['name']}-{entry.content['seed']}", quote=True)
+def _picture(path: Path, name: str) -> str:
+    """A picture as part of the page: photos as JPEG, drawings in few colours."""
+    stream = BytesIO()
+    with Image.open(path) as image:
+        if name == "strip":
+            image.convert("RGB").save(stream, "JPEG", quality=88, optimize=True)
+            return _data("image/jpeg", stream.getvalue())
+        few = image.convert("RGB").quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=_NO_DITHER)
+        palette = few.getpalette() or []
+        few.putpalette([255 if value > _NEARLY_WHITE else value for value in palette])
+        few.save(stream, "PNG")
+    return _data("image/png", stream.getvalue())
 
 
-def _sweeps(folder: Path) -> str:
-    text = folder / "sweeps.txt"
-    if not text.is_file():
-        return ""
-    table = html.escape(text.read_text(encoding="utf-8"))
-    return f"<h2>Sweeps</h2><pre>{table}</pre>" + _image(folder / "sweeps.png", "sweeps")
-
-
-def _image(path: Path, name: str) -> str:
-    if not path.is_file():
-        return ""
-    data = base64.b64encode(path.read_bytes()).decode()
-    return f"<img alt='{html.escape(name)}' src='data:image/png;base64,{data}'>"
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

@@ -6,38 +6,42 @@ import sys
 from pathlib import Path
 
 from cassie_bags.report.figures import draw_all
-from cassie_bags.report.strip import strip, video
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.run.judge import phases_of
-from cassie_bags.signals.track import Track
+from cassie_bags.report.strip import film_of, strip
+from cassie_bags.report.view import View
 from cassie_sim.errors import SimulationError
+from cassie_sim.video import Film
 
 
-def draw(
-    experiment: Experiment, track: Track, folder: Path, *, film: bool = True
-) -> dict[str, Path]:
+def draw(view: View, folder: Path, *, film: bool = True) -> dict[str, Path]:
     """Draw all pictures of a run; what cannot be drawn is said on stderr.
 
     Args:
-        experiment: What was run.
-        track: Its signals.
+        view: Of the run.
         folder: Where to.
-        film: Whether to make a video too, which takes longer than all pictures.
+        film: Whether to make a video too.
 
     Returns:
         The files by name.
     """
-    phases = phases_of(experiment)
-    title = f"{experiment.name}, seed {experiment.seed}"
-    files = draw_all(track, phases, title, folder)
-    files["strip"] = folder / "strip.png"
-    reason = strip(track, experiment.scenario, phases, title, files["strip"])
-    if reason is None and film:
-        try:
-            video(track, experiment.scenario, folder / "video.mp4")
-            files["video"] = folder / "video.mp4"
-        except SimulationError as error:
-            reason = str(error)
+    folder.mkdir(parents=True, exist_ok=True)
+    video, reason = _film(view, folder / "video.mp4") if film else (None, None)
+    try:
+        files = draw_all(view, folder)
+        files["strip"] = folder / "strip.png"
+        reason = strip(view, files["strip"]) or reason
+    finally:
+        if video is not None:
+            video.close()
+    if video is not None:
+        files["video"] = folder / "video.mp4"
     if reason is not None:
         print(f"stick figures and no video: {reason}", file=sys.stderr)
     return files
+
+
+def _film(view: View, path: Path) -> tuple[Film | None, str | None]:
+    """A film under way in a process of its own, or why there is none."""
+    try:
+        return film_of(view, path), None
+    except SimulationError as error:
+        return None, str(error)

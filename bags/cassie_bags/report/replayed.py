@@ -2,55 +2,90 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cassie_bags.bag.recording import stamps
+from cassie_bags.bag.recording import Rows, stamps
 from cassie_bags.report.figures import BLUE, GREY, ORANGE, STYLE
 from cassie_bags.run.verify import Replayed, Verification
 from cassie_gaits.names import DRIVES
 from cassie_msgs.layout import MotorCommand, RobotState
 
-_POSE = ("x", "y", "z", "yaw", "pitch", "roll")
+FloatArray = npt.NDArray[np.float64]
+
+WINDOW = 2.0
+"""Length of the part that is drawn large, from a step before the first difference on. In s."""
+
+_BEFORE = 0.4  # s
+_POSE = ("x (m)", "y (m)", "z (m)", "yaw (rad)", "pitch (rad)", "roll (rad)")
+_DRIVES_IN_Q = [6 + 7 * leg + joint for leg in (0, 1) for joint in (0, 1, 2, 3, 6)]
 
 
 def draw(found: Verification, path: Path) -> None:
-    """Draw the drives' total set-points and the estimated pelvis, each as recorded and computed.
+    """Draw the torque of each drive, and the estimated pose where it differs.
+
+    The torque is what the command gives at the recorded positions and velocities.
 
     Args:
         found: What came of the replay.
         path: Where to.
     """
+    states, commands = found.replayed[RobotState.TOPIC], found.replayed[MotorCommand.TOPIC]
+    panels: list[tuple[str, FloatArray, FloatArray, FloatArray]] = []
+    if commands.differing() or not states.differing():
+        at, torques = _torques(states.recorded, commands)
+        panels += [
+            (f"{name.replace('_', ' ')} (Nm)", at, torques[0][:, i], torques[1][:, i])
+            for i, name in enumerate(DRIVES)
+        ]
+    if states.differing():
+        at, one, other = stamps(states.recorded), states.recorded["q"], states.computed["q"]
+        panels += [(name, at, one[:, i], other[:, i]) for i, name in enumerate(_POSE)]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 13.0), layout="constrained")
-        axes = figure.subplots(8, 2, sharex=True)
-        commands = found.replayed[MotorCommand.TOPIC]
-        for index, name in enumerate(DRIVES):
-            column, row = divmod(index, 5)
-            axis = axes[row, column]
-            _panel(axis, commands, "torque", index, f"{name.replace('_', ' ')}\n(Nm)")
-        states = found.replayed[RobotState.TOPIC]
-        for index, name in enumerate(_POSE):
-            column, row = divmod(index, 3)
-            unit = "m" if index < 3 else "rad"
-            _panel(axes[5 + row, column], states, "q", index, f"{name}\n({unit})")
-        for axis in axes[-1]:
-            axis.set_xlabel("robot time (s)")
-        axes[0, 0].legend(loc="upper right", ncols=3)
-        axes[0, 0].set_title("feed-forward torque of each drive, estimated pose of the pelvis")
-        figure.savefig(path)
+        _figure(panels, _start(found)).savefig(path)
 
 
-def _panel(axis: Axes, replayed: Replayed, name: str, index: int, label: str) -> None:
-    time = stamps(replayed.recorded)
-    one: npt.NDArray[np.float64] = replayed.recorded[name][:, index]
-    other: npt.NDArray[np.float64] = replayed.computed[name][:, index]
-    axis.plot(time, one, color=BLUE, label="recorded")
-    axis.plot(time, other, color=ORANGE, label="computed", linestyle=(0, (3, 2)))
-    axis.plot(time, other - one, color=GREY, label="difference", linewidth=0.7)
-    axis.set_ylabel(label)
+def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[FloatArray]]:
+    """Robot time (s) and torque of each drive (Nm), recorded and computed. Shapes (n,), (n, 10)."""
+    keys, wanted = _keys(states), _keys(commands.recorded)
+    order = np.argsort(keys, kind="stable")
+    places = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    known = keys[places] == wanted
+    q, v = (states[name][places[known]][:, _DRIVES_IN_Q] for name in ("q", "v"))
+    torques = []
+    for each in (commands.recorded[known], commands.computed[known]):
+        spring = each["kp"] * (each["position"] - q)
+        torques.append(each["torque"] + spring + each["kd"] * (each["velocity"] - v))
+    return stamps(commands.recorded[known]), torques
+
+
+def _keys(rows: Rows) -> npt.NDArray[np.uint64]:
+    return rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
+
+
+def _start(found: Verification) -> float:
+    """Where the part that is drawn large begins. In s."""
+    times = [difference.time for difference in found.differences]
+    return max(0.0, min(times, default=0.0) - _BEFORE)
+
+
+def _figure(panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]], t0: float) -> Figure:
+    figure = Figure(figsize=(11.0, 0.6 + 1.25 * len(panels)), layout="constrained")
+    axes = figure.subplots(len(panels), 2, sharex="col", squeeze=False)
+    for (large, whole), (label, time, one, other) in zip(axes, panels, strict=True):
+        part = (time >= t0) & (time <= t0 + WINDOW)
+        large.plot(time[part], one[part], color=BLUE, label="recorded")
+        large.plot(time[part], other[part], color=ORANGE, label="computed", dashes=(4, 2))
+        large.set_ylabel(label.replace(" (", "\n("))
+        whole.plot(time, other - one, color=GREY, linewidth=0.7)
+    for axis in axes[-1]:
+        axis.set_xlabel("robot time (s)")
+    axes[0, 0].set_title("recorded, and computed on the same data")
+    axes[0, 1].set_title("computed minus recorded, over the whole bag")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure

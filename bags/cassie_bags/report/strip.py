@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
 from cassie_bags.report.poses import Puppet
+from cassie_bags.report.view import View
 from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track
 from cassie_sim.errors import SimulationError
@@ -28,12 +29,12 @@ VIDEO_FPS = 16.0
 VIDEO_LENGTH = 10.0
 """Longest playing time of a video; a longer run is played faster. In s."""
 
-_SKY = 150  # upper rows of an image that show nothing
+_SKY = 112  # upper rows of an image that show nothing
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
 
 def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) -> list[int]:
-    """Samples worth showing: the middle of each phase, or evenly spread if there are few.
+    """Samples worth showing: as many of each phase, or evenly spread if there are few phases.
 
     Args:
         track: Signals of the run.
@@ -42,35 +43,36 @@ def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) ->
     """
     if not 4 <= len(phases) <= count:
         return [round(i) for i in np.linspace(0, len(track.time) - 1, min(count, len(track.time)))]
-    middles = [0.5 * (phase.t0 + phase.t1) for phase in phases]
-    found = np.searchsorted(track.time, middles).clip(0, len(track.time) - 1)
+    each = count // len(phases)
+    times = [
+        phase.t0 + (phase.t1 - phase.t0) * (part + 0.5) / each
+        for phase in phases
+        for part in range(each)
+    ]
+    found = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
     return sorted({int(index) for index in found})
 
 
-def strip(
-    track: Track, scenario: Scenario, phases: Sequence[Phase], title: str, path: Path
-) -> str | None:
+def strip(view: View, path: Path) -> str | None:
     """Draw a strip of images.
 
     Args:
-        track: Signals of the run.
-        scenario: What it was made in.
-        phases: To choose the moments from.
-        title: Name of the run.
+        view: Of the run; its phases choose the moments.
         path: PNG file.
 
     Returns:
         Why it shows stick figures instead of the robot, or None if it shows the robot.
     """
+    track, phases = view.track, view.phases
     shown = moments(track, phases)
     reason = None
     images: list[npt.NDArray[np.uint8]] | None = None
     try:
-        images = _images(track, scenario, shown)
+        images = _images(track, view.scenario, shown)
     except SimulationError as error:
         reason = str(error)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.3 * len(shown), 1.9), layout="constrained")
+        figure = Figure(figsize=(1.3 * len(shown), 1.75), layout="constrained")
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
@@ -80,18 +82,18 @@ def strip(
             axes.set_axis_off()
             name = _phase_at(phases, float(track.time[index]))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)
     return reason
 
 
-def video(track: Track, scenario: Scenario, path: Path) -> None:
-    """Film a run, faster than it was if it is long.
+def film_of(view: View, path: Path) -> Film:
+    """Film a run, faster than it was if it is long. To be closed, which waits for its end.
 
     Raises:
         SimulationError: if this machine cannot render or write videos.
     """
-    puppet = Puppet(scenario)
+    track, puppet = view.track, Puppet(view.scenario)
     length = float(track.time[-1] - track.time[0])
     speed = max(1.0, math.ceil(length / VIDEO_LENGTH))
     count = max(1, round(length / speed * VIDEO_FPS))
@@ -99,8 +101,10 @@ def video(track: Track, scenario: Scenario, path: Path) -> None:
     try:
         for index in np.linspace(0, len(track.time) - 1, count).round().astype(int):
             film.snap(puppet.pose(track, int(index)))
-    finally:
-        film.close()
+    except BaseException:
+        film.close(soon=True)
+        raise
+    return film
 
 
 def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> None:
@@ -135,7 +139,7 @@ def _phase_at(phases: Sequence[Phase], time: float) -> str:
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
     puppet = Puppet(scenario)
-    camera = Camera(puppet.model, width=360, height=480, fine=True)
+    camera = Camera(puppet.model, width=270, height=360, fine=True)
     try:
         return [camera.picture(puppet.pose(track, index)) for index in shown]
     finally:

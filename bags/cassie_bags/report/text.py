@@ -22,12 +22,21 @@ _WIDTH = 80  # of a terminal, in characters
 
 def json_line(outcome: Outcome) -> str:
     """The run as one line of JSON; what does not exist (NaN) is null."""
+    return json.dumps(finite(outcome_content(outcome)), allow_nan=False)
+
+
+def outcome_content(outcome: Outcome) -> dict[str, Any]:
+    """The run as JSON has it, but for NaN."""
     experiment, metrics = outcome.experiment, outcome.metrics
-    content = {
+    return {
         "name": experiment.name,
         "how": outcome.how,
         "passed": outcome.passed,
         "failures": list(outcome.failures),
+        "checks": [
+            {**vars(check), "passed": not check.problem}
+            for check in experiment.expect.checks(metrics)
+        ],
         "fell": metrics.fell,
         "fall_time": metrics.fall_time,
         "lockstep_broken": outcome.lockstep_broken,
@@ -43,7 +52,7 @@ def json_line(outcome: Outcome) -> str:
         },
         "peak_torque": metrics.peak_torque,
         "metrics": {name: metrics.run[name] for name in RUN_METRICS},
-        "phases": [_phase_content(phase) for phase in metrics.phases],
+        "phases": [phase_content(phase) for phase in metrics.phases],
         "seed": experiment.seed,
         "draw": as_mapping(experiment.scenario.draw),
         "event_times": {
@@ -54,7 +63,6 @@ def json_line(outcome: Outcome) -> str:
         },
         "files": dict(outcome.files),
     }
-    return json.dumps(finite(content), allow_nan=False)
 
 
 def table(outcome: Outcome) -> str:
@@ -138,7 +146,8 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     return lines
 
 
-def _phase_content(phase: PhaseMetrics) -> dict[str, Any]:
+def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
+    """A phase as JSON has it, but for NaN."""
     return {
         "name": phase.phase.name,
         "t0": phase.phase.t0,

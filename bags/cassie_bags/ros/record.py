@@ -31,7 +31,7 @@ from cassie_bags.cli.arguments import count, number
 from cassie_bags.errors import BagError
 from cassie_bags.ros.kept_parameters import RECORD, KeptParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
-from cassie_bags.run.provenance import versions
+from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
@@ -413,7 +413,7 @@ def _next_name(path: Path) -> Path:
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     if path is None:
-        return {"cassie_versions": versions()}
+        return surroundings()
     content = read_mapping(path)
     for name, record in content.items():
         if not isinstance(record, dict):

@@ -15,11 +15,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +33,13 @@ from cassie_bags.bag.recording import (
     read_recording,
     stamps_ns,
 )
-from cassie_bags.bag.standard_messages import IMU_FIELDS, ODOMETRY_FIELDS
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import check_parameters, make_loop, simulator_config, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_folder
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store, run
 from cassie_msgs.layout import RobotState
+from cassie_msgs.standard_messages import IMU, ODOMETRY
 
 ROBOTS = (0, 1, 2)
 """Seeds of the robots that each experiment is run with."""
@@ -66,8 +63,6 @@ _LEFT_OUT = {"sender", "battery_charge", "longest_delay", "missed_ticks", "late_
 
 _MARK = 2  # hexadecimal digits
 _SECOND = 1_000_000_000  # in ns
-_PACKAGES = ("mujoco", "numpy", "numba", "llvmlite", "pin", "scipy")
-_VARIABLES = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS")
 
 Fields = Mapping[str, Sequence[str]]
 """Names of fields by topic."""
@@ -166,28 +161,13 @@ def save(prints: Fingerprints, path: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def environment() -> dict[str, str]:
-    """What the last bit of a result depends on besides this project's code."""
-    found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
-    used = np.show_config(mode="dicts")["SIMD Extensions"]
-    found["vector instructions"] = " ".join([*used["baseline"], *used["found"]])
-    found |= {name: os.environ.get(name, "not set") for name in _VARIABLES}
-    found["python"] = platform.python_version()
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
-
-
 def fields_to_hash() -> dict[str, list[str]]:
     """Fields that new fingerprints are made of, in the order of their messages."""
     fields: dict[str, Sequence[str]] = {
         topic: kind.DTYPE.names or () for topic, kind in LANE_TOPICS.items()
     }
-    fields |= {GROUND_TRUTH_TOPIC: ODOMETRY_FIELDS, SEGWAY_TRUTH_TOPIC: ODOMETRY_FIELDS}
-    fields[SEGWAY_IMU_TOPIC] = IMU_FIELDS
+    fields |= {GROUND_TRUTH_TOPIC: ODOMETRY.field_names, SEGWAY_TRUTH_TOPIC: ODOMETRY.field_names}
+    fields[SEGWAY_IMU_TOPIC] = IMU.field_names
     return {
         topic: [name for name in names if name not in _LEFT_OUT] for topic, names in fields.items()
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 
@@ -18,21 +19,27 @@ class BagObserver:
     Args:
         path: The bag.
         experiment: What is run, drawn; it goes into the bag.
+        topics: What of it is written.
 
     Raises:
         BagError: if the bag cannot be written.
     """
 
-    def __init__(self, path: Path, experiment: Experiment) -> None:
+    def __init__(
+        self, path: Path, experiment: Experiment, topics: Collection[str] = TYPES.keys()
+    ) -> None:
         self._bag = BagWriter(path)
         for name, content in metadata_of(experiment).items():
             self._bag.add_metadata(name, content)
         self._channels = {
-            topic: self._bag.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()
+            topic: self._bag.add_topic(topic, kind, QOS_LANE)
+            for topic, kind in TYPES.items()
+            if topic in topics
         }
 
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
-        self._bag.write(self._channels[topic], raw, stamp, stamp)
+        if topic in self._channels:
+            self._bag.write(self._channels[topic], raw, stamp, stamp)
 
     def __enter__(self) -> BagObserver:
         return self

@@ -26,6 +26,7 @@ from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.errors import BagError, ExperimentError
 from cassie_bags.run.cores import library_path, simulator_config
 from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.provenance import changes_of_environment
 from cassie_bags.run.yaml_file import apply_changes, flat
 from cassie_control.controller.config import ControllerConfig
 from cassie_control.controller.gait_controller import GaitController
@@ -65,6 +66,9 @@ SECTIONS = {
     "gait_controller": "controller",
 }
 """Section of an experiment file that holds a node's parameters."""
+
+START, TOLERANCE = 5.0, 1e-9
+"""What is compared where bits may differ: the first so many s, to this difference in SI units."""
 
 _NEAR = 20  # messages of a topic within which a process that was replaced may have answered, too
 _TOPICS = (Sensors, RobotState, Mode, MotorCommand, OperatorCommand)
@@ -130,6 +134,20 @@ class Replayed:
             found |= self._unequal(name)
         return int(found.sum())
 
+    def greatest_difference(self, until: float) -> float:
+        """Greatest difference of a value before `until` (s) of each episode; NaN is one value."""
+        times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
+        early = times < until
+        greatest = 0.0
+        for name in self.recorded.dtype.names or ():
+            one, other = (
+                each[name][early].astype(np.float64) for each in (self.recorded, self.computed)
+            )
+            apart = np.abs(one - other)
+            apart[np.isnan(one) & np.isnan(other)] = 0.0
+            greatest = max(greatest, float(np.nan_to_num(apart, nan=np.inf).max(initial=0.0)))
+        return greatest
+
     def _unequal(self, name: str) -> npt.NDArray[np.bool_]:
         """Whether the bits of a field differ; NaN is equal to the same NaN. Shape (n,)."""
         one, other = (
@@ -146,16 +164,30 @@ class Verification:
     Attributes:
         replayed: Messages that could be compared, by topic: state, mode, motor command.
         gaps: What could not be followed, and why, in words.
+        elsewhere: In what machine and libraries are not those of the recording; empty if nothing
+            is, or if the bag does not tell them.
     """
 
     replayed: Mapping[str, Replayed]
     gaps: Sequence[str] = field(default_factory=list)
+    elsewhere: Sequence[str] = field(default_factory=list)
 
     @property
     def differences(self) -> list[Difference]:
         """The first difference of each topic that has one."""
         found = (each.first_difference(topic) for topic, each in self.replayed.items())
         return [difference for difference in found if difference is not None]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all that was compared is as recorded.
+
+        With other libraries or another kind of processor bits may differ; then the first
+        `START` s have to agree within `TOLERANCE`.
+        """
+        if not self.elsewhere:
+            return not self.differences
+        return all(each.greatest_difference(START) <= TOLERANCE for each in self.replayed.values())
 
     @property
     def compared(self) -> int:
@@ -198,7 +230,8 @@ def verify(
         tell = partial(_tell, watch, done, total)
         replayed[kind.TOPIC] = _follow(lane, node, kind, begin, gaps, tell)
         done += len(lane.rows[kind.TOPIC])
-    return Verification(replayed, gaps)
+    recorded = lane.index.metadata.get("cassie_environment")
+    return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
 
 
 @dataclass(frozen=True)

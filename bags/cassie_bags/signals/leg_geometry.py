@@ -83,6 +83,18 @@ def euler_angles(orientation: FloatArray) -> FloatArray:
     return np.stack([yaw, pitch, roll], axis=1)
 
 
+def quaternions(angles: FloatArray) -> FloatArray:
+    """Quaternions x y z w of yaw, pitch and roll (z-y-x, rad). Shape (n, 3) to (n, 4)."""
+    (cy, cp, cr), (sy, sp, sr) = np.cos(0.5 * angles.T), np.sin(0.5 * angles.T)
+    parts = [
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    ]
+    return np.stack(parts, axis=1)
+
+
 def _axes(link: robot.Link) -> FloatArray:
     x, y = np.array(link.x_axis), np.array(link.y_axis)
     return np.stack([x, y, np.cross(x, y)], axis=1)

@@ -118,7 +118,7 @@ def measure(
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
     run = _tracking(track) | _journey(track)
     run["fall_time"] = math.nan if fell_at is None else fell_at
-    run["peak_torque_ratio"] = float((peak / _torque_limits()).max())
+    run["peak_torque_ratio"] = float((peak / torque_limits()).max())
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
     run["gate_miss"] = gate_miss(recording, rider)
@@ -188,7 +188,7 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
 def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
     """Pitch, toe up, that a foot which carries load exceeds for a twentieth of the time, in deg.
 
-    NaN while she hangs.
+    NaN while it hangs.
     """
     loaded = track.foot_load[inside] > 0.5
     pitches = track.sole_pitch[inside][loaded]
@@ -204,7 +204,8 @@ def _speed_peak(position: FloatArray, tick: float) -> float:
     return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
 
 
-def _torque_limits() -> FloatArray:
+def torque_limits() -> FloatArray:
+    """Largest torque of each drive. Shape (10,), in Nm."""
     return np.array([DRIVE_TABLE[drive].torque_limit for _ in LEGS for drive in LEG_DRIVES])
 
 

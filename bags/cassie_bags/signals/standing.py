@@ -32,7 +32,7 @@ def measure_standing(
         com_rms: of the CoM's place on the ground about its mean (m); creep: of the foot that
         moved more, from the first second to the last (m); height_off: greatest error of the
         pelvis height (m); shaking: greatest speed of the pelvis in the last second (m/s);
-        stepped: whether she stepped at all (0 or 1). NaN where the window holds no two seconds.
+        stepped: whether it stepped at all (0 or 1). NaN where the window holds no two seconds.
     """
     time = track.time[inside]
     if not len(time) or time[-1] - time[0] < 2.0 * _ENDS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,13 @@ import numpy.typing as npt
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
 from cassie_bags.errors import BagError
-from cassie_bags.signals.leg_geometry import euler_angles, leg_points, rotation_matrices, to_world
+from cassie_bags.signals.leg_geometry import (
+    euler_angles,
+    leg_points,
+    quaternions,
+    rotation_matrices,
+    to_world,
+)
 from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
@@ -47,6 +54,7 @@ class Track:
         carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
             within `FLIGHT` of the sample. Shape (n,).
         sensors: Rows of `Sensors` on these ticks.
+        state: Rows of `RobotState` on these ticks.
         vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
             the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
         wheels: What its left and right wheel have turned in the chassis, if they did not slip.
@@ -65,6 +73,7 @@ class Track:
     foot_load: FloatArray
     carries: BoolArray
     sensors: Rows
+    state: Rows
     vehicle: FloatArray
     wheels: FloatArray
 
@@ -115,9 +124,24 @@ def make_track(recording: Recording) -> Track:
         foot_load=load,
         carries=own,
         sensors=sensors,
+        state=state,
         vehicle=vehicle,
         wheels=wheels,
     )
+
+
+def with_estimate_as_truth(recording: Recording) -> Recording:
+    """A recording that holds no true pose, with the estimated one in its place."""
+    state = recording.rows(RobotState)
+    truth = np.zeros(len(state), recording.truth.dtype)
+    for name in ("sec", "nanosec"):
+        truth[name] = state[name]
+    truth["position"] = state["q"][:, :3]
+    truth["orientation"] = quaternions(state["q"][:, 3:6])
+    rotation = rotation_matrices(truth["orientation"])
+    truth["linear"] = np.einsum("nji,nj->ni", rotation, state["v"][:, :3])
+    truth["angular"] = state["angular_velocity"]
+    return dataclasses.replace(recording, truth=truth)
 
 
 def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:

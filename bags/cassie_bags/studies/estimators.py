@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from tqdm import tqdm
 
 from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
+from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.tunables import unknown_name
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -114,18 +120,14 @@ def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Err
     truth, rows = recording.truth[inside], states[inside]
     world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
     angles = euler_angles(truth["orientation"])
-    error = rows["v"][:, :3] - world
-    c, s = np.cos(angles[:, 0]), np.sin(angles[:, 0])
-    forward, left = c * error[:, 0] + s * error[:, 1], c * error[:, 1] - s * error[:, 0]
-    ends = [0, -1]
-    moved = np.diff(rows["q"][ends, :2] - truth["position"][ends, :2], axis=0)[0]
+    error = estimation_error(rows, truth["position"], world, angles)
     way = np.linalg.norm(np.diff(truth["position"][:, :2], axis=0), axis=1).sum()
     return Errors(
         ground,
         name,
-        np.sqrt(np.square([forward, left, error[:, 2]]).mean(axis=1)),
-        np.sqrt(np.square(rows["q"][:, [5, 4]] - angles[:, [2, 1]]).mean(axis=0)),
-        float(np.linalg.norm(moved) / way),
+        np.sqrt(np.square(error.velocity).mean(axis=0)),
+        np.sqrt(np.square(error.tilt).mean(axis=0)),
+        float(np.linalg.norm(error.position[-1]) / way),
     )
 
 
@@ -140,3 +142,21 @@ def table(errors: Iterable[Errors]) -> list[str]:
             f"| {e.ground} | {e.estimator} | {' | '.join(figures)} | {100 * e.drift:.2f} |"
         )
     return lines
+
+
+def _progress(ticks: range) -> Iterable[int]:
+    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    return bar
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare on each ground; returns the exit code."""
+    results: list[Errors] = []
+    for ground in arguments.grounds or GROUNDS:
+        if ground not in GROUNDS:
+            raise ExperimentError(unknown_name(ground, GROUNDS, "ground"))
+    for ground in arguments.grounds or GROUNDS:
+        results += compare(ground, arguments.seed, _progress)
+    print(f"seed {arguments.seed}; RMS errors against the truth", file=sys.stderr)
+    print("\n".join(table(results)))
+    return 0

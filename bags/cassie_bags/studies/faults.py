@@ -1,4 +1,4 @@
-"""What becomes of Cassie when a sensor fails, in every way, while she stands and walks.
+"""What becomes of Cassie when a sensor fails, in every way, while it stands and walks.
 
 Each mode is run once up to the moment of the fault; from there on every fault runs in a process of
 its own that begins as a copy of that one.
@@ -6,21 +6,27 @@ its own that begins as a copy of that one.
 
 from __future__ import annotations
 
+import argparse
 import functools
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
+from tqdm import tqdm
 
+from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_cores
 from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Loop
 from cassie_bags.studies.copies import in_copies
+from cassie_bags.studies.workers import available_cores
 from cassie_control.estimator.channels import CHANNELS
 from cassie_msgs.layout import MotorCommand, Sensors
+from cassie_msgs.tunables import unknown_name
 from cassie_sim.events import ActiveFault
 from cassie_sim.plant import Plant
 from cassie_sim.scenario import FAULT_KINDS, SensorFault
@@ -132,9 +138,9 @@ class _FaultyPlant:
 
 
 class Fate:
-    """What becomes of her, tick by tick.
+    """What becomes of it, tick by tick.
 
-    Drives that damp let her sink down, which is no fall; damping that comes after a fall is one.
+    Drives that damp let it sink down, which is no fall; damping that comes after a fall is one.
     """
 
     def __init__(self) -> None:
@@ -147,7 +153,7 @@ class Fate:
             self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
 
     def outcome(self, *, standing: bool) -> str:
-        """As `Cell.outcome`, by whether she stands in the end."""
+        """As `Cell.outcome`, by whether it stands in the end."""
         if self._fell:
             return "falls"
         if self._damped:
@@ -291,3 +297,32 @@ def describe(cell: Cell) -> str:
     else:
         when = f"{1000.0 * cell.latency:.0f} ms"
     return f"{cell.outcome}, {when}"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Let each channel fail; returns the exit code."""
+    known = all_channels()
+    for channel in arguments.channels:
+        if channel not in known:
+            raise ExperimentError(unknown_name(channel, known, "channel"))
+    kinds, modes = arguments.kinds or FAULT_KINDS, arguments.modes or MODES
+    for given, what, names in ((kinds, "kind", FAULT_KINDS), (modes, "mode", MODES)):
+        for name in given:
+            if name not in names:
+                raise ExperimentError(unknown_name(name, names, what))
+    channels = arguments.channels or known
+    jobs = arguments.jobs or available_cores()
+    total = len(channels) * len(kinds) * len(modes)
+    cells: list[Cell] = list(
+        tqdm(
+            run_table(channels, kinds, modes, arguments.seed, jobs),
+            total=total,
+            unit="fault",
+            disable=not sys.stderr.isatty(),
+            leave=False,
+        )
+    )
+    print("\n".join(table(cells)))
+    unsafe = [cell for cell in cells if not cell.safe]
+    print(f"seed {arguments.seed}: {len(cells) - len(unsafe)} of {len(cells)} safe and in time")
+    return 1 if unsafe else 0

@@ -145,7 +145,7 @@ class Walk:
         while self._to_touchdown() and self._timing.stance != 0:
             pass
         if self._has_stopped():
-            raise RunError(f"{experiment.name}: she fell or stopped before the push")
+            raise RunError(f"{experiment.name}: it fell or stopped before the push")
         if abs(self._mode.vx - speed) > 1e-6:
             now = f"the supervisor asks for {float(self._mode.vx):g} m/s"
             raise RunError(f"{experiment.name}: after {STEADY:g} s {now}")
@@ -246,7 +246,7 @@ def measure(
         advance()
     nominal, pushed, whisper = runs[0], runs[1:-1], runs[-1]
     if nominal.fell or whisper.fell:
-        raise RunError(f"{experiment.name}: she fell or stopped without a push")
+        raise RunError(f"{experiment.name}: it fell or stopped without a push")
     found, dropped, fell = [], 0, 0
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
         fell += run.fell

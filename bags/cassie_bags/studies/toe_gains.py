@@ -10,8 +10,11 @@ that is let go, with those gains times a factor, and a rider who keeps it in pla
 
 from __future__ import annotations
 
+import argparse
+import contextlib
 import dataclasses
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +22,13 @@ from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
 from cassie_bags.report.figures import BLUE, DARK, ORANGE, STYLE
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.segway_rows import GO, LET_GO, ride
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Figures, Trial, run_trial
+from cassie_bags.studies.workers import workers
 from cassie_control.controller.readings import WEIGHT
 from cassie_control.controller.standing_config import SegwayConfig
 
@@ -110,7 +115,7 @@ def trial_of(setting: Setting, seed: int) -> Trial:
     if setting.law == "riding":
         return made
     content = dict(made.content)
-    content["operator"] = content["operator"][:1]  # she never rides, but leans as far and as fast
+    content["operator"] = content["operator"][:1]  # it never rides, but leans as far and as fast
     content["supervisor"] = {"com_x_limit": 0.07, "shift_rate": 0.3}
     return dataclasses.replace(made, content=content)
 
@@ -206,3 +211,30 @@ def _line(axes: Any, line: Sequence[Shaking], **style: Any) -> None:
 def _cell(entry: Shaking) -> str:
     text = "-" if math.isnan(entry.rms) else f"{entry.rms:.3f}"
     return f"{text} ({entry.fell} fell)" if entry.fell else text
+
+
+RATIO = 3.0
+"""By how much the nominal gains are to shake more."""
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Stand on the Segway with each setting; returns the exit code."""
+    points = settings()
+    seeds = range(1, arguments.seeds + 1)
+    jobs = [(index, seed) for index in range(len(points)) for seed in seeds]
+    runs: list[list[Figures]] = [[] for _ in points]
+    bar = tqdm(total=len(jobs), unit="run", disable=not sys.stderr.isatty(), leave=False)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    with contextlib.closing(workers(arguments.jobs, None)) as crew, bar:
+        trials = [trial_of(points[index], seed) for index, seed in jobs]
+        for number, figures in crew.results(run_trial, trials):
+            runs[jobs[number][0]].append(figures)
+            bar.update()
+    found = [shaking(point, figures) for point, figures in zip(points, runs, strict=True)]
+    (arguments.out / "toe_gains.txt").write_text(table(found) + "\n", "utf-8")
+    draw(arguments.out / "toe_gains.png", found)
+    print(table(found))
+    quiet, ratio = verdict(found)
+    print(f"seeds 1 to {arguments.seeds}: shipped gains <= {quiet:.3f} deg (target {QUIET:g}),")
+    print(f"the standing law with nominal ones >= {ratio:.1f} times that (target {RATIO:g})")
+    return 0 if quiet <= QUIET and ratio >= RATIO else 1

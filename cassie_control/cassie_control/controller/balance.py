@@ -10,12 +10,12 @@ from cassie_control.controller.standing_config import StandConfig
 from cassie_msgs.layout import Mode
 
 _REACH = 0.079  # m, centre of pressure from the middle of the sole
-_HELD = 0.9  # contact of the lighter foot while she settles
-_UNSETTLE = 0.2  # s, in which she goes back to the gains before she settled
-_FIRM = 0.9  # how far settled she must be to rise
-_LOST = 0.3  # contact of the heavier one at which she starts anew
-_BOUNCE = 0.1  # m/s, speed of the pelvis up to which she does
-_RUSH = 0.016  # m of the capture point that are due to speed, more than when she moves by herself
+_HELD = 0.9  # contact of the lighter foot while it settles
+_UNSETTLE = 0.2  # s, in which it goes back to the gains before it settled
+_FIRM = 0.9  # how far settled it must be to rise
+_LOST = 0.3  # contact of the heavier one at which it starts anew
+_BOUNCE = 0.1  # m/s, speed of the pelvis up to which it does
+_RUSH = 0.016  # m of the capture point that are due to speed, more than when it moves by itself
 _GAP = 1.5  # periods between estimates from which their difference is no rate
 _GRAVITY = 9.81  # m/s^2
 _SAFE, _FADE = 0.35, 0.15  # capture point over reach at which, and over what, the torso may bend
@@ -40,7 +40,7 @@ class Balance:
     - Excess: the torso bends towards the fall, which pushes the CoM back (hip strategy); its own
       regulation gives way meanwhile. Not while the capture point is well inside: to stand up
       straight again costs what bending has gained.
-    - Gains that meet a push at once, and the bending, come in as she settles. Ground that has just
+    - Gains that meet a push at once, and the bending, come in as it settles. Ground that has just
       been met bounces, and with late commands they would feed that.
 
     Attributes:
@@ -49,7 +49,7 @@ class Balance:
         lean: Horizontal over vertical ground force, forward and to the left.
         moment: Torque that bends the torso forward. In Nm.
         give: What is left of the torso's own regulation, pitch and roll, 0..1.
-        settled: How far she has settled on her feet, 0..1.
+        settled: How far it has settled on its feet, 0..1.
         capture: Capture point from the middle of the feet, forward and to the left. In m.
         urgent: Whether a push drives it forward to the toes, so that legs that push up help.
         beyond: How far the capture point is outside the support, forward and sideways. In m.
@@ -96,7 +96,7 @@ class Balance:
         self.urgent = False
 
     def _com_velocity(self, readings: Readings) -> tuple[float, float]:
-        """Of the CoM, forward and to the left; once she has settled, from joint positions. In m/s.
+        """Of the CoM, forward and to the left; once it has settled, from joint positions. In m/s.
 
         The rates of the shins come 4 ms after those of the knees. In the 42 Hz mode of knees and
         leaf springs, where both all but cancel, the estimate by rates is thus 3 times too large,
@@ -116,7 +116,7 @@ class Balance:
         return x, y
 
     def unsettle(self) -> None:
-        """Go back to the gains before she settled: she is told to move herself."""
+        """Go back to the gains before it settled: it is told to move itself."""
         self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
 
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
@@ -136,7 +136,7 @@ class Balance:
             self._velocity[k] += share * (speed - self._velocity[k])
         if both > 0.7:
             self._learn(readings)
-        # The foot that carries her is what she stands on, wherever a lifted one swings.
+        # The foot that carries it is what it stands on, wherever a lifted one swings.
         middle = self._standing_on(readings, ground)
         x = readings.com[0] - middle + self._bias[0]
         y = readings.com_from_feet[1] + self._bias[1]
@@ -152,7 +152,7 @@ class Balance:
         self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
-            # The hips are stiff: to take the torso back at once would throw her to the other side.
+            # The hips are stiff: to take the torso back at once would throw it to the other side.
             min(
                 max(self._roll_give(), 1.0 - abs(excess_y) / c.give),
                 self.give[1] + self._period / c.roll_back,
@@ -162,7 +162,7 @@ class Balance:
         self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
 
     def _press_x(self, error: float, x: float, settled: float) -> float:
-        """Set `pressed`; returns how much farther she wants to press, in m."""
+        """Set `pressed`; returns how much farther it wants to press, in m."""
         c = self.config
         kd = _between(c.kd_com_x, c.settled_kd_com_x, settled)
         wanted = x - self._rest[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
@@ -170,7 +170,7 @@ class Balance:
         return settled * self._bends(0, _REACH) * (wanted - self.pressed)
 
     def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
-        """Set `left`; returns how much farther to the side she wants to press, in m."""
+        """Set `left`; returns how much farther to the side it wants to press, in m."""
         c = self.config
         kd = self._damping_y(settled)
         wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
@@ -178,7 +178,7 @@ class Balance:
         return self._bends(1, 0.5 * apart) * (wanted - (self.left - 0.5) * apart)
 
     def _damping_y(self, settled: float) -> float:
-        """Force sideways by CoM y velocity, in Ns/m; `settled` is how far she has settled, 0..1."""
+        """Force sideways by CoM y velocity, in Ns/m; `settled` is how far it has settled, 0..1."""
         return _between(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
 
     def _roll_give(self) -> float:
@@ -193,7 +193,7 @@ class Balance:
         return max(0.0, min(1.0, (abs(self.capture[k]) / reach - _SAFE) / _FADE))
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
-        """How far she has settled, 0..1: gains that meet a push would shake a landing."""
+        """How far it has settled, 0..1: gains that meet a push would shake a landing."""
         if max(ground) < _LOST:
             self.settled = 0.0
         elif min(ground) > _HELD and max(map(abs, readings.velocity)) < _BOUNCE:
@@ -223,7 +223,7 @@ class Balance:
 
     @staticmethod
     def _standing_on(readings: Readings, ground: Sequence[float]) -> float:
-        """Middle of the feet that carry her, ahead of the pelvis origin. In m."""
+        """Middle of the feet that carry it, ahead of the pelvis origin. In m."""
         left, right = (leg.foot[0] for leg in readings.legs)
         carried = ground[0] + ground[1]
         if carried < 0.1:

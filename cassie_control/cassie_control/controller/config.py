@@ -27,7 +27,7 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class LateGains:
-    """What she goes over to where the drives act late on commands, see `command_latency`."""
+    """What it goes over to where the drives act late on commands, see `command_latency`."""
 
     latency_from: float = tunable(0.02, "s", 0.0, 0.1, "Latency from which it goes over")
     latency_span: float = tunable(0.006, "s", 0.001, 0.1, "How much more until it has")
@@ -47,7 +47,7 @@ class LateGains:
     roll_rate_length: float = tunable(0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` then")
 
     def share(self, latency: float) -> float:
-        """How far a latency (s) has her gone over to these, 0..1."""
+        """How far a latency (s) has it gone over to these, 0..1."""
         return min(1.0, max(0.0, (latency - self.latency_from) / self.latency_span))
 
     def placement(self, gains: WalkConfig, latency: float) -> WalkConfig:

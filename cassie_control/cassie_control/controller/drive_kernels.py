@@ -46,7 +46,7 @@ def drive(
 ) -> None:
     """Desired outputs, adjusted, as set-points of the drives.
 
-    Source: eq:IK and eq:hdtilde (README, Errata).
+    Source: eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
 
     Args:
         figures, robots, steps: Figures, the robot now and the step, of `records`. Shape (1,).

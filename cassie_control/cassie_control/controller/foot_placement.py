@@ -51,7 +51,7 @@ class PendulumPlacement:
     at random beside the law's, asks for a gain a / b that is 1.07 of the pendulum's in place, 0.8
     at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): at speed a
     longer step brakes by its impact too. With all of it long and short steps alternate, and the
-    step that catches a push throws her back. So the gains fall with the low-passed speed forward,
+    step that catches a push throws it back. So the gains fall with the low-passed speed forward,
     by `pendulum_fade_x` and `_y` for each m/s; the sagittal ones with v_end where that is faster,
     backward as well, by as much as it is faster. `pendulum_gain_still` is added in place; not
     after a push. Fast, fore or aft, the foot also meets the ground earlier before the end of the
@@ -68,7 +68,7 @@ class PendulumPlacement:
     at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Under way, of
     what then lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it
     goes `far_share`, `far_most` short of it at most: held back more, the speed to that side would
-    grow from step to step. In place and in steps that recover from a push while standing she needs
+    grow from step to step. In place and in steps that recover from a push while standing it needs
     the foot there at once, and drives that act late sway too widely (`LateGains.placement`). The
     leg gets the length at which the foot meets the ground there, on the slope that the feet found.
 
@@ -107,7 +107,7 @@ class PendulumPlacement:
         self._wished = now, before
         # The velocity's mean is of two steps: so is the wish's, or each change would add up.
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
-        # What she lacks while she is told to go faster would be too much once she is there.
+        # What it lacks while it is told to go faster would be too much once it is there.
         steady = max(0.0, 1.0 - abs(now[0] - earlier[0]) / _STEADY)
         self._sum_x = _summed(self._sum_x, steady * c.integral_x, mean_velocity[0] - vx, c)
         self._sum_y = _summed(self._sum_y, c.integral_y, mean_velocity[1] - vy, c)

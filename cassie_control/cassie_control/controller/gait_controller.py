@@ -48,7 +48,7 @@ class GaitController:
     From standing, walking begins with a lean to the left and a step of the right leg. From
     walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
     the supervisor asks for it when Cassie steps in place. A push that standing cannot hold makes
-    her step by herself (`recovery`) until she is slow again. Riding a Segway is standing with gains
+    it step by itself (`recovery`) until it is slow again. Riding a Segway is standing with gains
     of its own. After each change the set-points are
     blended over a moment.
 

@@ -37,12 +37,12 @@ class GroundSlope:
     A foot whose heel sinks into sand turns up for as long as it is loaded, by 0.05 to 0.3 rad (on
     hard ground by 0.003, on grass by 0.015), fast at first and then ever slower. While a foot turns
     fast its pitch is no slope, nor once it has turned up: what it shows as it slows down, 0.5, was
-    taken for a rise of 0.2, and she ran away. Instead a rise that was believed fades then, which
+    taken for a rise of 0.2, and it ran away. Instead a rise that was believed fades then, which
     errs to the low side, too.
 
     Each new foot then lands higher than the one that has sunk meanwhile, by `sunk`: the least of
     the last three numerators above. Taken for level, that ground met the swing foot early and short
-    of where it had to be, and she ran away forward. Their mean would be a rise on uneven ground,
+    of where it had to be, and it ran away forward. Their mean would be a rise on uneven ground,
     too, where it threw two robots of four.
 
     Attributes:

@@ -33,8 +33,8 @@ class MovingBalance(Balance):
     stiff, and it needs to know nothing of the vehicle. The error of c is that learnt by who stood
     before: on ground that moves it cannot be told from an acceleration.
 
-    A platform that rolls on uneven ground presses the steering bar against her knees: it turns by
-    itself, and she is thrown to a side until one foot carries her. Hips that give way at that, as
+    A platform that rolls on uneven ground presses the steering bar against its knees: it turns by
+    itself, and it is thrown to a side until one foot carries it. Hips that give way at that, as
     in standing, throw the torso to and fro until a foot slips. So from 2 to 3 m/s the gains go over
     to `fast_...`: hips that stay stiff and less weight shifted by speed sideways.
 
@@ -74,7 +74,7 @@ class MovingBalance(Balance):
         """Where the CoM may be wanted so that the feet need not press at their edges for it.
 
         To come back from a lean they press farther out at first. A wish that asks for more than
-        they have throws her: the torso bends, and swings back.
+        they have throws it: the torso bends, and swings back.
 
         Returns:
             Least and greatest com_x, the same of com_y. In m.
@@ -137,6 +137,6 @@ class MovingBalance(Balance):
         return
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
-        """A platform moves: here she counts as settled at once, with gains that know no other."""
+        """A platform moves: here it counts as settled at once, with gains that know no other."""
         self.settled = 1.0
         return self.settled

@@ -30,7 +30,7 @@ def measure(
         rates: Result, their time derivatives. Shape (9,), in rad/s and m/s.
 
     Source:
-        eq:h0 and eq:AbsoluteQuantities (README, Errata).
+        eq:h0 and eq:AbsoluteQuantities (README of cassie_gaits, Errata).
     """
     st, sw, st_rate, sw_rate = stance.joints, swing.joints, stance.rates, swing.rates
     outputs[:] = (

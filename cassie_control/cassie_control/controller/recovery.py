@@ -11,7 +11,7 @@ from cassie_control.controller.step_timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import MotorCommand
 
-_FOOTED_TIME = 1.5  # s for which it counts that both feet carried her
+_FOOTED_TIME = 1.5  # s for which it counts that both feet carried it
 _BOTH = 0.6  # share of the weight on the ground that counts as standing
 _GRAVITY = 9.81  # m/s^2
 _CARRIED = 0.4  # share of it below which the robot is in the air
@@ -71,9 +71,9 @@ def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None
 class RecoveryStep:
     """Finds the moment from which standing cannot hold a push any more.
 
-    The capture point, CoM + velocity sqrt(z / g), is where the feet would have to press for her to
+    The capture point, CoM + velocity sqrt(z / g), is where the feet would have to press for it to
     come to rest. Standing holds it inside the soles, and a little beyond by bending the torso: past
-    `recovery_x` fore and aft or `recovery_y` sideways, measured from the edge of the support, she
+    `recovery_x` fore and aft or `recovery_y` sideways, measured from the edge of the support, it
     steps. The foot with less load swings. A robot that hangs, or has just come down, does not step.
 
     Args:
@@ -89,7 +89,7 @@ class RecoveryStep:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: she has not stood yet."""
+        """Begin anew: it has not stood yet."""
         self._footed = 0.0
 
     def stance(

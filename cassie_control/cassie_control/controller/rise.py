@@ -52,7 +52,7 @@ class Rise:
             config: Gains.
             height: Of the pelvis, as commanded. In m.
             urgent: Whether the capture point is at the edge of the support.
-            footed: Whether both feet carry: on one the push would throw her over it.
+            footed: Whether both feet carry: on one foot a push would tip it over.
         """
         before = self.rate
         self._hold = _HOLD if urgent and footed else max(0.0, self._hold - self._period)

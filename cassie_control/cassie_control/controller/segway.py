@@ -1,4 +1,4 @@
-"""Riding a Segway: the operator, or Cassie herself, leans to go, to stop and to turn."""
+"""Riding a Segway: the operator, or Cassie itself, leans to go, to stop and to turn."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _GOES = 0.3  # m/s^2
 _TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
-_SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which she leans to a side by that share only
-_LIFT_TIME = 0.3  # s, low-pass of the share of her weight that the feet do not carry
+_SLOW, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
+_LIFT_TIME = 0.3  # s, low-pass of the share of its weight that the feet do not carry
 _LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
 _NARROW = 0.8  # by which that lean is less where the feet are nearer to each other
 _LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
-_STEADY = 5.0  # s of the same commanded speed, after which she goes at it
+_STEADY = 5.0  # s of the same commanded speed, after which it goes at it
 _FELT, _NEAR = 0.15, 0.5  # m/s from the wanted speed, where the CoM's neutral place is learnt
 _NEUTRAL = 0.05  # m, bound of that
 _OFF = 0.3  # rad, by which a heading is missed at most before it is given up
@@ -36,23 +36,23 @@ class RidingController:
 
         c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
         c_x* = n + kp_speed (vx - v)               while he does not: Cassie holds vx, and brakes
-        c_y* = kp_yaw_rate (w - r)                 if that is 0, by what she herself feels,
+        c_y* = kp_yaw_rate (w - r)                 if that is 0, by what it feels itself,
         w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
 
     with e the heading's error, v the sum of the ground's acceleration since riding began and r the
-    yaw rate. v drifts, as nothing measures the speed of a vehicle: told to stop, she takes
+    yaw rate. v drifts, as nothing measures the speed of a vehicle: told to stop, it takes
     `rest_speed` for rest. A turn tells it, as the ground accelerates to a side by a_y = v r, and
     the bar presses as well:
 
         v' = a + r (a_y - r (v + 0.4 m/s)) / (turn_time (r^2 + 0.05 rad^2/s^2)).
 
-    Who leans her sees how fast she goes: once his vx has been the same for a while, it is that,
+    Who leans it sees how fast it goes: once his vx has been the same for a while, it is that,
 
         v' = a + b + (vx - v) / speed_time,    b' = (vx - v) / (2 speed_time)^2,
 
-    and b, the error of a, is known from then on; so is n, the CoM x by which she neither gains nor
+    and b, the error of a, is known from then on; so is n, the CoM x by which it neither gains nor
     loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
-    rest she leans `rest_back` less, so that it stops her. c_x*
+    rest it leans `rest_back` less, so that the Segway stops. c_x*
     keeps the feet's pressure, c_x* - h a / g, within `press_limit`, and gives way where the
     platform tilts against it: that is how a Segway says that it will go no faster.
 
@@ -217,7 +217,7 @@ class RidingController:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
         com_y = self._bounded_by_turn(self._turn, com_y)
-        # Backward a lean to a side throws her out. She leans slowly: how fast will it be?
+        # Backward a lean to a side throws it out. It leans slowly: how fast will it be?
         soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
         backward = max(0.0, min(1.0, -soon / _SLOW))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
@@ -231,8 +231,8 @@ class RidingController:
     def _out_of_corner(self, readings: Readings, wanted: Mode) -> None:
         """Less of a lean back the farther the CoM is to a side, and the other way round.
 
-        Far back and to a side the outer shin catches the pad of the bar: it carries her instead of
-        the foot, which slips, and as it lets go she falls.
+        Far back and to a side the outer shin catches the pad of the bar: the bar carries the robot
+        instead of the foot, which slips, and as the bar lets go the robot falls.
         """
         ahead, left, _ = readings.com_from_feet
         back = max(_LEAST, self.config.corner - abs(left))
@@ -241,7 +241,7 @@ class RidingController:
         wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
 
     def _off_the_bar(self, readings: Readings, wanted: Mode) -> None:
-        """Less of a lean while something beside the feet carries her: a shin on the bar's pad.
+        """Less of a lean while something beside the feet carries it: a shin on the bar's pad.
 
         What the feet press then tells neither the ground's acceleration nor the speed, and the
         foot below that shin slips.

@@ -232,7 +232,7 @@ class StandingController:
     def _in_air(self, i: int, readings: Readings) -> float:
         """Where the toe joint of leg `i` is kept in the air, ahead of its hip. In m.
 
-        Below the CoM while she hangs; beside the other foot while that one carries her.
+        Below the CoM while it hangs; beside the other foot while that one carries it.
         """
         other = readings.legs[1 - i]
         hanging = readings.com[0] - _FOOT_MIDDLE - HIP_X

@@ -25,15 +25,15 @@ class StandConfig:
     )
     kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
     settled_kd_com_x: float = tunable(
-        500.0, "Ns/m", 0.0, 1000.0, "The same once she has settled, to meet a push at once"
+        500.0, "Ns/m", 0.0, 1000.0, "The same once it has settled, to meet a push at once"
     )
     kp_com_y: float = tunable(
         250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
     kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
-    settled_kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "The same once she has settled")
+    settled_kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "The same once it has settled")
     settled_kp_hip_roll: float = tunable(
-        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once she has settled"
+        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
     )
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
@@ -77,7 +77,7 @@ class StandConfig:
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
     )
     settled_bandwidth: float = tunable(
-        160.0, "1/s", 5.0, 1000.0, "The same once she has settled and nothing bounces"
+        160.0, "1/s", 5.0, 1000.0, "The same once it has settled and nothing bounces"
     )
     settle_time: float = tunable(
         1.0, "s", 0.1, 10.0, "Both feet down and hardly any vertical speed for so long: settled"
@@ -97,7 +97,7 @@ class StandConfig:
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
     )
     rise: float = tunable(
-        0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings her to the edge"
+        0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings it to the edge"
     )
     rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate of that")
     rise_acceleration: float = tunable(6.0, "m/s^2", 0.5, 20.0, "Change of that rate")
@@ -128,13 +128,13 @@ class SegwayConfig(StandConfig):
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    settled_kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "CoM x once she has settled")
+    settled_kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "CoM x once it has settled")
     settled_kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same sideways")
     settled_kp_hip_roll: float = tunable(
-        400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once she has settled"
+        400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
     )
     settled_bandwidth: float = tunable(
-        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity once she has settled"
+        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity once it has settled"
     )
     roll_back: float = tunable(0.001, "s", 0.001, 5.0, "In which the hip roll stiffness comes back")
     rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
@@ -165,7 +165,7 @@ class SegwayConfig(StandConfig):
         0.29, "m", 0.1, 0.4, "Distance of the feet from which on that holds; nearer, it is less"
     )
     kp_speed: float = tunable(
-        0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie herself estimates"
+        0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie itself estimates"
     )
     kp_yaw_rate: float = tunable(
         0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
@@ -185,7 +185,7 @@ class SegwayConfig(StandConfig):
         0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
     )
     speed_time: float = tunable(
-        5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans her"
+        5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans it"
     )
     turn_time: float = tunable(
         1.0, "s", 0.1, 1000.0, "In which a fast turn tells the speed; a slow one takes longer"
@@ -195,17 +195,17 @@ class SegwayConfig(StandConfig):
         "m/s",
         0.0,
         2.0,
-        "Estimated speed that counts as rest once she is told to stop",
+        "Estimated speed that counts as rest once it is told to stop",
     )
     rest_time: float = tunable(2.0, "s", 0.1, 60.0, "In which the estimate then goes to zero")
     rest_back: float = tunable(
-        0.003, "m", 0.0, 0.02, "CoM x against the way she came, so that what still rolls stops"
+        0.003, "m", 0.0, 0.02, "CoM x against the way it came, so that what still rolls stops"
     )
     speed_sum: float = tunable(
-        0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that she estimates"
+        0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that it estimates"
     )
     top_speed: float = tunable(
-        5.5, "m/s", 0.0, 10.0, "Speed, as she estimates it, beyond which no lean adds"
+        5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
     )
     back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
     tilt_margin: float = tunable(

@@ -48,9 +48,9 @@ class TorqueLearning:
         u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
 
     Q a low-pass along the phase. gain / (gain + leak) of what repeats of the error is taken over.
-    Four joints are left out, since their errors belong to how she keeps her balance: with learned
-    torques of the stance knee, which carries, the sway grows within some twenty steps until she
-    falls, and with those of the torso and the swing hip's roll she falls on soft ground. It learns
+    Four joints are left out, since their errors belong to how it keeps its balance: with learned
+    torques of the stance knee, which carries, the sway grows within some twenty steps until it
+    falls, and with those of the torso and the swing hip's roll it falls on soft ground. It learns
     on one foot only: with both on the ground the legs press against each other, which no torque
     takes away; there the table goes on as at the nearest phase on one foot.
 

@@ -34,10 +34,10 @@ class TransitionConfig:
     )
     recovery_y: float = tunable(0.03, "m", 0.01, 0.3, "The same outside the feet")
     recovery_height: float = tunable(
-        0.8, "m", 0.4, 1.05, "Pelvis height below which she does not step"
+        0.8, "m", 0.4, 1.05, "Pelvis height below which it does not step"
     )
     recovery_lift: float = tunable(
         0.05, "m", 0.0, 0.15, "How much more the foot is lifted at the first of these steps"
     )
-    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Steps before she stands again")
+    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Steps before it stands again")
     blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of set-points after a change of mode")

@@ -1,8 +1,8 @@
 """The weight that the legs are told to carry, compiled: how much, by which leg, with what torques.
 
 While the drives act at once, a leg is told to carry what its foot's force says. Where they act late
-on commands, by D, that throws her up at every step: the leg that lifts goes on pushing for D after
-the other one has landed, and she bounced from leg to leg at 40 ms. Then the weight goes over by the
+on commands, by D, that throws it up at every step: the leg that lifts goes on pushing for D after
+the other one has landed, and it bounced from leg to leg at 40 ms. Then the weight goes over by the
 phase, for the moment at which the drives will act: over a time T from touchdown on,
 
     s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)

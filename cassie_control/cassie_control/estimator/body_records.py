@@ -21,7 +21,7 @@ BODY_TYPE = np.dtype(
         ("attitude", float, (3, 3)),  # IMU to world, as the IMU itself has it
         ("arms", float, (2, 3)),  # middle of each sole from the IMU, pelvis frame, m
         # What is remembered:
-        ("scale", float, 3),  # share of late in which the feet carried her, the factor of their
+        ("scale", float, 3),  # share of late in which the feet carried it, the factor of their
         # springs' forces, and the time that it is averaged over, s
         ("ground", float),  # height of the ground under the loaded feet, m
     ]

@@ -46,7 +46,7 @@ WATCH_TYPE = np.dtype(
         ("acceleration", float, (3, 3)),  # measured, newest first, m/s^2
         ("same_acceleration", int, 3),
         ("acceleration_spikes", float, 3),
-        ("carried", float),  # share of late in which the feet carried her
+        ("carried", float),  # share of late in which the feet carried it
         ("smooth", float, (4, 3)),  # m/s^2, measured smoothed fast and slow, expected likewise
         ("expected", float, (KEPT, 3)),  # ring: m/s^2, what changes within a step
         ("power", float, 3),  # (m/s^2)^2, of that

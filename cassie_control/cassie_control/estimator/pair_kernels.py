@@ -178,7 +178,7 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
 def _blame(watch: Any, i: int) -> int:
     """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
     if watch.leap[i] > LEAPT * abs(watch.apart[i]):
-        return P  # also where she stands, and the velocity is 0 for good reason
+        return P  # also where it stands, and the velocity is 0 for good reason
     if watch.spikes[1, i] >= HARDLY_A_SPIKE:
         return V if watch.spikes[1, i] > 2.0 else -1  # the next one tells
     still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)

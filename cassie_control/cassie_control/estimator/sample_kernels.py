@@ -18,7 +18,7 @@ RecordArray = npt.NDArray[np.void]
 GRAVITY = 9.81
 FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, over which forces are averaged: at first, at last
 _CONTACT_TIME = 0.05  # s
-_STANDS = 0.6  # share of what is felt, that feet which carry her seem to carry at least
+_STANDS = 0.6  # share of what is felt, that feet which carry it seem to carry at least
 _LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
 
 

@@ -51,7 +51,7 @@ class SupervisorConfig:
         0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway, with trims"
     )
     ride_stop_time: float = tunable(
-        6.0, "s", 0.0, 60.0, "So long she brakes before riding may be left"
+        6.0, "s", 0.0, 60.0, "So long it brakes before riding may be left"
     )
     ride_confirm_time: float = tunable(
         2.0, "s", 0.2, 20.0, "In which the operator asks for stand again to leave it"

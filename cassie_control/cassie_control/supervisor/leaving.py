@@ -5,7 +5,7 @@ from __future__ import annotations
 from cassie_control.controller.readings import WEIGHT
 from cassie_control.supervisor.config import SupervisorConfig
 
-_HANGING = 0.25  # of the weight on the feet, below which somebody lifts her
+_HANGING = 0.25  # of the weight on the feet, below which somebody lifts it
 _HANGING_TIME = 0.5  # s
 
 
@@ -15,14 +15,14 @@ class Leaving:
     It shakes a Segway that nobody holds, also one at rest, and a robot cannot feel whether it
     stands on one, nor its speed. So riding ends only
 
-    - when she hangs: her feet have carried nearly nothing for a while; or
-    - when the operator confirms that what she stands on is held, or is plain ground: he asks to
-      stand, upon which she brakes for `ride_stop_time`, then for riding, and within
+    - when it hangs: its feet have carried nearly nothing for a while; or
+    - when the operator confirms that what it stands on is held, or is plain ground: he asks to
+      stand, upon which it brakes for `ride_stop_time`, then for riding, and within
       `ride_confirm_time` to stand again.
 
     Attributes:
         confirmed: Whether he did.
-        hangs: Whether she does.
+        hangs: Whether it does.
     """
 
     def __init__(self) -> None:
@@ -60,11 +60,11 @@ class Leaving:
             self.confirmed, self._braked = False, 0.0
 
     def refusal(self, config: SupervisorConfig, restless: str) -> str:
-        """Why she goes on riding; empty if she hangs, or the operator confirmed and she rests.
+        """Why it goes on riding; empty if it hangs, or the operator confirmed and it rests.
 
         Args:
             config: Times.
-            restless: Why she does not rest, or empty.
+            restless: Why it does not rest, or empty.
         """
         if self._asked is None:
             return "riding on without the operator"
@@ -75,4 +75,4 @@ class Leaving:
         left = config.ride_stop_time - self._braked
         if left > 0.0:
             return f"braking for {left:.1f} s more"
-        return "lift her, or ask for segway and stand once more if what she stands on is held"
+        return "lift it, or ask for segway and stand once more if what it stands on is held"

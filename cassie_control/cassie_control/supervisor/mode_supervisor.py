@@ -48,7 +48,7 @@ class ModeSupervisor:
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
     - Segway: from standing, crouched, on both feet, upright and at rest, when the operator asks
-      for it and, which confirms it, for the crouch; else she crouches and waits to be asked again.
+      for it and, which confirms it, for the crouch; else it crouches and waits to be asked again.
       `Leaving` says when it ends.
     - No command from the operator, a bad link, a sensor that fails, an empty battery, or too many
       missed control ticks: stop and stand; on a Segway, brake and stay on it. With an empty battery
@@ -192,9 +192,9 @@ class ModeSupervisor:
         elif controller_lost:
             common = "the controller is silent"
         elif self._posture.fallen:
-            common = "Cassie fell: hang her up or set her upright"
+            common = "Cassie fell: hang it up or set its upright"
         elif self._posture.low:
-            common = f"the pelvis is at {self._posture.height:.2f} m: lift her"
+            common = f"the pelvis is at {self._posture.height:.2f} m: lift it"
         elif self._posture.upright <= 0.0:
             common = f"the torso is tilted by more than {self.config.upright_tilt:g} rad"
         return {
@@ -231,7 +231,7 @@ class ModeSupervisor:
         return self._restless()
 
     def _why_not_ride(self, state: RobotState) -> str:
-        """Riding begins at rest, crouched, on both feet; what is below them she cannot know."""
+        """Riding begins at rest, crouched, on both feet; what is below them it cannot know."""
         c = self.config
         if self._current is RobotMode.SEGWAY:
             return ""
@@ -253,7 +253,7 @@ class ModeSupervisor:
 
     def _waits(self, state: RobotState) -> str:
         if self._posture.stepping:
-            return "one foot off the ground: stepping until she rests"
+            return "one foot off the ground: stepping until it rests"
         return "" if self._posture.grounded else self._unloaded(state)
 
     def _unloaded(self, state: RobotState) -> str:
@@ -262,7 +262,7 @@ class ModeSupervisor:
             carried < self.config.weight_share * _WEIGHT
             or float(state.contact_probability.min()) < 0.5
         ):
-            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let her down"
+            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let it down"
         return ""
 
     def _restless(self) -> str:
@@ -290,7 +290,7 @@ class ModeSupervisor:
             wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
         if RobotMode.SEGWAY in (requested, self._current):
             wish = replace(wish, height=min(wish.height, c.ride_height))
-            if self._current is not requested:  # she brakes by herself, or waits for her crouch
+            if self._current is not requested:  # it brakes by itself, or waits for its crouch
                 wish = replace(wish, com_x=0.0, com_y=0.0)
         if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
             wish = upright(wish, c.walk_height)
@@ -303,7 +303,7 @@ class ModeSupervisor:
             wish = replace(stepping(wish, c), com_x=wish.com_x, com_y=wish.com_y)
         approach(self._set_points, wish, c, self._period)
         if self._current is RobotMode.SEGWAY is not requested:
-            self._set_points.vx = 0.0  # at once: she brakes as hard as she can
+            self._set_points.vx = 0.0  # at once: it brakes as hard as it can
         slow = (
             self._current is RobotMode.WALK
             and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0

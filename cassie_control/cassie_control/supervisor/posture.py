@@ -8,19 +8,19 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_msgs.layout import RobotState
 
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
-_SUNK_TIME = 0.1  # s; the estimate finds the ground so late when she is let down
+_SUNK_TIME = 0.1  # s; the estimate finds the ground so late when it is let down
 _STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
 class Posture:
-    """How she stands, lies or hangs; `step` takes every state that the supervisor answers.
+    """How it stands, lies or hangs; `step` takes every state that the supervisor answers.
 
     Attributes:
         height: Of the pelvis above the ground. In m.
         grounded: Whether a foot is on the ground.
         low: Whether the pelvis is too near to it.
-        fallen: Since she tilted or sank too far, until she has been upright for `upright_time`.
-        upright: For how long she has been. In s.
+        fallen: Since it tilted or sank too far, until it has been upright for `upright_time`.
+        upright: For how long it has been. In s.
         still: For how long the CoM has been. In s.
         velocity: Of the CoM, ahead and to the left, averaged over a step. In m/s.
     """
@@ -48,7 +48,7 @@ class Posture:
 
         Args:
             state: The robot now.
-            moving: Whether a controller holds her up, so that sinking is a fall.
+            moving: Whether a controller holds it up, so that sinking is a fall.
             config: Bounds.
             period: Since the last state. In s.
         """

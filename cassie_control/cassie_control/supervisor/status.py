@@ -18,7 +18,7 @@ class SupervisorStatus:
         stand, walk, segway: Why that mode is refused now; empty when it would be entered.
         faults: What is wrong, in words.
         fallen: Whether Cassie fell and has not been set upright since.
-        waits: What she waits for while she stands as asked for: to be let down, or for rest.
+        waits: What it waits for while it stands as asked for: to be let down, or for rest.
         link: Whether the operator's commands arrive over a good link.
         missed_share: Of the control ticks of the last minute, those without a new command. 0..1.
     """

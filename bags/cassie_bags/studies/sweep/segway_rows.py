@@ -14,7 +14,7 @@ LET_GO = 10.0
 """When the operator lets go of the Segway; he watches from a second later. In s."""
 
 GO = 16.0
-"""When the rider wants to go, having found at rest how she stands on it. In s."""
+"""When the rider wants to go, having found at rest how it stands on it. In s."""
 
 TOP = 4.0
 HELD = 60.0
@@ -43,7 +43,7 @@ def ride(
         budget: How much to run.
         seed: Robot, and the rider's errors.
         window: Part to measure. In s.
-        targets: Of the rider from `GO` on; without them nobody leans her.
+        targets: Of the rider from `GO` on; without them nobody leans it.
         more: Sections of the experiment; `then` holds further steps of the operator.
     """
     scene = {"let_go": LET_GO, "surface": more.pop("surface", "sidewalk")}
@@ -222,7 +222,7 @@ def _alone() -> Row:
 
     return Row(
         "segway.alone",
-        "greatest error of 2 m/s in 30 s by her own estimate, nobody leaning",
+        "greatest error of 2 m/s in 30 s by its own estimate, nobody leaning",
         "m/s",
         1.0,
         (2.0,),

@@ -10,10 +10,10 @@ from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Figures, Trial
 
 HEIGHT = 0.9
-"""Pelvis height at which she stands unless a row is about another. In m."""
+"""Pelvis height at which it stands unless a row is about another. In m."""
 
 SETTLED = 5.0
-"""When she stands quietly after being let down. In s."""
+"""When it stands quietly after being let down. In s."""
 
 AROUND = {"fore": 0.0, "left": 90.0, "aft": 180.0, "right": 270.0}
 """Directions from ahead, to the left. In deg."""

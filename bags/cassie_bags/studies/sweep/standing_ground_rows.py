@@ -68,7 +68,7 @@ def _tilts(name: str, angle: float) -> Row:
 def _sinking() -> Row:
     return hardest(
         "sinking.sand",
-        "depth to which sand gives way under her",
+        "depth to which sand gives way under it",
         "m",
         0.06,
         [0.02, 0.04, 0.06, 0.08, 0.1],
@@ -86,7 +86,7 @@ def _on(scene: str, parameters: Any, budget: Budget, level: float) -> list[Trial
 def _rising(angle_deg: float, slope_deg: float) -> Mapping[str, float]:
     """Ground that rises by so much towards an angle from ahead, from the start."""
     ahead, left = _components(angle_deg, slope_deg)
-    # Only ground that rises to the side does so under her feet; some rise it must have.
+    # Only ground that rises to the side does so under its feet; some rise it must have.
     return {"rise_deg": ahead, "side_deg": left if abs(left) > 1e-3 else 1e-3}
 
 

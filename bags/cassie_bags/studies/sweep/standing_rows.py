@@ -20,7 +20,7 @@ from cassie_bags.studies.sweep.standing_ground_rows import standing_ground_rows
 from cassie_bags.studies.trial import Figures, Trial
 
 _LASTS = 7.5  # of the budget's measured seconds: five minutes of the usual 40 s
-_AFTER = 8.0  # s after an event in which she comes to rest
+_AFTER = 8.0  # s after an event in which it comes to rest
 _SHAKES = 0.02  # m/s, of the pelvis, with late commands
 _NEAR = 0.015  # m, of a height that is reached
 _SEED_STREAM = 4  # keeps these draws apart from those of the robot

@@ -1,0 +1,127 @@
+"""Two recordings, sample by sample and bit by bit: where they first differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.continuity import first_occurrences
+from cassie_bags.bag.fields import FIELDS
+from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording, Rows, stamps, stamps_ns
+from cassie_msgs.layout import OperatorCommand
+
+Keys = npt.NDArray[np.int64]
+
+_EPISODE_SHIFT = 40  # bits of a key that number the samples of an episode
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first sample of a topic in which two recordings differ.
+
+    Attributes:
+        field: Name of the field, with that of its component.
+        tick: `seq` of the sample; of topics without one, its number.
+        time: Robot time of its episode. In s.
+        values: Of both recordings.
+    """
+
+    field: str
+    tick: int
+    time: float
+    values: tuple[Any, Any]
+
+
+@dataclass(frozen=True)
+class TopicComparison:
+    """One topic of two recordings.
+
+    Attributes:
+        topic: Its name.
+        counts: Samples in each, without repeats.
+        common: Samples that both have.
+        different: How many of those differ.
+        first: The first of them; None if there is none.
+    """
+
+    topic: str
+    counts: tuple[int, int]
+    common: int
+    different: int
+    first: Difference | None
+
+    @property
+    def same(self) -> bool:
+        """Whether both hold the same samples."""
+        return self.counts == (self.common, self.common) and not self.different
+
+
+def compare_recordings(one: Recording, other: Recording) -> list[TopicComparison]:
+    """Compare every topic that every run is recorded with.
+
+    Samples belong together by the order of their episodes and by their tick. The number of an
+    episode is not compared: it tells runs apart.
+    """
+    return [_compare(topic, one, other) for topic in TYPES]
+
+
+def _compare(topic: str, one: Recording, other: Recording) -> TopicComparison:
+    (rows_a, keys_a), (rows_b, keys_b) = (_keyed(recording, topic) for recording in (one, other))
+    keys, in_a, in_b = np.intersect1d(keys_a, keys_b, return_indices=True)
+    a, b = rows_a[in_a], rows_b[in_b]
+    unequal = np.zeros(len(keys), bool)
+    for name in _compared(a, b):
+        differs = _unequal(a[name], b[name])
+        unequal |= differs if differs.ndim == 1 else differs.any(axis=1)
+    first = None
+    if unequal.any():
+        index = int(np.argmax(unequal))
+        first = _first(topic, a[index : index + 1], b[index : index + 1], int(keys[index]))
+    return TopicComparison(topic, (len(rows_a), len(rows_b)), len(keys), int(unequal.sum()), first)
+
+
+def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
+    """Samples of a topic without repeats, and the key by which they are found in the other."""
+    if topic in LANE_TOPICS:
+        rows = recording.lane[topic]
+        if topic == OperatorCommand.TOPIC and not rows["scripted"].all():
+            return rows, np.arange(len(rows))  # a person's have no tick
+        rows = first_occurrences(rows)
+        _, ordinal = np.unique(rows["episode"], return_inverse=True)
+        return rows, (ordinal.astype(np.int64) << _EPISODE_SHIFT) + rows["seq"].astype(np.int64)
+    rows = recording.beside[topic]
+    times = stamps_ns(rows)
+    ordinal = np.concatenate([[0], np.cumsum(np.diff(times) < 0)])[: len(rows)]
+    keys = (ordinal << _EPISODE_SHIFT) + times // 1000  # in microseconds, which fit
+    keys, index = np.unique(keys, return_index=True)
+    return rows[index], keys
+
+
+def _compared(a: Rows, b: Rows) -> Sequence[str]:
+    known = {*(b.dtype.names or ())} - {"episode"}
+    return [name for name in a.dtype.names or () if name in known]
+
+
+def _unequal(a: Rows, b: Rows) -> npt.NDArray[np.bool_]:
+    """Where bits differ: NaN equals itself, and 0 is not -0."""
+    if a.dtype.kind == "f":
+        a, b = (np.ascontiguousarray(values).view(np.uint64) for values in (a, b))
+    unequal: npt.NDArray[np.bool_] = np.asarray(a != b)
+    return unequal
+
+
+def _first(topic: str, a: Rows, b: Rows, key: int) -> Difference:
+    for name in _compared(a, b):
+        unequal = np.flatnonzero(_unequal(a[name], b[name]))
+        if len(unequal):
+            index = int(unequal[0])
+            parts = FIELDS[topic][name].components
+            values = a[name].ravel()[index].item(), b[name].ravel()[index].item()
+            tick = int(a["seq"][0]) if "seq" in (a.dtype.names or ()) else key
+            full = f"{name}.{parts[index]}" if parts else name
+            return Difference(full, tick, float(stamps(a)[0]), values)
+    raise AssertionError("no field differs")

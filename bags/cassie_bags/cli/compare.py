@@ -1,0 +1,87 @@
+"""Command `compare`: whether two bags hold the same, and where they first differ."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from cassie_bags.cli.frame import (
+    NOT_AS_EXPECTED,
+    OK,
+    bag_argument,
+    exit_codes,
+    new_file,
+    picture,
+    play,
+    stem,
+)
+from cassie_bags.errors import BagError
+
+if TYPE_CHECKING:
+    from cassie_bags.bag.summary import Summary
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run cassie_bags compare`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="compare",
+        description="Say whether two bags hold the same samples, where they first differ, and how "
+        "far the figures of the runs are apart.",
+        epilog=exit_codes("the same", "different"),
+    )
+    for name in ("a", "b"):
+        parser.add_argument(
+            name, metavar=name.upper(), type=bag_argument, help="MCAP file, or folder of ros2 bag"
+        )
+    parser.add_argument(
+        "-o", "--output", type=picture, default=None, help="also plot both: .png, .svg or .pdf"
+    )
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    path = None if arguments.output is None else new_file(arguments.output)
+    from cassie_bags.bag.comparison import compare_recordings
+    from cassie_bags.bag.summary import summarize
+    from cassie_bags.report.compared import comparison_text, other_topics_differ
+
+    summaries = summarize(arguments.a), summarize(arguments.b)
+    one, other = summaries
+    topics = compare_recordings(one.recording, other.recording)
+    figures = _figures(one), _figures(other)
+    both = (figures[0], figures[1]) if figures[0] and figures[1] else None
+    print(comparison_text(summaries, topics, both))
+    if path is not None:
+        from cassie_bags.report.plots import save_overlay
+        from cassie_bags.report.view import view_of
+
+        a, b = (
+            view_of(summary.recording, stem(bag))
+            for summary, bag in ((one, arguments.a), (other, arguments.b))
+        )
+        save_overlay(a, b, path)
+        print(path)
+    same = all(topic.same for topic in topics) and not other_topics_differ(summaries)
+    return OK if same else NOT_AS_EXPECTED
+
+
+def _figures(summary: Summary) -> dict[str, float]:
+    """Figures of a run by name; none if it cannot be measured."""
+    from cassie_bags.signals.metrics import measure
+    from cassie_bags.signals.track import make_track
+
+    try:
+        track = make_track(summary.recording)
+    except BagError:
+        return {}
+    return measure(summary.recording, track, ()).run
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""Command `plot`: fields of a bag over time, or the standard set."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, new_file, picture, play, stem
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run cassie_bags plot`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="plot",
+        description="Draw fields of a bag over time, or without a field the modes, tracking, "
+        "forces and torques of the run.",
+        epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
+        "/imu/data.linear_acceleration.x. " + exit_codes("done"),
+    )
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
+    parser.add_argument(
+        "fields", nargs="*", metavar="TOPIC.FIELD", help="one panel each; /cassie/ may be left out"
+    )
+    parser.add_argument(
+        "-o", "--output", type=picture, default=None, help=".png, .svg or .pdf (default: BAG.png)"
+    )
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    name = stem(arguments.bag)
+    path = new_file(arguments.output or Path(f"{name}.png"))
+    from cassie_bags.bag.summary import supervisor_says
+    from cassie_bags.bag.tables import read_curves
+    from cassie_bags.report.plots import save_curves, save_overview
+
+    if arguments.fields:
+        curves = read_curves(arguments.bag, arguments.fields)
+        save_curves(curves, supervisor_says(arguments.bag)[0], name, path)
+    else:
+        from cassie_bags.report.view import view_of_bag
+
+        save_overview(view_of_bag(arguments.bag, name), path)
+    print(path)
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""How two bags differ, as text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from cassie_bags.bag.comparison import TopicComparison
+from cassie_bags.bag.summary import Summary
+from cassie_bags.report.text import aligned
+
+
+def comparison_text(
+    summaries: tuple[Summary, Summary],
+    topics: Sequence[TopicComparison],
+    figures: tuple[Mapping[str, float], Mapping[str, float]] | None,
+) -> str:
+    """Samples by topic, the first difference, and the runs' figures beside each other.
+
+    Args:
+        summaries: Of A and B.
+        topics: Compared.
+        figures: Of A and B by name; None if one of them cannot be measured.
+    """
+    lines = [f"{name}: {s.files[0]}" for name, s in zip("AB", summaries, strict=True)]
+    rows: list[Sequence[str]] = [("topic", "A", "B", "common", "different")]
+    for one in topics:
+        if any(one.counts):
+            rows.append((one.topic, *map(str, (*one.counts, one.common, one.different))))
+    lines += ["", *aligned(rows), "", *_other_topics(summaries, {one.topic for one in topics})]
+    firsts = [one for one in topics if one.first is not None]
+    for one in sorted(firsts, key=lambda one: one.first.time if one.first else 0.0):
+        assert one.first is not None
+        a, b = one.first.values
+        lines.append(
+            f"first difference of {one.topic}: {one.first.field} at tick {one.first.tick} "
+            f"({one.first.time:.3f} s): {a!r} against {b!r}"
+        )
+    if all(one.same for one in topics):
+        lines.append("the control lane is the same to the last bit")
+    if figures is not None:
+        lines += ["", *_figures(*figures)]
+    return "\n".join(lines)
+
+
+def other_topics_differ(summaries: tuple[Summary, Summary]) -> bool:
+    """Whether a topic is in one bag only. Those beside the control lane have no fixed number."""
+    a, b = ({topic.topic for topic in s.topics if topic.count} for s in summaries)
+    return a != b
+
+
+def _other_topics(summaries: tuple[Summary, Summary], known: set[str]) -> list[str]:
+    counts = [{topic.topic: topic.count for topic in s.topics} for s in summaries]
+    lines = []
+    for topic in sorted((counts[0].keys() | counts[1].keys()) - known):
+        a, b = (count.get(topic, 0) for count in counts)
+        if a != b:
+            lines.append(f"{topic}: {a} messages against {b}")
+    return lines
+
+
+def _figures(a: Mapping[str, float], b: Mapping[str, float]) -> list[str]:
+    rows: list[Sequence[str]] = [("figure", "A", "B", "B - A")]
+    for name, value in a.items():
+        if not (math.isnan(value) and math.isnan(b[name])):
+            rows.append((name, f"{value:.5g}", f"{b[name]:.5g}", f"{b[name] - value:.3g}"))
+    return aligned(rows)

@@ -1,0 +1,90 @@
+"""Plots of fields of a bag over time, and of two runs over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from cassie_bags.bag.summary import Interval
+from cassie_bags.bag.tables import Curve
+from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_modes, overview
+from cassie_bags.report.view import View
+from cassie_bags.signals.track import TRACKED
+
+_MOST_LABELS = 10  # of a panel
+
+
+def save_overview(view: View, path: Path) -> None:
+    """Draw the standard set of plots of a run."""
+    with matplotlib.rc_context(STYLE):
+        overview(view).savefig(path)
+
+
+def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, path: Path) -> None:
+    """Draw fields over time, a panel each, below the modes.
+
+    Args:
+        curves: The fields.
+        modes: Of the robot; none if they are not known.
+        title: Name of the bag.
+        path: Picture, of the kind that its ending says.
+    """
+    with matplotlib.rc_context(STYLE):
+        heights = [0.3] * bool(modes) + [1.0] * len(curves)
+        figure = Figure(figsize=(9.0, 1.2 + 1.6 * sum(heights)), layout="constrained")
+        panels = figure.subplots(
+            len(heights), 1, sharex=True, squeeze=False, height_ratios=heights
+        )[:, 0]
+        if modes:
+            draw_modes(panels[0], modes)
+            panels[0].set(yticks=[], ylim=(0.0, 1.0))
+        for axes, curve in zip(panels[-len(curves) :], curves, strict=True):
+            _draw(axes, curve)
+        panels[-1].set_xlabel("robot time (s)")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+        figure.savefig(path)
+
+
+def save_overlay(one: View, other: View, path: Path) -> None:
+    """Draw what two runs achieved over each other."""
+    labels = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s", "height": "m"}
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+        panels = figure.subplots(len(TRACKED) + 1, 1, sharex=True)
+        for view, colour, name in ((one, BLUE, "A"), (other, ORANGE, "B")):
+            track = view.track
+            for axes, quantity in zip(panels, TRACKED, strict=False):
+                axes.plot(
+                    track.time, track.achieved[quantity], color=colour, linewidth=0.7, alpha=0.8,
+                    label=f"{name}: {view.title}",
+                )  # fmt: skip
+                axes.set_ylabel(f"{quantity.replace('_', ' ')}\n({labels[quantity]})")
+        ticks, distance = _apart(one, other)
+        panels[-1].plot(ticks, distance, color=DARK, linewidth=0.8)
+        panels[-1].set(ylabel="distance of\npelvises (m)", xlabel="robot time (s)")
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+        figure.savefig(path)
+
+
+def _apart(one: View, other: View) -> tuple[Any, Any]:
+    """Ticks (s) that both have, and the distance of the pelvis origins on them (m)."""
+    a, b = (np.round(view.track.time * 1e9).astype(np.int64) for view in (one, other))
+    ticks, first, second = np.intersect1d(a, b, return_indices=True)
+    apart = one.track.position[first] - other.track.position[second]
+    return ticks * 1e-9, np.linalg.norm(apart, axis=1)
+
+
+def _draw(axes: Any, curve: Curve) -> None:
+    for name, values in curve.columns.items():
+        axes.plot(curve.time, values, linewidth=0.7, label=name)
+    if 1 < len(curve.columns) <= _MOST_LABELS:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
+    elif len(curve.columns) > _MOST_LABELS:
+        axes.text(1.0, 1.0, f"{len(curve.columns)} entries", transform=axes.transAxes, color=GREY)
+    unit = f" ({curve.unit})" if curve.unit else ""
+    axes.set_title(f"{curve.name}{unit}", fontsize=8)

@@ -1,0 +1,47 @@
+"""What a page says of a recorded bag, of an experiment or of a drive by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from cassie_bags.bag.diagnosis import lockstep_broken
+from cassie_bags.bag.summary import summarize
+from cassie_bags.report.page import Entry, drive_entry, run_entry
+from cassie_bags.report.pictures import draw
+from cassie_bags.report.view import recorded_experiment, view_of
+from cassie_bags.run.judge import evaluate
+from cassie_bags.signals.metrics import measure
+
+
+def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
+    """What a page says of a bag. An experiment in it is held against what its file expects.
+
+    Args:
+        bag: MCAP file, or a folder as `ros2 bag` writes it.
+        name: Of the bag, where it holds no experiment.
+        folder: Where pictures are drawn into.
+        film: Whether to make a video too.
+
+    Raises:
+        BagError: if it cannot be read, or holds no tick with sensors and state.
+    """
+    summary = summarize(bag)
+    recording = summary.recording
+    experiment = recorded_experiment(recording) if len(recording.truth) else None
+    title = name if experiment is None else f"{experiment.name}, seed {experiment.seed}"
+    view = view_of(recording, title, experiment, summary.modes, summary.faults)
+    if not summary.complete:
+        note = "The bag is damaged or was not closed: what could be read is shown."
+        view = dataclasses.replace(view, notes=[*view.notes, note])
+    versions = recording.metadata.get("cassie_versions", {})
+    files = {name: str(path) for name, path in draw(view, folder, film=film).items()}
+    if experiment is None:
+        metrics = measure(recording, view.track, view.phases)
+        view = dataclasses.replace(
+            view, notes=[*view.notes, *(f"Missing: {g}" for g in summary.gaps)]
+        )
+        return drive_entry(view, metrics, files, versions)
+    broken = lockstep_broken(list(summary.problems))
+    outcome = evaluate(experiment, recording, "recorded", lockstep_broken=broken)
+    return run_entry(dataclasses.replace(outcome, files=files), view, versions)

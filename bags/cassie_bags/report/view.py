@@ -1,0 +1,144 @@
+"""What pictures show of a recording, computed once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cassie_bags.bag.continuity import episodes
+from cassie_bags.bag.recording import Recording, Rows, read_recording
+from cassie_bags.bag.summary import Interval, intervals_of_mode, supervisor_says
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.judge import phases_of
+from cassie_bags.signals.events import Event, events_of
+from cassie_bags.signals.falls import fall_time
+from cassie_bags.signals.metrics import Phase
+from cassie_bags.signals.track import Track, make_track, with_estimate_as_truth
+from cassie_msgs.layout import ControllerStatus
+from cassie_sim.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class View:
+    """The last episode of a recording.
+
+    Attributes:
+        title: Its name.
+        track: Signals.
+        status: Rows of `ControllerStatus`.
+        phases: Parts of it.
+        modes: Modes of the robot with the supervisor's reasons, where they are known.
+        events: Pushes, gantry, faults and the fall, in order of time.
+        scenario: What it was made in.
+        notes: What a reader should know of it, in sentences.
+    """
+
+    title: str
+    track: Track
+    status: Rows
+    phases: Sequence[Phase]
+    modes: Sequence[Interval]
+    events: Sequence[Event]
+    scenario: Scenario
+    notes: Sequence[str] = ()
+
+
+def view_of(
+    recording: Recording,
+    title: str,
+    experiment: Experiment | None = None,
+    said: Sequence[Interval] = (),
+    faults: Sequence[Interval] = (),
+) -> View:
+    """What pictures show of a recording.
+
+    Args:
+        recording: Of a run.
+        title: Its name.
+        experiment: What was run; without one the phases are the intervals of mode.
+        said: Modes with their reasons, as `summary.supervisor_says` gives them.
+        faults: The supervisor's.
+
+    Raises:
+        BagError: if it holds no tick with sensors and state.
+    """
+    notes = []
+    numbers = episodes(recording)
+    if len(numbers) > 1:
+        notes.append(f"Episode {numbers[-1]} is shown, the last of {len(numbers)}.")
+    if not len(recording.truth):
+        recording = with_estimate_as_truth(recording)
+        notes.append("The bag holds no true pose: the estimate stands in its place.")
+    track = make_track(recording)
+    end = float(track.time[-1])
+    scenario = Scenario() if experiment is None else experiment.scenario
+    modes = [_with_reason(mode, said) for mode in intervals_of_mode(track.time, track.mode)]
+    events = [*events_of(scenario, end)]
+    events += [Event("fault", fault.t0, fault.t1, fault.name) for fault in faults]
+    fell = fall_time(track)
+    if fell is not None:
+        events.append(Event("fall", fell, fell, "fall"))
+    status = recording.rows(ControllerStatus)
+    if experiment is not None:
+        phases = phases_of(experiment)
+    else:
+        phases = [Phase(mode.name, mode.t0, mode.t1) for mode in modes if mode.t1 > mode.t0]
+    return View(
+        title=title,
+        track=track,
+        status=status[status["episode"] == track.sensors["episode"][0]],
+        phases=phases,
+        modes=modes,
+        events=sorted(events, key=lambda event: event.t0),
+        scenario=scenario,
+        notes=notes,
+    )
+
+
+def view_of_run(experiment: Experiment, bag: Path) -> View:
+    """What pictures show of an experiment's bag.
+
+    Raises:
+        BagError: as `view_of`, and if the bag cannot be read.
+    """
+    title = f"{experiment.name}, seed {experiment.seed}"
+    return view_of(read_recording(bag), title, experiment, *supervisor_says(bag))
+
+
+def view_of_bag(bag: Path, title: str) -> View:
+    """What pictures show of any bag, of an experiment or of a drive by hand.
+
+    Args:
+        bag: MCAP file, or a folder as `ros2 bag` writes it.
+        title: Its name, where it holds no experiment.
+
+    Raises:
+        BagError: as `view_of`, and if the bag cannot be read.
+    """
+    recording = read_recording(bag)
+    experiment = recorded_experiment(recording)
+    if experiment is not None:
+        title = f"{experiment.name}, seed {experiment.seed}"
+    return view_of(recording, title, experiment, *supervisor_says(bag))
+
+
+def recorded_experiment(recording: Recording) -> Experiment | None:
+    """The experiment whose file stands in a recording; None if there is none to be read."""
+    text = recording.metadata.get("cassie_experiment", {}).get("file")
+    if text is None:
+        return None
+    try:
+        return parse_experiment(text, "the experiment in the bag")
+    except ExperimentError:  # of another version: the recording itself can still be shown
+        return None
+
+
+def _with_reason(mode: Interval, said: Sequence[Interval]) -> Interval:
+    """A mode with what the supervisor said when it began. Times agree to some ticks."""
+    for other in said:
+        if other.name == mode.name and abs(other.t0 - mode.t0) < 0.1 and other.reason:
+            return dataclasses.replace(mode, reason=other.reason)
+    return mode

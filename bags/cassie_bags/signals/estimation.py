@@ -1,0 +1,50 @@
+"""How far a state estimate is from the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.recording import Rows
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EstimationError:
+    """Estimate less truth on each tick.
+
+    Attributes:
+        velocity: Of the pelvis in the true heading frame. Shape (n, 3), in m/s.
+        tilt: Of roll and pitch. Shape (n, 2), in rad.
+        position: Of the horizontal displacement since the first tick, world axes. Shape (n, 2),
+            in m.
+    """
+
+    velocity: FloatArray
+    tilt: FloatArray
+    position: FloatArray
+
+
+def estimation_error(
+    state: Rows, position: FloatArray, velocity: FloatArray, angles: FloatArray
+) -> EstimationError:
+    """Errors of states.
+
+    Args:
+        state: Rows of `RobotState`, n of them.
+        position: True pelvis origin in the world. Shape (n, 3), in m.
+        velocity: True velocity of it in the world. Shape (n, 3), in m/s.
+        angles: True yaw, pitch, roll. Shape (n, 3), in rad.
+    """
+    error = state["v"][:, :3] - velocity
+    c, s = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    forward, left = c * error[:, 0] + s * error[:, 1], c * error[:, 1] - s * error[:, 0]
+    moved = (state["q"][:, :2] - state["q"][0, :2]) - (position[:, :2] - position[0, :2])
+    return EstimationError(
+        velocity=np.stack([forward, left, error[:, 2]], axis=1),
+        tilt=state["q"][:, [5, 4]] - angles[:, [2, 1]],
+        position=moved,
+    )

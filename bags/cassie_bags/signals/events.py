@@ -1,0 +1,46 @@
+"""What an experiment did to the robot and when: pushes, gantry, faults of sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cassie_sim.scenario import Scenario
+
+KINDS = ("push", "gantry", "fault", "fall")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at a time or for a while.
+
+    Attributes:
+        kind: One of `KINDS`.
+        t0, t1: From and to, equal for a moment. Robot time of the episode, in s.
+        text: What, in short.
+        force: Of a push, world axes. In N.
+    """
+
+    kind: str
+    t0: float
+    t1: float
+    text: str
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def events_of(scenario: Scenario, end: float) -> Sequence[Event]:
+    """The events of a scenario until `end` (s), in order of time."""
+    found = []
+    for push in scenario.pushes:
+        impulse = float(np.linalg.norm(push.force)) * push.duration
+        text = f"push {impulse:.3g} Ns"
+        found.append(Event("push", push.t, push.t + push.duration, text, push.force))
+    for move in scenario.gantry:
+        to = "" if move.action == "release" else f" at {move.height:g} m"
+        found.append(Event("gantry", move.t, move.t, f"gantry: {move.action}{to}"))
+    for fault in scenario.faults:
+        text = f"{fault.channel} {fault.kind}"
+        found.append(Event("fault", fault.t, min(fault.t + fault.duration, end), text))
+    return sorted((e for e in found if e.t0 < end), key=lambda event: event.t0)

@@ -1,0 +1,127 @@
+"""Fingerprints of all runs: taken anew, or held against those recorded."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import functools
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.experiment import packaged_experiments
+from cassie_bags.run.fingerprint import (
+    FAST,
+    ROBOTS,
+    START,
+    Difference,
+    Fingerprint,
+    Fingerprints,
+    Run,
+    default_path,
+    differences,
+    fields_to_hash,
+    load,
+    save,
+    take,
+)
+from cassie_bags.run.provenance import changes_of_environment, environment
+from cassie_bags.studies.workers import Workers, workers
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check or renew fingerprints; returns the exit code."""
+    arguments.file = arguments.file or default_path()
+    with contextlib.closing(workers(arguments.jobs, None)) as crew:
+        return _renew(arguments, crew) if arguments.renew else _check(arguments, crew)
+
+
+def _check(arguments: argparse.Namespace, crew: Workers) -> int:
+    known = load(arguments.file)
+    elsewhere = changes_of_environment(known.environment)
+    runs = _runs(arguments, START if elsewhere else None)
+    if elsewhere:
+        print(
+            f"not as recorded: {'; '.join(elsewhere)}\n"
+            f"holding the pose in the first {START:g} s within tolerances in place of the bits"
+        )
+    found = _take(runs, known, crew)
+    told: list[Difference] = []
+    for run in runs:
+        expected = known.runs.get(run.file.stem, {}).get(run.robot)
+        if expected is None:
+            told.append(Difference(run.file.stem, run.robot, "", "has no fingerprint: --renew"))
+        else:
+            told += differences(run, expected, found[run], exactly=not elsewhere)
+    if not (arguments.files or arguments.fast):
+        names = {run.file.stem for run in runs}
+        told += [
+            Difference(name, robot, "", "has no experiment file: --renew")
+            for name, robots in known.runs.items()
+            for robot in robots
+            if name not in names
+        ]
+    _print(told, len(runs))
+    return 1 if told else 0
+
+
+def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
+    if arguments.fast or arguments.bags:
+        raise ExperimentError("--renew takes whole runs: neither --fast nor --bags")
+    prints = Fingerprints(environment(), fields_to_hash(), {})
+    if arguments.files and arguments.file.exists():
+        known = load(arguments.file)
+        if (changes := changes_of_environment(known.environment)) or known.fields != prints.fields:
+            changed = "; ".join(changes) or "messages have other fields"
+            raise ExperimentError(f"all fingerprints have to be renewed: {changed}")
+        prints = known
+    runs = _runs(arguments, None)
+    merged = {name: dict(robots) for name, robots in prints.runs.items()}
+    for run, found in _take(runs, prints, crew).items():
+        merged.setdefault(run.file.stem, {})[run.robot] = found
+    in_order = {name: dict(sorted(robots.items())) for name, robots in sorted(merged.items())}
+    save(dataclasses.replace(prints, runs=in_order), arguments.file)
+    print(f"fingerprints of {len(runs)} runs: {arguments.file}")
+    return 0
+
+
+def _take(runs: list[Run], prints: Fingerprints, crew: Workers) -> dict[Run, Fingerprint]:
+    """Fingerprints of runs, made of the same fields as `prints`."""
+    found: dict[Run, Fingerprint] = {}
+    with tqdm(total=len(runs), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
+        for index, taken in crew.results(functools.partial(take, fields=prints.fields), runs):
+            found[runs[index]] = taken
+            bar.update()
+    return found
+
+
+def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
+    files: list[Path] = arguments.files or packaged_experiments()
+    if not arguments.fast:
+        return [
+            Run(file, robot, seconds, _bag(arguments.bags, file.stem, robot))
+            for file in files
+            for robot in ROBOTS
+        ]
+    chosen = {file: FAST[file.stem] for file in files if file.stem in FAST}
+    return [Run(file, robot, seconds or long) for file, (robot, long) in chosen.items()]
+
+
+def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
+    """The bag that the command `experiments` left of a run in its folder, if it is there."""
+    if folder is None:
+        return None
+    bag = folder / (f"{name}_{robot}" if robot else name) / "bag.mcap"
+    return bag if bag.exists() else None
+
+
+def _print(told: list[Difference], count: int) -> None:
+    if told:
+        print(f"{'experiment':20} {'robot':5}  {'topic':26} what")
+    for each in told:
+        print(f"{each.experiment:20} {each.robot:5}  {each.topic:26} {each.what}")
+    wrong = len({(each.experiment, each.robot) for each in told})
+    print(f"{wrong} of {count} runs differ" if told else f"{count} runs as recorded")

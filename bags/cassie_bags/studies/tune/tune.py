@@ -1,0 +1,177 @@
+"""Tuning from a command line: search until Ctrl-C or the last generation, then a report."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.yaml_file import apply_changes, spelled_out
+from cassie_bags.studies.trial import experiment_of, run_trial
+from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objective
+from cassie_bags.studies.tune.result import Score, table, write_result
+from cassie_bags.studies.tune.search import Search
+from cassie_bags.studies.tune.space import Parameter, parameters, values
+from cassie_bags.studies.workers import Workers, workers
+from cassie_msgs.tunables import flatten
+
+FloatArray = npt.NDArray[np.float64]
+
+
+HELD_OUT_FROM = 1_000_001
+"""First seed of the robots that the search does not see."""
+
+START_SCORE, FOUND_SCORE = "held out, to begin with", "held out, found"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is searched, and what it is held against; `seeds` robots in each generation."""
+
+    space: Sequence[Parameter]
+    objective: Objective
+    seeds: int
+    changes: tuple[str, ...]
+
+    def purpose(self) -> str:
+        """What makes two searches the same."""
+        names = [(p.name, p.start, p.low, p.high) for p in self.space]
+        what = [names, self.objective.content, self.seeds, self.changes]
+        return json.dumps(what, sort_keys=True)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Search, and report on what was found; returns the exit code."""
+    task = _task(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew:
+        _tune(task, crew, arguments)
+    return 0
+
+
+def _task(arguments: argparse.Namespace) -> Task:
+    content: dict[str, Any] = {}
+    changes = spelled_out(arguments.set)
+    apply_changes(content, changes)
+    given = content.get("controller") or {}
+    if not isinstance(given, Mapping):
+        raise ExperimentError(f"controller = {given!r} is not a mapping")
+    space = parameters(arguments.parameters, flatten(given), arguments.factor)
+    if len(space) < 2:
+        raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
+    objective = load_objective(arguments.objective or DEFAULT)
+    task = Task(space, objective, arguments.seeds, changes)
+    for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
+        experiment_of(trial)
+    return task
+
+
+def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
+    """Search until the last generation or Ctrl-C, then report on robots held out."""
+    state = arguments.out / "search.pickle"
+    bar = tqdm(unit="run", disable=not sys.stderr.isatty(), leave=False)
+    with bar:
+        if arguments.resume:
+            search = Search.load(state, task.purpose())
+        else:
+            size = len(task.space)
+            search = Search.begin(size, arguments.seed, arguments.step, arguments.population)
+            search.save(state, task.purpose())
+        stopped = False
+        try:
+            _advance(task, search, crew, bar, arguments.generations, state)
+        except KeyboardInterrupt:
+            stopped = True
+            _say(bar, "stopped; what was found is kept, --resume goes on")
+        scores: dict[str, Score] = {}
+        if not stopped and arguments.held_out:
+            scores = _held_out(task, search, crew, bar, arguments.held_out)
+    _report(task, search, scores, arguments)
+
+
+def _report(
+    task: Task, search: Search, scores: Mapping[str, Score], arguments: argparse.Namespace
+) -> None:
+    found = values(task.space, search.found)
+    settings = {
+        "objective": task.objective.content,
+        "robots of a generation": task.seeds,
+        "seed": arguments.seed,
+        "changes": list(task.changes),
+        "population": search.population,
+    }
+    files = write_result(arguments.out, task.space, found, search, scores, settings)
+    print(table(task.space, found))
+    print(f"after {len(search.history)} generations of {search.population}")
+    for name, result in scores.items():
+        print(f"{name}: {result}")
+    if scores and scores[FOUND_SCORE].cost >= scores[START_SCORE].cost:
+        print("no better than what it began from on robots held out: stay with that")
+    print(f"kept in {files['section']}; use it with --set @{files['section']}")
+
+
+def _advance(
+    task: Task, search: Search, crew: Workers, bar: tqdm, generations: int, state: Path
+) -> None:
+    """Generations up to a number of them, each with robots of its own and kept when it is done."""
+    while len(search.history) < generations:
+        first = 1 + task.seeds * len(search.history)
+        robots = range(first, first + task.seeds)
+
+        def evaluate(candidates: Sequence[FloatArray], robots: range = robots) -> list[float]:
+            return [found.cost for found in score(task, candidates, robots, crew, bar)]
+
+        generation = search.advance(evaluate)
+        search.save(state, task.purpose())
+        _say(
+            bar,
+            f"generation {generation.number} of {generations}: best {generation.best:.3f}, "
+            f"middle {generation.middle:.3f}, step {generation.step:.2f}",
+        )
+
+
+def _held_out(task: Task, search: Search, crew: Workers, bar: tqdm, count: int) -> dict[str, Score]:
+    """Where it began and what was found, on robots that the search has not seen."""
+    seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + count)
+    candidates = [np.zeros(len(task.space)), search.found]
+    before, after = score(task, candidates, seeds, crew, bar)
+    return {START_SCORE: before, FOUND_SCORE: after}
+
+
+def score(
+    task: Task,
+    candidates: Sequence[FloatArray],
+    seeds: range,
+    crew: Workers,
+    bar: tqdm,
+) -> list[Score]:
+    """Candidates on all courses by the robots of some seeds, all runs at once."""
+    trials, owners = [], []
+    for index, candidate in enumerate(candidates):
+        some = task.objective.trials(values(task.space, candidate), seeds, task.changes)
+        trials += some
+        owners += [index] * len(some)
+    costs: list[list[float]] = [[] for _ in candidates]
+    fell = [0] * len(candidates)
+    for index, figures in crew.results(run_trial, trials):
+        costs[owners[index]].append(task.objective.cost_of(trials[index], figures))
+        fell[owners[index]] += int(figures["fell"])
+        bar.update()
+    return [
+        Score(float(np.mean(np.sort(cost))), falls, len(cost))
+        for cost, falls in zip(costs, fell, strict=True)
+    ]
+
+
+def _say(bar: tqdm, text: str) -> None:
+    bar.write(text, file=sys.stderr)

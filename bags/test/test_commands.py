@@ -1,0 +1,51 @@
+"""Every command: its help loads nothing that takes long, a wrong option is told in a line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cassie_bags.cli
+
+HEAVY = {"matplotlib", "mujoco", "numba", "numpy", "pinocchio", "rclpy", "scipy", "yaml"}
+NO_COMMANDS = {"__init__", "arguments", "frame", "verify", "experiment", "experiments", "recover"}
+VERBS = sorted(
+    path.stem
+    for path in Path(cassie_bags.cli.__path__[0]).glob("*.py")
+    if path.stem not in NO_COMMANDS
+)
+SEE = """
+import sys
+from cassie_bags.cli import {verb}
+try:
+    code = {verb}.main({words})
+except SystemExit as stop:
+    code = stop.code
+loaded = {heavy} & sys.modules.keys()
+print(sorted(loaded), file=sys.stderr) if loaded else None
+sys.exit(100 if loaded else code)
+"""
+
+
+def play(verb: str, *words: str) -> subprocess.CompletedProcess[str]:
+    text = SEE.format(verb=verb, words=list(words), heavy=HEAVY)
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_is_there_at_once_and_tells_the_exit_codes(verb: str):
+    done = play(verb, "--help")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"usage: {verb}")
+    assert "Exit codes: 0 " in done.stdout
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_an_unknown_option_is_told_at_once(verb: str):
+    done = play(verb, "--nonsense")
+    assert done.returncode == 2
+    assert "--nonsense" in done.stderr or "required" in done.stderr
+    assert "Traceback" not in done.stderr

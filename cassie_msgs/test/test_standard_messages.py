@@ -1,0 +1,61 @@
+"""Odometry and IMU messages as bytes: as ROS itself reads and writes them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Imu
+
+from cassie_msgs.sample import LayoutError
+from cassie_msgs.standard_messages import IMU, ODOMETRY, Writer, read_rows
+
+FRAMES = [("odom", "base_link"), ("", ""), ("a", "bcd"), ("world/of/frames", "x" * 40)]
+
+
+@pytest.mark.parametrize(("parent", "child"), FRAMES)
+def test_odometry_is_written_as_ros_reads_it_and_read_as_ros_writes_it(parent, child):
+    writer = Writer(ODOMETRY, parent, child)
+    writer.figures[:] = np.arange(85.0)
+    message = deserialize_message(writer.to_bytes(3_000_000_004), Odometry)
+    assert (message.header.frame_id, message.child_frame_id) == (parent, child)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 4)
+    assert message.pose.pose.orientation.w == 6.0
+    assert message.twist.covariance[35] == 84.0
+    rows = read_rows(ODOMETRY, [serialize_message(message)] * 3)
+    assert rows["sec"].tolist() == [3, 3, 3]
+    assert rows["position"][1].tolist() == [0.0, 1.0, 2.0]
+    assert rows["orientation"][2].tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert rows["linear"][0].tolist() == [43.0, 44.0, 45.0]
+    assert rows["angular"][0].tolist() == [46.0, 47.0, 48.0]
+
+
+@pytest.mark.parametrize("frame", ["", "imu", "pelvis/imu_link"])
+def test_an_imu_message_is_written_as_ros_reads_it_and_read_as_ros_writes_it(frame):
+    writer = Writer(IMU, frame)
+    writer.figures[:] = np.arange(37.0)
+    message = deserialize_message(writer.to_bytes(0), Imu)
+    assert message.header.frame_id == frame
+    assert message.linear_acceleration_covariance[8] == 36.0
+    (row,) = read_rows(IMU, [serialize_message(message)])
+    assert row["angular"].tolist() == [13.0, 14.0, 15.0]
+    assert row["force"].tolist() == [25.0, 26.0, 27.0]
+
+
+@pytest.mark.parametrize("kind", [ODOMETRY, IMU])
+def test_what_is_too_short_is_refused_at_every_length(kind):
+    raw = Writer(kind, *["frame"] * kind.names).to_bytes(0)
+    for length in range(len(raw)):
+        with pytest.raises(LayoutError, match=kind.type):
+            read_rows(kind, [raw[:length]])
+
+
+def test_messages_of_different_length_are_refused():
+    one, other = (Writer(IMU, name).to_bytes(0) for name in ("imu", "another_imu"))
+    with pytest.raises(LayoutError, match="differ in length"):
+        read_rows(IMU, [one, other])
+
+
+def test_no_message_is_no_row():
+    assert len(read_rows(ODOMETRY, [])) == 0
