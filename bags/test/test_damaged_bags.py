@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,7 +17,9 @@ from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import read_recording
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.writer import BagWriter
-from cassie_bags.errors import BagError
+from cassie_bags.cli.recover import main
+from cassie_bags.errors import BagError, ExperimentError
+from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import RobotState
 
 
@@ -47,7 +52,7 @@ def test_a_damaged_chunk_costs_what_is_in_it_and_no_more(tmp_path: Path, bag: Pa
     assert saved.lost_bytes == end - start
     copy, index = tmp_path / "saved.mcap", BagIndex()
     left = [seq for _, seq, *_ in read_messages(bag, [RobotState.TOPIC], index)]
-    assert len(left) == 1000 - 250
+    assert len(left) == 1000 - 200
     assert index.lost_bytes == end - start
     assert not index.complete
     assert index.types[RobotState.TOPIC] == RobotState.TYPE
@@ -67,6 +72,44 @@ def test_a_damaged_record_between_the_chunks_costs_only_itself(
     assert saved.lost_bytes == end - start
     with AnyReader([tmp_path / "saved.mcap"]) as reader:
         assert reader.topics[RobotState.TOPIC].msgcount == 1000
+
+
+def test_a_disk_that_is_full_leaves_no_half_recovered_bag(tmp_path: Path, bag: Path):
+    target = tmp_path / "saved.mcap"
+    program = f"{sys.executable} -m cassie_bags.cli.recover {bag} -o {target}"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 20; exec {program}"],  # in KiB
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("recover: error: ") and done.stderr.count("\n") == 1
+    assert not target.exists()
+
+
+def test_recover_names_its_output_after_the_bag(tmp_path: Path, bag: Path, capsys):
+    assert main([str(bag)]) == 0
+    assert (tmp_path / "bag_recovered.mcap").is_file()
+    assert main([str(bag)]) == 2
+    assert "bag_recovered.mcap exists" in capsys.readouterr().err
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    bag.rename(folder / "walk_0.mcap")
+    assert main([str(folder)]) == 0
+    assert (tmp_path / "walk_recovered" / "metadata.yaml").is_file()
+
+
+def test_aliases_that_explode_are_not_expanded(tmp_path: Path, bag: Path):
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    bag.rename(folder / "walk_0.mcap")
+    levels = [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
+    (folder / "metadata.yaml").write_text("a0: &a0 lol\n" + "\n".join(levels))
+    assert len(read_recording(folder).truth) == 1000
+    with pytest.raises(ExperimentError, match="aliases"):
+        read_mapping(folder / "metadata.yaml")
 
 
 def test_a_full_disk_is_one_clear_error():

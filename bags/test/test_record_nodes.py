@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+import json
+import os
+import pty
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from synthetic import glide_messages
+from test_bag import write_bag
 
 pytest.importorskip("rclpy")
 
 import rclpy
+from mcap.reader import make_reader
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     RECORDED_TOPICS,
     TYPES,
@@ -30,7 +44,7 @@ from cassie_bags.bag.recover import recover
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
-from cassie_bags.ros.recorded_topic import message_class
+from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
 PATIENCE = 20.0
@@ -107,7 +121,9 @@ def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[]
     }
     wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
     ticks = len(messages["/cassie/state"])
+    deadline = time.monotonic() + PATIENCE
     while not heard():
+        assert time.monotonic() < deadline, "not every topic was heard"
         for topic, list_ in messages.items():
             publishers[topic].publish(list_[0])
         time.sleep(0.1)
@@ -153,6 +169,143 @@ def test_the_recorder_loses_nothing_and_closes_its_bag_on_ctrl_c(
         assert reader.duration == pytest.approx(4.0e9, rel=0.01)
 
 
+def late_messages(seconds: float, begin: float) -> dict[str, list[bytes]]:
+    """Of a robot that runs since `begin` seconds."""
+    messages = {}
+    for topic, list_ in glide_messages(begin + seconds).items():
+        messages[topic] = list_[round(len(list_) * begin / (begin + seconds)) :]
+    return messages
+
+
+def latched(node: Node) -> Any:
+    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = node.create_publisher(String, "/robot_description", qos)
+    publisher.publish(String(data="<robot name='cassie'/>"))
+    return publisher
+
+
+def test_a_recording_begun_late_begins_at_the_robots_time(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    publisher = latched(node)
+    start_recorder(processes, bag)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    time.sleep(0.5)  # it has the description before anything tells robot time
+    publish_all(node, late_messages(2.0, 30.0), lambda: processes.printed("record", COMPLETE))
+    processes.stop("record")
+    with AnyReader([bag]) as reader:
+        assert reader.topics["/robot_description"].msgcount == 1
+        assert reader.start_time == pytest.approx(30e9, abs=0.01e9)
+        assert reader.duration == pytest.approx(2e9, abs=0.05e9)
+
+
+def test_a_folder_is_recorded_split_and_found_by_other_readers(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    folder = tmp_path / "walk"
+    messages = glide_messages(4.0)
+    start_recorder(processes, folder, "--max-bag-duration", "1", "--compression-format", "none")
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    processes.stop("record")
+    processes.check("record")
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "metadata.yaml",
+        *(f"walk_{number}.mcap" for number in range(4)),
+    ]
+    assert same(read_recording(folder), messages) == []
+    with AnyReader([folder]) as reader:
+        assert reader.topics["/cassie/state"].msgcount >= 2000
+
+
+def call(node: Node, kind: Any, name: str, request: Any) -> Any:
+    client = node.create_client(kind, name)
+    wait_until(client.service_is_ready)
+    future = client.call_async(request)
+    wait_until(lambda: spin(node) and future.done())
+    return future.result()
+
+
+def test_a_service_begins_and_ends_recordings(processes: Processes, node: Node, tmp_path: Path):
+    bag = tmp_path / "bag.mcap"
+    publisher = latched(node)
+    record = [executable("cassie_bags", "record"), "-o", bag, "--start-paused"]
+    processes.start("record", record)
+    service = "/recorder/record"
+    assert not call(node, SetBool, service, SetBool.Request(data=False)).success
+    for name in ("bag.mcap", "bag_2.mcap", "bag_3.mcap"):
+        assert call(node, SetBool, service, SetBool.Request(data=True)).success
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        assert not call(node, SetBool, service, SetBool.Request(data=True)).success
+        answer = call(node, SetBool, service, SetBool.Request(data=False))
+        assert answer.success and name in answer.message
+        wait_until(lambda: publisher.get_subscription_count() == 0)
+        with AnyReader([tmp_path / name]) as reader:
+            assert reader.topics["/robot_description"].msgcount == 1
+    assert not call(node, Trigger, "/recorder/split", Trigger.Request()).success
+    processes.stop("record")
+    processes.check("record")
+    assert len(list(tmp_path.glob("*.mcap"))) == 3
+
+
+def test_parameters_of_all_nodes_their_changes_and_files_are_kept(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    (tmp_path / "gaits.json").write_text("{}")
+    node.declare_parameter("speed", 0.5)
+    node.declare_parameter("gaits", str(tmp_path / "gaits.json"))
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    bag = tmp_path / "bag.mcap"
+    processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
+
+    def kept() -> bool:
+        executor.spin_once(timeout_sec=0.05)
+        return bag.exists() and b"gaits.json" in bag.read_bytes()
+
+    wait_until(kept)
+    wait_until(lambda: node.count_subscribers("/parameter_events") > 0)
+    node.set_parameters([Parameter("speed", value=0.7)])
+    wait_until(lambda: node.count_subscribers("/parameter_events") > 0)
+    time.sleep(0.5)
+    executor.remove_node(node)
+    processes.stop("record")
+    index = BagIndex()
+    events = [data for *_, data in read_messages(bag, ["/parameter_events"], index)]
+    assert json.loads(index.metadata["cassie_parameters:/test"]["speed"]) == 0.5
+    assert any(b"speed" in data for data in events)
+    with bag.open("rb") as stream:
+        (attachment,) = make_reader(stream).iter_attachments()
+    assert (attachment.name.split("/")[1], attachment.data) == ("gaits.json", b"{}")
+
+
+def test_a_disk_that_fills_ends_the_recording_in_one_line(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    program = executable("cassie_bags", "record")
+    limited = f"ulimit -f 600; exec {program} -o {bag} --compression-format none"  # in KiB
+    processes.start("record", ["bash", "-c", limited])
+    messages = glide_messages(8.0)
+    publishers = {
+        topic: node.create_publisher(message_class(kind), topic, WRITER)
+        for topic, kind in TYPES.items()
+    }
+    wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
+    for tick in range(4000):
+        publishers["/cassie/state"].publish(messages["/cassie/state"][tick])
+        publishers["/cassie/sensors"].publish(messages["/cassie/sensors"][tick])
+        time.sleep(0.001)
+        if not processes.running("record"):
+            break
+    wait_until(lambda: not processes.running("record"))
+    with pytest.raises(RunError, match="exit code 1"):
+        processes.check()
+    words = processes.log("record").read_text()
+    assert words.count("error: cannot write bag") == 1 and "Traceback" not in words
+    assert recover(bag, tmp_path / "saved.mcap").messages > 100
+
+
 def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
     processes: Processes, node: Node, tmp_path: Path
 ):
@@ -172,8 +325,6 @@ def test_a_killed_recorder_leaves_a_bag_that_can_be_recovered(
 def test_a_replay_publishes_every_message_with_its_type(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     messages = glide_messages(2.0)
     bag, copy = tmp_path / "bag.mcap", tmp_path / "copy.mcap"
     write_bag(bag, messages)
@@ -191,9 +342,138 @@ def test_a_replay_publishes_every_message_with_its_type(
         assert reader.topics["/clock"].msgcount > 10
 
 
-def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node, tmp_path: Path):
-    from test_bag import write_bag
+def test_messages_that_did_not_come_are_counted_by_topic(node: Node):
+    state = message_class("cassie_msgs/msg/RobotState")
+    publishers = [node.create_publisher(state, "/cassie/state", 100) for _ in range(2)]
+    topic = RecordedTopic(
+        node, "cassie_msgs/msg/RobotState", "/cassie/state", QoSProfile(depth=10), 1
+    )
+    wait_until(lambda: topic.matched == 2)
+    raw = glide_messages(0.01)["/cassie/state"][0]
+    publishers[0].publish(raw)
+    wait_until(lambda: topic.take_raw() is not None)
+    for _ in range(25):  # the queue holds the last ten
+        publishers[0].publish(raw)
+    time.sleep(0.5)
+    publishers[1].publish(raw)
+    wait_until(lambda: topic.take_raw() is None)
+    assert topic.lost in (15, 16)  # of the other writer's the first may push out one more
 
+
+class Listener:
+    """Hears states; their seqs in order."""
+
+    def __init__(self, node: Node) -> None:
+        self.seqs: list[int] = []
+        state = message_class("cassie_msgs/msg/RobotState")
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._node = node
+        node.create_subscription(state, "/cassie/state", lambda m: self.seqs.append(m.seq), 1000)
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        wait_until(lambda: self._executor.spin_once(timeout_sec=0.05) or condition())
+
+    def quiet(self) -> bool:
+        """Whether nothing comes for a while."""
+        count = len(self.seqs)
+        until = time.monotonic() + 0.5
+        while time.monotonic() < until:
+            self._executor.spin_once(timeout_sec=0.05)
+        return len(self.seqs) == count
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        self.wait_for(client.service_is_ready)
+        future = client.call_async(request)
+        self.wait_for(future.done)
+        return future.result()
+
+    def set(self, name: str, value: float) -> bool:
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        answer = self.call(SetParameters, "/replay/set_parameters", request)
+        return all(result.successful for result in answer.results)
+
+
+def test_a_replay_is_paused_stepped_and_sought_by_services(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(2.0))
+    heard = Listener(node)
+    replay = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", str(PATIENCE)]
+    processes.start("replay", [*replay, "--topics", "/cassie/state"])
+    heard.wait_for(lambda: len(heard.seqs) == 1)  # the first moment stands still
+    assert heard.quiet()
+    for seq in (1, 2):
+        assert heard.call(Trigger, "/replay/step", Trigger.Request()).success
+        heard.wait_for(lambda seq=seq: heard.seqs == list(range(seq + 1)))
+    assert heard.set("position", 1.0)
+    heard.wait_for(lambda: heard.seqs[-1] == 500)
+    assert heard.quiet()
+    assert not heard.set("position", 99.0) and not heard.set("rate", 0.0)
+    assert heard.set("rate", 4.0)
+    assert heard.call(SetBool, "/replay/pause", SetBool.Request(data=False)).success
+    assert not heard.call(Trigger, "/replay/step", Trigger.Request()).success
+    heard.wait_for(lambda: heard.seqs[-1] == 999)
+    assert heard.seqs[3:] == list(range(500, 1000))
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+
+
+def test_a_part_of_a_folder_of_ros2_bag_is_replayed(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    messages = glide_messages(2.0)
+    source, folder = tmp_path / "bag.mcap", tmp_path / "theirs"
+    write_bag(source, messages)
+    with (
+        AnyReader([source]) as reader,
+        Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        by_topic = {
+            each.topic: writer.add_connection(each.topic, each.msgtype, typestore=reader.typestore)
+            for each in reader.connections
+        }
+        for each, stamp, raw in reader.messages():
+            writer.write(by_topic[each.topic], 1_700_000_000_000_000_000 + stamp, raw)
+    assert same(read_recording(folder), messages) == []
+    heard = Listener(node)
+    replay = [executable("cassie_bags", "replay"), folder, "--wait", str(PATIENCE)]
+    part = ["--start", "0.5", "--duration", "0.2", "--topics", "/cassie/state"]
+    processes.start("replay", [*replay, *part])
+    heard.wait_for(lambda: not processes.running("replay"))
+    processes.check("replay")
+    heard.wait_for(heard.quiet)
+    assert heard.seqs == list(range(250, 351))
+
+
+def test_keys_on_a_terminal_steer_a_replay(processes: Processes, node: Node, tmp_path: Path):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(2.0))
+    heard = Listener(node)
+    ours, theirs = pty.openpty()
+    program = executable("cassie_bags", "replay")
+    words = f"{program} {bag} -p --wait {PATIENCE} --topics /cassie/state < {os.ttyname(theirs)}"
+    processes.start("replay", ["bash", "-c", f"exec {words}"])
+    heard.wait_for(lambda: len(heard.seqs) == 1)
+    os.write(ours, b"\x1b[C")
+    heard.wait_for(lambda: heard.seqs == [0, 1])
+    os.write(ours, b" ")
+    heard.wait_for(lambda: len(heard.seqs) > 50)
+    os.write(ours, b" ")
+    heard.wait_for(heard.quiet)
+    os.write(ours, b"\x1b[D")
+    heard.wait_for(lambda: heard.seqs[-1] == 0)
+    os.write(ours, b"q")
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node, tmp_path: Path):
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     received: dict[str, list[bytes]] = {"RobotState": [], "MotorCommand": [], "Mode": []}
@@ -213,8 +493,6 @@ def test_a_replay_leaves_out_what_moves_a_robot(processes: Processes, node: Node
 def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     publisher = node.create_publisher(
@@ -228,11 +506,27 @@ def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
     node.destroy_publisher(publisher)
 
 
+def test_a_replay_ends_when_a_node_begins_to_write_the_same(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    heard = Listener(node)
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "--loop"])
+    heard.wait_for(lambda: len(heard.seqs) > 10)
+    publisher = node.create_publisher(
+        message_class("cassie_msgs/msg/Sensors"), "/cassie/sensors", 1
+    )
+    heard.wait_for(lambda: not processes.running("replay"))
+    assert "/cassie/sensors is written by " in processes.log("replay").read_text()
+    with pytest.raises(RunError, match="exit code 1"):
+        processes.check("replay")
+    node.destroy_publisher(publisher)
+
+
 def test_a_replay_of_some_topics_plays_these_again_and_again(
     processes: Processes, node: Node, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.5))
     received: list[bytes] = []
@@ -250,8 +544,6 @@ def test_a_replay_of_some_topics_plays_these_again_and_again(
 def test_ctrl_c_ends_a_replay_to_a_subscriber_that_is_stopped(
     processes: Processes, domain: int, tmp_path: Path
 ):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(0.1))
     listener = (
@@ -275,8 +567,6 @@ def test_ctrl_c_ends_a_replay_to_a_subscriber_that_is_stopped(
 
 
 def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path):
-    from test_bag import write_bag
-
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(2.0))
     content = bag.read_bytes()
@@ -293,7 +583,7 @@ def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path)
     ("words", "reason"),
     [
         (["--wait", "nan"], "nan is not 0 s or more"),
-        (["--rate", "fast"], "fast is not a rate above 0"),
+        (["--rate", "fast"], "fast is not a rate of 0.01 .. 1000"),
     ],
 )
 def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys):
@@ -305,8 +595,6 @@ def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys
 
 
 def spin(node: Node) -> bool:
-    from rclpy.executors import SingleThreadedExecutor
-
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     for _ in range(100):
@@ -320,9 +608,14 @@ def spin(node: Node) -> bool:
     [
         (["replay", "none.mcap"], "No such file"),
         (["replay", "text.mcap"], "is not an MCAP file"),
+        (["replay", "bag.mcap", "--start", "99"], "has no message in the part asked for"),
         (["recover", "text.mcap"], "is not an MCAP file"),
         (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
-        (["record", "-o", "text.mcap"], "text.mcap exists: give another file"),
+        (["record", "-o", "text.mcap"], "text.mcap exists: give another name"),
+        (["record", "-o", "there"], "there exists: give another name"),
+        (["record", "-o", "new.mcap", "--min-free-space", "1e8"], "less than 100000000 MiB"),
+        (["recover", "bag.mcap", "-o", "text.mcap"], "text.mcap exists: give another output"),
+        (["recover", "bag.mcap", "-o", "/proc/bag.mcap"], "cannot write /proc/bag.mcap"),
         (["record", "-o", "new.mcap", "--metadata", "flat.yaml"], "seed = 3 is not a mapping"),
     ],
 )
@@ -332,7 +625,9 @@ def test_a_wrong_file_ends_the_command_with_one_line(
     (tmp_path / "text.mcap").write_text("no bag")
     (tmp_path / "flat.yaml").write_text("seed: 3")
     name, *words = command
-    paths = [str(tmp_path / word) if "." in word else word for word in words]
+    write_bag(tmp_path / "bag.mcap", glide_messages(0.1))
+    (tmp_path / "there").mkdir()
+    paths = [str(tmp_path / word) if word == "there" or "." in word else word for word in words]
     processes.start(name, [executable("cassie_bags", name), *paths])
     wait_until(lambda: not processes.running(name))
     with pytest.raises(RunError, match=f"exit code 2: {name}: error: .*{reason}"):

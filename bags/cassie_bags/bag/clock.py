@@ -23,43 +23,75 @@ _PLAUSIBLE = 1_000_000_000  # ns that an unnumbered stamp may be away from the n
 class RobotClock:
     """Gives each message of a recording its time.
 
+    A recording may begin when the robot runs already: until a message tells robot time, the time
+    of others is not known.
+
     Attributes:
         now: Newest robot time, continued over episodes. In ns.
+        known: Whether robot time has been told, or `run_on_wall` called.
     """
 
     def __init__(self) -> None:
         self.now = 0
+        self.known = False
         self._start = 0
         self._episode: int | None = None
+        self._wall_start: int | None = None
 
-    def time_of(self, topic: str, raw: bytes) -> int:
+    def run_on_wall(self, wall_time: int) -> None:
+        """Go on without robot time: as long as none is told, time runs as the wall clock does.
+
+        Args:
+            wall_time: Of the first message. In ns.
+        """
+        self.known = True
+        self._wall_start = wall_time
+
+    def time_of(self, topic: str, raw: bytes, wall_time: int) -> int:
         """Robot time of a message; the newest known one if it carries none. In ns.
 
         Args:
             topic: Where it was received.
             raw: Serialized message.
+            wall_time: When it was received. In ns.
         """
         if topic in _EPISODIC:
             return self._of_lane(raw)
         if topic in _STAMPED:
             return self._of_stamped(raw)
+        if self._wall_start is not None:
+            self.now = max(self.now, wall_time - self._wall_start)
         return self.now
 
     def _of_lane(self, raw: bytes) -> int:
         seconds, nanoseconds, episode = _STAMP_AND_EPISODE.unpack_from(raw)
-        if self._episode is None or episode > self._episode:
-            self._start = 0 if self._episode is None else self.now
+        stamp = seconds * 1_000_000_000 + nanoseconds
+        if self._episode is None:
+            self._begin(stamp)
+            self._episode = episode
+        elif episode > self._episode:
+            self._start = self.now
             self._episode = episode
         elif episode < self._episode:
             return self.now  # a late message of the episode before
-        time: int = self._start + seconds * 1_000_000_000 + nanoseconds
+        time: int = self._start + stamp
         self.now = max(self.now, time)
         return time
 
     def _of_stamped(self, raw: bytes) -> int:
         seconds, nanoseconds = _STAMP.unpack_from(raw)
-        time: int = self._start + seconds * 1_000_000_000 + nanoseconds
+        stamp = seconds * 1_000_000_000 + nanoseconds
+        if self._episode is None:
+            self._begin(stamp)
+        time: int = self._start + stamp
         if self._episode is not None and abs(time - self.now) > _PLAUSIBLE:
             return self.now  # of another episode
         self.now = max(self.now, time)
         return time
+
+    def _begin(self, stamp: int) -> None:
+        """Robot time is told for the first time."""
+        if self._wall_start is not None:
+            self._start = self.now - stamp
+            self._wall_start = None
+        self.known = True

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rosbags.highlevel import AnyReader, AnyReaderError
+from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.tables import decode
 
-from cassie_bags.errors import BagError
-
+DIAGNOSTICS = "/diagnostics"
 _OK = 0
 
 
-def problems(path: Path) -> list[str]:
+def problems(path: Path | str) -> list[str]:
     """Conditions on /diagnostics that were not in order, each once, in the order they came.
 
     Args:
@@ -24,16 +24,14 @@ def problems(path: Path) -> list[str]:
         BagError: if the file cannot be read.
     """
     found: dict[str, None] = {}
-    try:
-        with AnyReader([path]) as reader:
-            connections = [c for c in reader.connections if c.topic == "/diagnostics"]
-            for connection, _, raw in reader.messages(connections):
-                for status in reader.deserialize(raw, connection.msgtype).status:
-                    level = status.level if isinstance(status.level, int) else status.level[0]
-                    if level != _OK:
-                        found[f"{status.name}: {status.message}"] = None
-    except (AnyReaderError, OSError) as error:
-        raise BagError(f"cannot read bag {path}: {error}") from None
+    index = BagIndex()
+    raw = [data for *_, data in read_messages(path, [DIAGNOSTICS], index)]
+    kind = index.types.get(DIAGNOSTICS, "")
+    for message in decode(kind, index.definitions[kind], raw) if raw else ():
+        for status in message.status:
+            level = status.level if isinstance(status.level, int) else status.level[0]
+            if level != _OK:
+                found[f"{status.name}: {status.message}"] = None
     return list(found)
 
 

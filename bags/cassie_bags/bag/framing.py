@@ -7,10 +7,10 @@ Source:
 
 from __future__ import annotations
 
-import contextlib
+import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any, BinaryIO
 
@@ -33,18 +33,32 @@ _KINDS: dict[int, Any] = {
     Opcode.CHANNEL: mcap.records.Channel,
     Opcode.METADATA: mcap.records.Metadata,
 }
+_IN_CHUNK = frozenset([Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE])
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _FOOTER = struct.Struct("<BQQQI")
+_CRC = struct.Struct("<I")
+
+# Where a record may begin whose soundness can be told: a chunk, metadata, the ends of data and
+# file. No length reaches 2^40.
+_BEGINNING = re.compile(rb"(?=[\x02\x06\x0c\x0f][\x00-\xff]{5}\x00\x00\x00)")
+_DATA_END = _FRAME.pack(Opcode.DATA_END, _CRC.size)
+_WINDOW = 1 << 22  # bytes looked through at a time
+_RATIO = 1024  # largest compression that is believed, beside
+_ALWAYS = 1 << 26  # bytes, which a chunk may have in any case
 
 
 class RecordReader:
-    """Records of a bag up to its end, or to the first that breaks off; damaged ones are left out.
+    """Records of a bag up to its end; what is damaged is left out.
+
+    After damage that moved what follows, as a byte that was put in, reading goes on at the next
+    record that is sound.
 
     Attributes:
         complete: Whether the file had been closed properly and nothing in it is damaged; known
             once `records` ended.
-        lost_bytes: Bytes that could not be read.
+        lost_bytes: Bytes that could not be read; 1 if a checksum tells of damage at an unknown
+            place.
     """
 
     def __init__(self, stream: BinaryIO, name: str) -> None:
@@ -61,55 +75,130 @@ class RecordReader:
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
-        stream.seek(0)
-        if stream.read(len(MAGIC)) != MAGIC:
+        if self._read(0, len(MAGIC)) != MAGIC:
             raise BagError(f"{name} is not an MCAP file")
 
     def records(self) -> Iterator[Record]:
-        """Each whole record; chunks are opened and followed by the records in them."""
-        while True:
-            start = self._stream.tell()
-            opcode, body = self._next()
-            if body is None:
-                self.lost_bytes += self._size - start
-                return
+        """Each whole record of messages, definitions and metadata; a chunk after those in it.
+
+        The index at the end is checked and not given.
+        """
+        position, checksum = len(MAGIC), zlib.crc32(MAGIC)
+        while position < self._size:
+            opcode, length = self._frame(position)
+            end = position + _FRAME.size + length
+            body = self._read(position + _FRAME.size, length) if opcode else b""
             try:
                 # All that is in a chunk is looked at before any of it is used.
                 found = list(whole(opcode, body))
             except BagError:
-                found = list(self._summary()) if not self.lost_bytes else []
-                self.lost_bytes += self._stream.tell() - start
+                definitions = [] if self.lost_bytes else self._definitions()
+                next_position = end if opcode and self._frame(end)[0] else self._sound(position + 1)
+                self.lost_bytes += next_position - position
+                position = next_position
+                yield from definitions  # the damage may have had them
+                continue
+            if opcode == Opcode.DATA_END:
+                self._check_end(end, checksum, _CRC.unpack(body)[0])
+                return
             yield from found
             if opcode == Opcode.FOOTER:
-                closed = self._stream.read(len(MAGIC)) == MAGIC
-                self.complete = closed and not self.lost_bytes
                 return
+            if not self.lost_bytes:
+                checksum = zlib.crc32(body, zlib.crc32(_FRAME.pack(opcode, length), checksum))
+            position = end
 
-    def _next(self) -> tuple[int, bytes | None]:
-        """Opcode and bytes of the next record; no bytes if it is not all there."""
-        frame = self._stream.read(_FRAME.size)
+    def _frame(self, position: int) -> tuple[int, int]:
+        """Opcode and length of a record; opcode 0 if none of a known kind can be there."""
+        frame = self._read(position, _FRAME.size)
         if len(frame) < _FRAME.size:
-            return 0, None
+            return 0, 0
         opcode, length = _FRAME.unpack(frame)
-        if length > self._size - self._stream.tell():
-            return opcode, None
-        return opcode, self._stream.read(length)
+        fits = length <= self._size - position - _FRAME.size
+        return (opcode, length) if fits and opcode <= Opcode.DATA_END else (0, 0)
 
-    def _summary(self) -> Iterator[Record]:
-        """Schemas and channels as the end of the file repeats them: the damage may have had them.
+    def _read(self, position: int, length: int) -> bytes:
+        self._stream.seek(position)
+        return self._stream.read(length)
 
-        What is not there, or damaged too, is left out.
-        """
-        here = self._stream.tell()
-        self._stream.seek(max(0, self._size - len(MAGIC) - _FOOTER.size))
-        footer = self._stream.read(_FOOTER.size)
-        opcode, _, start, _, _ = _FOOTER.unpack(footer) if len(footer) == _FOOTER.size else [0] * 5
-        if opcode == Opcode.FOOTER and 0 < start < self._size:
-            self._stream.seek(start)
-            while (entry := self._next())[1] is not None and entry[0] in _KINDS:
-                with contextlib.suppress(BagError):
-                    yield from whole(entry[0], entry[1])
-        self._stream.seek(here)
+    def _sound(self, position: int) -> int:
+        """Where the next record begins that is sound without doubt; the file's end if none is."""
+        while position < self._size:
+            window = self._read(position, _WINDOW + _FRAME.size)
+            for match in _BEGINNING.finditer(window):
+                if match.start() < _WINDOW and self._is_sound(position + match.start()):
+                    return position + match.start()
+            position += _WINDOW
+        return self._size
+
+    def _is_sound(self, position: int) -> bool:
+        opcode, length = self._frame(position)
+        if not opcode or (opcode == Opcode.FOOTER and not self._footer(position)):
+            return False
+        if opcode == Opcode.CHUNK and not _may_be_chunk(
+            self._read(position + _FRAME.size, 48), length
+        ):
+            return False
+        end = position + _FRAME.size + length
+        if opcode == Opcode.DATA_END:
+            summary = self._summary()
+            return summary is not None and summary[0] == end
+        try:
+            found = list(whole(opcode, self._read(position + _FRAME.size, length)))
+        except BagError:
+            return False
+        if opcode == Opcode.METADATA and not found[0][1].name:
+            return False
+        return opcode == Opcode.FOOTER or end == self._size or bool(self._frame(end)[0])
+
+    def _footer(self, position: int) -> bool:
+        """Whether a footer at a place ends the file."""
+        return position + _FOOTER.size + len(MAGIC) == self._size and (
+            self._read(self._size - len(MAGIC), len(MAGIC)) == MAGIC
+        )
+
+    def _check_end(self, position: int, checksum: int, expected: int) -> None:
+        """Look at what follows the data, and at the checksum of the data."""
+        if not self.lost_bytes and expected and checksum != expected:
+            self.lost_bytes = 1
+        summary = self._summary()
+        if summary is None or summary[0] != position:
+            self.lost_bytes += self._size - position
+        self.complete = not self.lost_bytes
+
+    def _summary(self) -> tuple[int, bytes] | None:
+        """Where the index at the end begins, and its bytes; None if it is not whole."""
+        place = max(0, self._size - len(MAGIC) - _FOOTER.size)
+        footer = self._read(place, _FOOTER.size)
+        if len(footer) < _FOOTER.size or not self._footer(place):
+            return None
+        opcode, length, start, _, expected = _FOOTER.unpack(footer)
+        if opcode != Opcode.FOOTER or length != _FOOTER.size - _FRAME.size:
+            return None
+        if not start:
+            return place, b""
+        for begin in (start, *self._ends_of_data(place)):  # it may have moved
+            content = self._read(begin, place - begin) if begin <= place else b""
+            if expected and zlib.crc32(footer[: -_CRC.size], zlib.crc32(content)) == expected:
+                return begin, content
+            if not expected and begin == start:
+                return begin, content
+        return None
+
+    def _ends_of_data(self, place: int) -> Iterator[int]:
+        """Where the index may begin, looked for in what comes before a footer."""
+        begin = max(0, place - _WINDOW)
+        for match in re.finditer(_DATA_END, self._read(begin, place - begin)):
+            yield begin + match.end() + _CRC.size
+
+    def _definitions(self) -> list[Record]:
+        """Schemas and channels as the end of the file repeats them."""
+        summary = self._summary()
+        found: list[Record] = []
+        for opcode, body in _frames(summary[1]) if summary else ():
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                found += whole(opcode, body)
+        return found
 
 
 def whole(opcode: int, body: bytes) -> Iterator[Record]:
@@ -120,7 +209,9 @@ def whole(opcode: int, body: bytes) -> Iterator[Record]:
     """
     kind = _KINDS.get(opcode)
     if opcode == Opcode.CHUNK:
-        for inner, content in frames(chunk_content(body)):
+        for inner, content in _frames(chunk_content(body)):
+            if inner not in _IN_CHUNK:
+                raise BagError(f"damaged chunk: a record of kind {inner} in it")
             if inner == Opcode.MESSAGE and len(content) >= _MESSAGE.size:
                 yield inner, content  # most records are messages: no generator for each
             else:
@@ -128,27 +219,69 @@ def whole(opcode: int, body: bytes) -> Iterator[Record]:
         yield opcode, body
     elif kind is not None:
         yield opcode, _parsed(kind, body)
-    elif opcode == Opcode.MESSAGE and len(body) < _MESSAGE.size:
-        raise BagError(f"damaged message of {len(body)} bytes")
+    elif opcode in _CHECKS and not _CHECKS[opcode](body):
+        raise BagError(f"damaged record of kind {opcode} with {len(body)} bytes")
     else:
         yield opcode, body
 
 
+def _index_is_whole(body: bytes) -> bool:
+    return len(body) >= 6 and _CRC.unpack_from(body, 2)[0] == len(body) - 6
+
+
+def _attachment_is_whole(body: bytes) -> bool:
+    return len(body) >= 4 and _CRC.unpack(body[-4:])[0] in (0, zlib.crc32(body[:-4]))
+
+
+_CHECKS: dict[int, Callable[[bytes], bool]] = {
+    0: lambda body: False,
+    Opcode.FOOTER: lambda body: len(body) == _FOOTER.size - _FRAME.size,
+    Opcode.MESSAGE: lambda body: len(body) >= _MESSAGE.size,
+    Opcode.MESSAGE_INDEX: _index_is_whole,
+    Opcode.ATTACHMENT: _attachment_is_whole,
+    Opcode.DATA_END: lambda body: len(body) == _CRC.size,
+}
+"""Whether the content of a record can be one of its kind."""
+
+
 def _parsed(kind: Any, body: bytes) -> Any:
+    stream = BytesIO(body)
     try:
-        return kind.read(ReadDataStream(BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError) as error:
+        record = kind.read(ReadDataStream(stream))
+    except (McapError, struct.error, UnicodeDecodeError, ValueError) as error:
         raise BagError(f"damaged record: {error}") from None
+    if stream.tell() != len(body):
+        raise BagError(f"damaged record: {len(body) - stream.tell()} bytes too many")
+    return record
 
 
-def frames(content: bytes) -> Iterator[Record]:
-    """The records within the content of a chunk."""
+def _frames(content: bytes) -> Iterator[Record]:
+    """The records within the content of a chunk.
+
+    Raises:
+        BagError: if the last one is not all there.
+    """
     position, size = 0, len(content)
-    while position + _FRAME.size <= size:
+    while position < size:
+        if position + _FRAME.size > size:
+            raise BagError("damaged chunk: it breaks off")
         opcode, length = _FRAME.unpack_from(content, position)
         position += _FRAME.size
+        if length > size - position:
+            raise BagError("damaged chunk: it breaks off")
         yield opcode, content[position : position + length]
         position += length
+
+
+def _may_be_chunk(start: bytes, length: int) -> bool:
+    """Whether the first bytes of a chunk agree with its length, before it is read."""
+    if len(start) < 48:
+        return False
+    (name_length,) = _CRC.unpack_from(start, 28)
+    if name_length > 4:
+        return False
+    (size,) = struct.unpack_from("<Q", start, 32 + name_length)
+    return bool(size == length - 40 - name_length)
 
 
 def chunk_content(body: bytes) -> bytes:
@@ -161,18 +294,27 @@ def chunk_content(body: bytes) -> bytes:
         BagError: if it is damaged or compressed in a way that is not known.
     """
     chunk = _parsed(mcap.records.Chunk, body)
-    if chunk.compression == "zstd":
-        try:
-            content: bytes = zstandard.decompress(chunk.data, chunk.uncompressed_size)
-        except zstandard.ZstdError as error:
-            raise BagError(f"damaged chunk: {error}") from None
-    elif chunk.compression == "":
-        content = chunk.data
-    else:
-        raise BagError(f"chunk in unknown compression {chunk.compression}")
+    if chunk.uncompressed_size > _ALWAYS + _RATIO * len(body):
+        raise BagError(f"damaged chunk: {len(body)} bytes for {chunk.uncompressed_size}")
+    content = _decompressed(chunk.compression, chunk.data, chunk.uncompressed_size)
+    if len(content) != chunk.uncompressed_size:
+        raise BagError("damaged chunk: its size differs")
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
         raise BagError("damaged chunk: its checksum differs")
     return content
+
+
+def _decompressed(compression: str, data: bytes, size: int) -> bytes:
+    if compression == "":
+        return data
+    if compression == "zstd":
+        try:
+            if zstandard.frame_content_size(data) == size:
+                return zstandard.decompress(data, size)
+            return zstandard.ZstdDecompressor().stream_reader(data).read(size)  # never more
+        except zstandard.ZstdError as error:
+            raise BagError(f"damaged chunk: {error}") from None
+    raise BagError(f"chunk in unknown compression {compression}")
 
 
 def message(body: bytes) -> tuple[int, int, int, bytes]:

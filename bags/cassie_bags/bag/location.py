@@ -34,6 +34,8 @@ def bag_files(bag: Path | str) -> list[Path]:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None
     if not path.exists():
         raise BagError(f"cannot read bag {path}: No such file or directory")
+    if not path.is_file():
+        raise BagError(f"cannot read bag {path}: it is no regular file")
     return [path]
 
 
@@ -64,7 +66,7 @@ def _named_files(folder: Path) -> list[Path] | None:
     section = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(section, Mapping):
         return None
-    return [folder / name for name in _names(section, folder)]
+    return [folder / Path(name).name for name in _names(section, folder)]  # nowhere else
 
 
 def _names(section: Mapping[str, Any], folder: Path) -> list[str]:

@@ -60,6 +60,7 @@ def _messages_of(
     path: Path, topics: Collection[str] | None, index: BagIndex
 ) -> Iterator[tuple[str, int, int, bytes]]:
     schemas: dict[int, tuple[str, str]] = {}
+    known: set[int] = set()
     wanted: dict[int, str] = {}
     try:
         with path.open("rb") as stream:
@@ -69,16 +70,19 @@ def _messages_of(
                     channel, log_time, wall_time, data = message(body)
                     if channel in wanted:
                         yield wanted[channel], log_time, wall_time, data
+                    elif channel not in known:
+                        reader.lost_bytes += len(body)  # what it was is damaged
                 elif opcode == Opcode.SCHEMA:
                     schemas[body.id] = (body.name, body.data.decode("utf-8", "replace"))
                 elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
+                    known.add(body.id)
                     index.types[body.topic], text = schemas[body.schema_id]
                     index.definitions[index.types[body.topic]] = text
                     if topics is None or body.topic in topics:
                         wanted[body.id] = body.topic
                 elif opcode == Opcode.METADATA:
                     index.metadata[body.name] = body.metadata
-            index.complete = reader.complete
+            index.complete = reader.complete and not reader.lost_bytes
             index.lost_bytes += reader.lost_bytes
     except OSError as error:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None

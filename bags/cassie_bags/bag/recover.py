@@ -1,17 +1,32 @@
-"""Repair of a bag that is damaged or was not closed: an indexed file of all that is whole."""
+"""Repair of a bag that is damaged or was not closed: an indexed one of all that is whole."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import Writer
 
 from cassie_bags.bag.framing import RecordReader, message
+from cassie_bags.bag.location import bag_files
+from cassie_bags.bag.rosbag2 import (
+    QOS_KEY,
+    RECORD,
+    Contents,
+    Topic,
+    profiles_text,
+    read_profiles,
+    record_of,
+    write_metadata,
+)
 from cassie_bags.bag.writer import PROFILE
 from cassie_bags.errors import BagError
 
@@ -23,7 +38,7 @@ class Recovered:
     Attributes:
         messages: Number of messages.
         duration: From the first to the last of them, robot time. In s.
-        complete: Whether the file had been closed properly and nothing in it is damaged.
+        complete: Whether the bag had been closed properly and nothing in it is damaged.
         lost_bytes: Bytes that could not be read.
     """
 
@@ -33,54 +48,104 @@ class Recovered:
     lost_bytes: int
 
 
-def recover(source: Path, target: Path) -> Recovered:
+def recover(source: Path | str, target: Path | str) -> Recovered:
     """Copy every whole record of a bag into a new, indexed one.
 
     Args:
-        source: Bag whose end may be missing. It is not changed.
-        target: New bag.
+        source: Bag whose end may be missing: a file, or a folder as `ros2 bag` writes it. It is
+            not changed.
+        target: New bag, a folder if `source` is one. It must not exist; if recovery fails, it
+            does not exist afterwards.
 
     Raises:
-        BagError: if `source` is not a bag, has no message, or a file cannot be opened.
+        BagError: if `source` is not a bag or has no message; if `target` exists or cannot be
+            written.
     """
-    if source.resolve() == target.resolve():
-        raise BagError(f"cannot recover {source} onto itself: give another output file")
+    source, target = Path(source), Path(target)
+    files = bag_files(source)
+    with _new(target, folder=source.is_dir()):
+        copies = []
+        for file in files:
+            copies.append(_recovered_file(file, target / file.name if source.is_dir() else target))
+        filled = [copy.contents for copy in copies if copy.contents.count]
+        if not filled:
+            raise BagError(f"no whole chunk of messages in {source}: nothing to recover")
+        if source.is_dir():
+            write_metadata(target, [copy.contents for copy in copies])
+    return Recovered(
+        sum(contents.count for contents in filled),
+        (max(each.end for each in filled) - min(each.start for each in filled)) * 1e-9,
+        all(copy.complete for copy in copies),
+        sum(copy.lost_bytes for copy in copies),
+    )
+
+
+@contextmanager
+def _new(target: Path, *, folder: bool) -> Iterator[None]:
+    """Make what does not exist; whatever goes wrong meanwhile, it is gone afterwards."""
+    try:
+        if folder:
+            target.mkdir()
+        else:
+            target.touch(exist_ok=False)
+    except FileExistsError:
+        raise BagError(f"{target} exists: give another output with -o, or remove it") from None
+    except OSError as error:
+        raise BagError(f"cannot write {target}: {error.strerror}") from None
+    try:
+        yield
+    except BaseException:
+        if folder:
+            shutil.rmtree(target, ignore_errors=True)
+        else:
+            target.unlink(missing_ok=True)
+        raise
+
+
+def _recovered_file(source: Path, target: Path) -> _Copy:
     try:
         with source.open("rb") as stream:
             reader = RecordReader(stream, str(source))
             with target.open("wb") as output:
-                copy = _Copy(output)
+                copy = _Copy(output, target.name)
                 for opcode, body in reader.records():
                     copy.take(opcode, body)
-                copy.writer.finish()
+                copy.finish()
     except OSError as error:
         place = error.filename or target
         raise BagError(f"cannot recover {source}: {place}: {error.strerror}") from None
-    if copy.messages == 0:
-        target.unlink()
-        raise BagError(f"no whole chunk of messages in {source}: nothing to recover")
-    span = (copy.last - copy.first) * 1e-9
-    return Recovered(copy.messages, span, reader.complete, reader.lost_bytes)
+    copy.lost_bytes += reader.lost_bytes
+    copy.complete = reader.complete and not copy.lost_bytes
+    return copy
 
 
 class _Copy:
-    """Writes records as they come, one chunk for each chunk."""
+    """Writes records as they come, one chunk for each chunk.
 
-    def __init__(self, output: BinaryIO) -> None:
-        self.writer = Writer(output, chunk_size=1 << 30)
+    Attributes:
+        contents: What is in it.
+        complete, lost_bytes: As of `Recovered`.
+    """
+
+    def __init__(self, output: BinaryIO, name: str) -> None:
+        self._writer = Writer(output, chunk_size=1 << 30, enable_data_crcs=True)
         self._started = False
-        self.messages = 0
-        self.first = 0
-        self.last = 0
+        self.contents = Contents(name)
+        self._any = False
+        self.complete = False
+        self.lost_bytes = 0
         self._schemas: dict[int, int] = {0: 0}
+        self._types: dict[int, str] = {0: ""}
         self._channels: dict[int, int] = {}
+        self._topics: dict[int, Topic] = {}
         self._takers: dict[int, Callable[[Any], None]] = {
             Opcode.HEADER: self._take_header,
             Opcode.SCHEMA: self._take_schema,
             Opcode.CHANNEL: self._take_channel,
             Opcode.MESSAGE: self._take_message,
             Opcode.METADATA: self._take_metadata,
-            Opcode.CHUNK: lambda _: self.writer.flush(),
+            Opcode.ATTACHMENT: self._take_attachment,
+            Opcode.CHUNK: lambda _: self._writer.flush(),
         }
 
     def take(self, opcode: int, content: Any) -> None:
@@ -90,36 +155,58 @@ class _Copy:
         if taker is not None:
             taker(content)
 
+    def finish(self) -> None:
+        self._writer.flush()
+        self._writer.add_metadata(RECORD, record_of(self.contents))
+        self._writer.finish()
+
     def _start(self, profile: str) -> None:
         self._started = True
-        self.writer.start(profile=profile)
+        self._writer.start(profile=profile)
 
     def _take_header(self, header: Header) -> None:
-        self._start(header.profile)
+        if not self._started:
+            self._start(header.profile)
 
     def _take_schema(self, schema: Schema) -> None:
         if schema.id not in self._schemas:
-            self._schemas[schema.id] = self.writer.register_schema(
+            self._types[schema.id] = schema.name
+            self._schemas[schema.id] = self._writer.register_schema(
                 schema.name, schema.encoding, schema.data
             )
 
     def _take_channel(self, channel: Channel) -> None:
-        if channel.id not in self._channels and channel.schema_id in self._schemas:
-            self._channels[channel.id] = self.writer.register_channel(
-                channel.topic,
-                channel.message_encoding,
-                self._schemas[channel.schema_id],
-                channel.metadata,
-            )
+        if channel.id in self._channels or channel.schema_id not in self._schemas:
+            return
+        profiles = read_profiles(channel.metadata.get(QOS_KEY, ""))
+        self._channels[channel.id] = self._writer.register_channel(
+            channel.topic,
+            channel.message_encoding,
+            self._schemas[channel.schema_id],
+            channel.metadata | {QOS_KEY: profiles_text(profiles)},
+        )
+        self._topics[channel.id] = self.contents.topics.setdefault(
+            channel.topic, Topic(self._types[channel.schema_id], profiles)
+        )
 
     def _take_metadata(self, metadata: Metadata) -> None:
-        self.writer.add_metadata(metadata.name, metadata.metadata)
+        if metadata.name != RECORD:  # written anew at the end
+            self._writer.add_metadata(metadata.name, metadata.metadata)
+
+    def _take_attachment(self, body: bytes) -> None:
+        found = Attachment.read(ReadDataStream(BytesIO(body)))
+        self._writer.add_attachment(
+            found.create_time, found.log_time, found.name, found.media_type, found.data
+        )
 
     def _take_message(self, body: bytes) -> None:
         channel, log_time, publish_time, data = message(body)
         if channel not in self._channels:
-            return  # what it was is damaged
-        self.first = min(self.first, log_time) if self.messages else log_time
-        self.last = max(self.last, log_time)
-        self.messages += 1
-        self.writer.add_message(self._channels[channel], log_time, data, publish_time)
+            self.lost_bytes += len(body)  # what it was is damaged
+            return
+        contents = self.contents
+        contents.start = min(contents.start, log_time) if self._any else log_time
+        contents.end = max(contents.end, log_time)
+        self._any = True
+        self._topics[channel].count += 1
+        self._writer.add_message(self._channels[channel], log_time, data, publish_time)

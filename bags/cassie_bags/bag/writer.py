@@ -1,7 +1,7 @@
 """Writing of bags: MCAP in the ROS 2 profile, definitions embedded, safe against a kill.
 
-A chunk is closed, written and handed to the operating system at the latest half a second
-after its first message, in robot time as well as in wall time. If the writer is killed,
+A chunk is closed, written and handed to the operating system before half a second has passed
+since its first message, in robot time as well as in wall time. If the writer is killed,
 what is in the file is therefore complete but for the last half second, and
 `cassie_bags.bag.recover` makes an indexed file of it.
 
@@ -17,71 +17,87 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from cassie_bags.bag.definitions import definition
+from cassie_bags.bag.rosbag2 import (
+    QOS_DEFAULT,
+    QOS_KEY,
+    QOS_LANE,
+    RECORD,
+    Contents,
+    Qos,
+    Topic,
+    profiles_text,
+    record_of,
+    write_metadata,
+)
 from cassie_bags.errors import BagError
+
+__all__ = ["CHUNK_NS", "PROFILE", "QOS_DEFAULT", "QOS_LANE", "BagWriter", "FolderWriter"]
 
 PROFILE = "ros2"
 """How a bag says that its messages are of ROS 2."""
 
 CHUNK_NS = 500_000_000
-"""Longest span of a chunk. In ns, of robot time and of wall time."""
+"""No chunk spans so much. In ns, of log time and of wall time."""
 
+_OPEN_NS = 400_000_000  # of wall time that a chunk stays open: what is left is for writing it
 _CHUNK_BYTES = 1 << 30  # chunks are closed by time, not by size
-
-QOS_LANE = (1, 100, 1, 2)
-QOS_DEFAULT = (1, 10, 1, 2)
-"""History, depth, reliability and durability as rmw numbers them."""
-
-_QOS = """- history: {history}
-  depth: {depth}
-  reliability: {reliability}
-  durability: {durability}
-  deadline: {{sec: 9223372036, nsec: 854775807}}
-  lifespan: {{sec: 9223372036, nsec: 854775807}}
-  liveliness: 1
-  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
-  avoid_ros_namespace_conventions: false
-"""
 
 
 class BagWriter:
     """One bag, open for writing. Use it in a `with` statement, or call `close`.
 
     Whatever writes raises a BagError if the file cannot take it, as when the disk is full.
+
+    Attributes:
+        path: The file.
+        contents: What is in it so far.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str, *, new: bool = False, compress: bool = True) -> None:
         """Create the file; its folder is made too.
+
+        Args:
+            path: The file.
+            new: Whether a file that exists is refused instead of written over.
+            compress: Whether chunks are compressed (zstd).
 
         Raises:
             BagError: if the file cannot be created.
         """
-        self.path = path
+        self.path = Path(path)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: BinaryIO = path.open("wb")
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream: BinaryIO = self.path.open("xb" if new else "wb")
         except OSError as error:
+            if new and self.path.exists():
+                raise BagError(f"{path} exists: give another name, or remove it") from None
             raise BagError(f"cannot write bag {path}: {error.strerror}") from None
-        self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES)
+        self._writer = Writer(
+            self._stream,
+            chunk_size=_CHUNK_BYTES,
+            compression=CompressionType.ZSTD if compress else CompressionType.NONE,
+            enable_data_crcs=True,
+        )
         self._writer.start(profile=PROFILE)
+        self.contents = Contents(self.path.name)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: dict[int, int] = {}
-        self._chunk_log: int | None = None
+        self._topics: dict[int, Topic] = {}
+        self._first_log: int | None = None  # of the open chunk
+        self._last_log = 0
         self._chunk_wall = 0
         self._closed = False
 
-    def add_topic(
-        self, topic: str, type_name: str, qos: tuple[int, int, int, int] = QOS_DEFAULT
-    ) -> int:
+    def add_topic(self, topic: str, type_name: str, qos: Qos = QOS_DEFAULT) -> int:
         """Declare a topic.
 
         Args:
             topic: Its full name.
             type_name: Type of its messages, package/msg/Name.
-            qos: History, depth, reliability and durability of its writer.
+            qos: Of its writers.
 
         Returns:
             The channel to give to `write`; the same one when the topic is known already.
@@ -93,12 +109,13 @@ class BagWriter:
             if type_name not in self._schemas:
                 text = definition(type_name).encode()
                 self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text)
-            names = ("history", "depth", "reliability", "durability")
-            profile = _QOS.format(**dict(zip(names, qos, strict=True)))
-            self._channels[topic] = self._writer.register_channel(
-                topic, "cdr", self._schemas[type_name], {"offered_qos_profiles": profile}
+            metadata = {QOS_KEY: profiles_text([qos.profile])}
+            channel = self._writer.register_channel(
+                topic, "cdr", self._schemas[type_name], metadata
             )
-            self._counts[self._channels[topic]] = 0
+            self._channels[topic] = channel
+            self._topics[channel] = Topic(type_name, [qos.profile])
+            self.contents.topics[topic] = self._topics[channel]
         return self._channels[topic]
 
     def write(self, channel: int, data: bytes, log_time: int, wall_time: int) -> None:
@@ -110,23 +127,27 @@ class BagWriter:
             log_time: Robot time. In ns.
             wall_time: Time of receipt. In ns; in a run without ROS, robot time again.
         """
-        if self._chunk_log is None:
-            self._chunk_log, self._chunk_wall = log_time, wall_time
-        elif abs(log_time - self._chunk_log) >= CHUNK_NS:
-            self._close_chunk()
-            self._chunk_log, self._chunk_wall = log_time, wall_time
-        count = self._counts[channel] = self._counts[channel] + 1
-        self._writer.add_message(channel, log_time, data, wall_time, count & 0xFFFFFFFF)
-        if wall_time - self._chunk_wall >= CHUNK_NS:
-            self._close_chunk()
+        if self._first_log is not None:
+            first, last = min(self._first_log, log_time), max(self._last_log, log_time)
+            if last - first >= CHUNK_NS:
+                self._close_chunk()
+            else:
+                self._first_log, self._last_log = first, last
+        if self._first_log is None:
+            self._first_log = self._last_log = log_time
+            self._chunk_wall = wall_time
+        topic = self._topics[channel]
+        topic.count += 1
+        self._writer.add_message(channel, log_time, data, wall_time, topic.count & 0xFFFFFFFF)
+        self.flush_if_due(wall_time)
 
     def flush_if_due(self, wall_time: int) -> None:
-        """Close the chunk if it has been open for half a second. To be called when idle.
+        """Close the chunk if it has been open for long. To be called when idle.
 
         Args:
             wall_time: Now. In ns.
         """
-        if self._chunk_log is not None and wall_time - self._chunk_wall >= CHUNK_NS:
+        if self._first_log is not None and wall_time - self._chunk_wall >= _OPEN_NS:
             self._close_chunk()
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
@@ -135,14 +156,27 @@ class BagWriter:
             self._writer.add_metadata(name, dict(content))
             self._stream.flush()
 
+    def add_file(self, name: str, content: bytes) -> None:
+        """Append a file, for example the gait library that a run walked with."""
+        with self._told():
+            self._writer.add_attachment(0, 0, name, "application/octet-stream", content)
+            self._stream.flush()
+
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        return {topic: self._counts[channel] for topic, channel in self._channels.items()}
+        return {name: topic.count for name, topic in self.contents.topics.items()}
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, without the open chunk."""
+        return self._stream.tell()
 
     def close(self) -> None:
         """Write what is open, then the index. Calling it again does nothing."""
         if not self._closed:
+            self._close_chunk()
+            self.add_metadata(RECORD, record_of(self.contents))
             self._closed = True
             with self._told():
                 self._writer.finish()
@@ -162,10 +196,16 @@ class BagWriter:
     def _close_chunk(self) -> None:
         with self._told():
             self._writer.flush()
-        self._chunk_log = None
+        if self._first_log is not None:
+            empty = self.contents.start == self.contents.end == 0
+            start = self._first_log if empty else min(self.contents.start, self._first_log)
+            self.contents.start, self.contents.end = start, max(self.contents.end, self._last_log)
+        self._first_log = None
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:
+        if self._stream.closed:
+            raise BagError(f"cannot write bag {self.path}: it is closed")
         try:
             yield
         except OSError as error:
@@ -173,3 +213,101 @@ class BagWriter:
             with contextlib.suppress(OSError):
                 self._stream.close()
             raise BagError(f"cannot write bag {self.path}: {error.strerror}") from None
+
+
+class FolderWriter:
+    """A bag as `ros2 bag` writes it: a folder of files NAME_0.mcap, ... and metadata.yaml.
+
+    To be used as a `BagWriter`. Each file has all metadata records, so that it can be read alone.
+
+    Args:
+        path: The folder, which must not exist.
+        compress: Whether chunks are compressed (zstd).
+        max_bytes: Size after which the next file begins; 0 for never.
+        max_duration: Log time after which the next file begins. In ns; 0 for never.
+
+    Raises:
+        BagError: if the folder exists or cannot be made.
+    """
+
+    def __init__(
+        self, path: Path, *, compress: bool = True, max_bytes: int = 0, max_duration: int = 0
+    ) -> None:
+        self.path = path
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            raise BagError(f"{path} exists: give another name, or remove it") from None
+        except OSError as error:
+            raise BagError(f"cannot write bag {path}: {error.strerror}") from None
+        self._compress = compress
+        self._max_bytes = max_bytes
+        self._max_duration = max_duration
+        self._topics: dict[str, tuple[str, Qos]] = {}
+        self._metadata: dict[str, Mapping[str, str]] = {}
+        self._finished: list[Contents] = []
+        self._first_log: int | None = None  # of the open file
+        self._file = self._next_file()
+
+    def add_topic(self, topic: str, type_name: str, qos: Qos = QOS_DEFAULT) -> int:
+        """As `BagWriter.add_topic`."""
+        channel = self._file.add_topic(topic, type_name, qos)
+        self._topics.setdefault(topic, (type_name, qos))
+        return channel
+
+    def write(self, channel: int, data: bytes, log_time: int, wall_time: int) -> None:
+        """As `BagWriter.write`."""
+        if self._first_log is None:
+            self._first_log = log_time
+        elif self._full(log_time):
+            self.split()
+            self._first_log = log_time
+        self._file.write(channel, data, log_time, wall_time)
+
+    def split(self) -> None:
+        """Go on in a new file."""
+        self._file.close()
+        self._finished.append(self._file.contents)
+        self._first_log = None
+        self._file = self._next_file()
+        for name, content in self._metadata.items():
+            self._file.add_metadata(name, content)
+        for topic, (type_name, qos) in self._topics.items():
+            self._file.add_topic(topic, type_name, qos)  # in the same order: the same channel
+
+    def flush_if_due(self, wall_time: int) -> None:
+        """As `BagWriter.flush_if_due`."""
+        self._file.flush_if_due(wall_time)
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """As `BagWriter.add_metadata`; it goes into this file and all that follow."""
+        self._metadata[name] = content
+        self._file.add_metadata(name, content)
+
+    def add_file(self, name: str, content: bytes) -> None:
+        """As `BagWriter.add_file`; it stands in one of the files."""
+        self._file.add_file(name, content)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic."""
+        found = dict.fromkeys(self._topics, 0)
+        for contents in (*self._finished, self._file.contents):
+            for name, topic in contents.topics.items():
+                found[name] += topic.count
+        return found
+
+    def close(self) -> None:
+        """Close the last file and write metadata.yaml. Calling it again only repeats the latter."""
+        self._file.close()
+        write_metadata(self.path, [*self._finished, self._file.contents])
+
+    def _next_file(self) -> BagWriter:
+        name = f"{self.path.resolve().name}_{len(self._finished)}.mcap"
+        return BagWriter(self.path / name, new=True, compress=self._compress)
+
+    def _full(self, log_time: int) -> bool:
+        if self._max_bytes and self._file.size >= self._max_bytes:
+            return True
+        began = log_time if self._first_log is None else self._first_log
+        return bool(self._max_duration and log_time - began >= self._max_duration)

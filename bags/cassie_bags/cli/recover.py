@@ -1,35 +1,45 @@
-"""Command `recover`: an indexed bag out of one whose writer was killed."""
+"""Command `recover`: an indexed bag out of one that is damaged or was not closed."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.bag.recover import recover
-from cassie_bags.errors import BagError
+from cassie_bags.cli.frame import OK, exit_codes, play
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags recover`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="recover", description="Make an indexed bag of one whose writer was killed."
+        prog="recover",
+        description="Make an indexed bag of one that is damaged or whose writer was killed.",
+        epilog="The bag itself and anything that exists stay as they are. "
+        + exit_codes("something was saved"),
     )
-    parser.add_argument("file", type=Path, help="the damaged bag; it is not changed")
+    parser.add_argument("file", type=Path, help="the damaged bag: a file, or a folder of ros2 bag")
     parser.add_argument(
         "-o", "--output", type=Path, default=None, help="new bag (default: FILE_recovered.mcap)"
     )
-    arguments = parser.parse_args()
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.bag.recover import recover
+
     source: Path = arguments.file
-    target = arguments.output or source.with_name(f"{source.stem}_recovered.mcap")
-    try:
-        saved = recover(source, target)
-    except BagError as error:
-        print(f"recover: error: {error}", file=sys.stderr)
-        return 2
+    ending = "" if source.is_dir() else ".mcap"
+    stem = source.resolve().name if source.is_dir() else source.stem
+    target = arguments.output or source.resolve().with_name(f"{stem}_recovered{ending}")
+    saved = recover(source, target)
     state = "it was whole" if saved.complete else f"{saved.lost_bytes} bytes could not be read"
     print(f"{saved.messages} messages, {saved.duration:.2f} s saved to {target}; {state}")
-    return 0
+    return OK
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 from tqdm import tqdm
 
+from cassie_bags.bag.rosbag2 import METADATA_FILE
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import (
     Processes,
@@ -69,9 +70,10 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
             last words.
     """
     bag = folder / "bag.mcap"
-    metadata = folder / "metadata.yaml"
-    folder.mkdir(parents=True, exist_ok=True)
-    bag.unlink(missing_ok=True)  # of a run before
+    metadata = folder / "parameters" / "bag.yaml"
+    metadata.parent.mkdir(parents=True, exist_ok=True)
+    for old in (bag, folder / METADATA_FILE):  # of a run before
+        old.unlink(missing_ok=True)
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
     with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
         record = executable("cassie_bags", "record")

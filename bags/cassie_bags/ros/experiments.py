@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from cassie_bags.bag.diagnosis import lockstep_broken, problems
 from cassie_bags.bag.recording import read_recording
+from cassie_bags.bag.rosbag2 import contents_of, write_metadata
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
@@ -141,6 +142,7 @@ def keep(
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
     write_resolved(outcome.experiment, files["experiment"])
+    write_metadata(folder, [contents_of(bag)])
     view = None
     if pictures:
         from cassie_bags.report.pictures import draw

@@ -7,20 +7,30 @@ deep, so a wake-up for each message would only cost the other nodes time.
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
+import queue
+import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
+from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.clock import RobotClock
 from cassie_bags.bag.continuity import SeqMonitor
+from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
-from cassie_bags.bag.writer import BagWriter
+from cassie_bags.bag.writer import BagWriter, FolderWriter
+from cassie_bags.cli.arguments import count, number
 from cassie_bags.errors import BagError
-from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, qos_numbers
+from cassie_bags.ros.kept_parameters import RECORD, KeptParameters, record_of
+from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.ros.fast_lane import LaneWaiter
@@ -37,6 +47,7 @@ DEFAULT_TOPICS = (
     "/joint_states",
     "/joy",
     "/odom",
+    "/parameter_events",
     "/robot_description",
     "/tf",
     "/tf_static",
@@ -46,125 +57,358 @@ DEFAULT_TOPICS = (
 COMPLETE = "the control lane is complete"
 """What the recorder says once it has heard every topic of the control lane."""
 
+LOST_RECORD = "cassie_recording"
+"""Metadata record of how the recording went: messages lost by topic."""
+
 _BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
 _AFTERWARDS = 1.0  # s after Ctrl-C in which what is on its way is recorded, where others go on
+_WITHOUT_ROBOT = (
+    5_000_000_000  # ns of wall time after which nobody is waited for to tell robot time
+)
+_ANSWER = 10.0  # s that a service waits for the loop
+_MIB = 1 << 20
+_LARGEST_FILE = 16 * _MIB  # that is kept beside the messages
+_Message = tuple[int | None, RecordedTopic, bytes, int]
+"""Log time, if it is known, topic, content and time of receipt of a message."""
+
 _NEEDED = frozenset(TYPES) - {"/cassie/controller_status", SEGWAY_TRUTH_TOPIC, SEGWAY_IMU_TOPIC}
 
 
 class Recorder(Node):
-    """Subscriptions, and the loop that empties them into a bag."""
+    """Begins and ends recordings: one at once, others when a service asks for them."""
 
     def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
         super().__init__("recorder")
         self._stop = stop
-        self._all = arguments.all
+        self._arguments = arguments
+        self._metadata = _metadata(arguments.metadata)
+        self._orders: queue.Queue[tuple[str, queue.Queue[tuple[bool, str]]]] = queue.Queue()
+        self._session: Session | None = None
+        if not arguments.start_paused:
+            self._begin()
+        stop.on_request(self._wake)
+        self.create_service(SetBool, "~/record", self._on_record)
+        self.create_service(Trigger, "~/split", self._on_split)
+
+    def loop(self) -> None:
+        """Record until Ctrl-C, then what is still on its way."""
+        while not self._stop.requested:
+            try:
+                self._obey()
+                if self._session is None:
+                    self._stop.wait(_BATCH)
+                else:
+                    self._session.step(self._stop)
+            except BagError as error:
+                print(f"record: error: {error}", file=sys.stderr)
+                self._stop.request(exit_code=1)
+
+    def close(self) -> None:
+        """Close the bag and say what is in it."""
+        try:
+            self._end()
+        except BagError as error:
+            if not self._stop.exit_code:  # else it has been said
+                print(f"record: error: {error}", file=sys.stderr)
+            self._stop.request(exit_code=1)
+
+    def _begin(self) -> None:
+        self._session = Session(self, self._arguments, self._metadata)
+        self._arguments.output = _next_name(self._session.path)
+        print(f"recording to {self._session.path}", file=sys.stderr, flush=True)
+
+    def _end(self) -> str:
+        session, self._session = self._session, None
+        return "" if session is None else session.close()
+
+    def _obey(self) -> None:
+        """Do what services ask for."""
+        while not self._orders.empty():
+            order, answer = self._orders.get()
+            try:
+                answer.put((True, self._do(order)))
+            except BagError as error:
+                answer.put((False, str(error)))
+
+    def _do(self, order: str) -> str:
+        session = self._session
+        if order == "begin":
+            if session is not None:
+                raise BagError(f"{session.path} is being recorded")
+            self._begin()
+            assert self._session is not None
+            return f"recording to {self._session.path}"
+        if session is None:
+            raise BagError("nothing is being recorded")
+        if order == "end":
+            return self._end()
+        session.split()
+        return f"{session.path} goes on in a new file"
+
+    def _on_record(self, request: Any, response: Any) -> Any:
+        return self._asked("begin" if request.data else "end", response)
+
+    def _on_split(self, _: Any, response: Any) -> Any:
+        return self._asked("split", response)
+
+    def _asked(self, order: str, response: Any) -> Any:
+        answer: queue.Queue[tuple[bool, str]] = queue.Queue(1)
+        self._orders.put((order, answer))
+        self._wake()
+        try:
+            response.success, response.message = answer.get(timeout=_ANSWER)
+        except queue.Empty:
+            response.success, response.message = False, "the recorder is ending"
+        return response
+
+    def _wake(self) -> None:
+        if (session := self._session) is not None:
+            session.wake()
+
+
+class Session:
+    """One recording: subscriptions, and the bag that they are emptied into.
+
+    Raises:
+        BagError: if the bag cannot be made, or the disk is nearly full.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        arguments: argparse.Namespace,
+        metadata: Mapping[str, Mapping[str, str]],
+    ) -> None:
+        self._node = node
+        self.path: Path = arguments.output
+        self._all: bool = arguments.all
         self._wanted = set(arguments.topics or DEFAULT_TOPICS)
-        self._wall_clock = arguments.wall_clock
-        self._subscriptions_by_topic: dict[str, RecordedTopic] = {}
+        self._wall_clock: bool = arguments.wall_clock
+        self._least_free: int = arguments.min_free_space
+        self._subscriptions: dict[str, RecordedTopic] = {}
         self._unknown: set[str] = set()
-        self._clock_of_robot = RobotClock()
+        self._robot_clock = RobotClock()
+        self._held: list[_Message] = []  # until robot time is known
         self._monitor = SeqMonitor()
         self._silent = set(_NEEDED)
-        self._first: int | None = None
-        self._last = 0
-        metadata = _metadata(arguments.metadata)
-        if arguments.output.exists():
-            raise BagError(f"{arguments.output} exists: give another file with -o, or remove it")
-        self._bag = BagWriter(arguments.output)
+        self._span: tuple[int, int] | None = None
+        self._parameters = KeptParameters(node)
+        self._files: set[str] = set()
+        self._next_look = 0.0
+        self._check_disk()
+        self._bag = _writer(arguments)
         for name, content in metadata.items():
             self._bag.add_metadata(name, content)
         for topic in TYPES if self._all else self._wanted & TYPES.keys():
             self._subscribe(topic, TYPES[topic])
-        self._waiter = LaneWaiter(self, self._subscriptions_by_topic.values())
-        stop.on_request(lambda: self._waiter.wake())
+        self._waiter = LaneWaiter(node, self._subscriptions.values())
 
-    def loop(self) -> None:
-        """Record until Ctrl-C, then what is still on its way."""
-        print(f"recording to {self._bag.path}", file=sys.stderr, flush=True)
-        try:
-            self._record()
-        except BagError as error:
-            print(f"record: error: {error}", file=sys.stderr)
-            self._stop.request(exit_code=1)
+    def step(self, stop: Stop) -> None:
+        """Wait for messages, for a moment only, and write them.
 
-    def _record(self) -> None:
-        next_look = 0.0
-        while not self._stop.requested:
-            if time.monotonic() >= next_look:
-                self._look_for_topics()
-                next_look = time.monotonic() + _GRAPH
-            if self._waiter.wait(_GRAPH):
-                self._drain()
-                self._stop.wait(_BATCH)
-            self._bag.flush_if_due(time.time_ns())
+        Raises:
+            BagError: if the bag cannot take them, or the disk is nearly full.
+        """
+        if time.monotonic() >= self._next_look:
+            self._look()
+            self._next_look = time.monotonic() + _GRAPH
+        if self._waiter.wait(_GRAPH / 2):
+            self._drain()
+            stop.wait(_BATCH)
+        self._bag.flush_if_due(time.time_ns())
+
+    def close(self) -> str:
+        """Record what is on its way, close the bag; returns and prints what is in it.
+
+        Raises:
+            BagError: if the bag cannot take it.
+        """
         deadline = time.monotonic() + _AFTERWARDS
-        while (self._drain() or self._waiter.wait(_QUIET)) and time.monotonic() < deadline:
-            pass
-
-    def close(self) -> None:
-        """Close the bag and say what is in it."""
-        self._bag.close()
-        counts = [count for count in self._bag.counts.values() if count]
-        seconds = (self._last - (self._first or 0)) * 1e-9
-        print(
+        try:
+            while (self._drain() or self._waiter.wait(_QUIET)) and time.monotonic() < deadline:
+                pass
+            self._release()
+            self._bag.add_metadata(LOST_RECORD, {"lost": json.dumps(self._lost())})
+        finally:
+            self._bag.close()
+            self._parameters.close()
+            for subscription in self._subscriptions.values():
+                self._node.destroy_subscription(subscription.subscription)
+        counts = [each for each in self._bag.counts.values() if each]
+        first, last = self._span or (0, 0)
+        told = (
             f"recorded {sum(counts)} messages of {len(counts)} topics, "
-            f"{seconds:.2f} s, to {self._bag.path}",
-            file=sys.stderr,
+            f"{(last - first) * 1e-9:.2f} s, to {self.path}"
         )
+        print(told, file=sys.stderr)
+        for topic, lost in self._lost().items():
+            print(f"lost: {topic}: {lost} messages", file=sys.stderr)
         for gap in self._monitor.gaps():
-            print(f"lost: {gap}", file=sys.stderr)
+            print(f"missing: {gap}", file=sys.stderr)
         sys.stderr.flush()
+        return told
+
+    def split(self) -> None:
+        """Go on in a new file.
+
+        Raises:
+            BagError: if this recording is a single file.
+        """
+        if not isinstance(self._bag, FolderWriter):
+            raise BagError(f"{self.path} is a single file: give a folder with -o")
+        self._bag.split()
+
+    def wake(self) -> None:
+        """End a wait."""
+        self._waiter.wake()
+
+    def _lost(self) -> dict[str, int]:
+        return {topic: each.lost for topic, each in self._subscriptions.items() if each.lost}
 
     def _drain(self) -> int:
-        """Write all that has come; returns the number of messages."""
+        """Write all that has come, in order of time; returns the number of messages."""
         wall = time.time_ns()
-        count = 0
-        for subscription in self._subscriptions_by_topic.values():
+        batch = self._held
+        waiting = len(batch)
+        for subscription in self._subscriptions.values():
             while (raw := subscription.take_raw()) is not None:
-                self._write(subscription, raw, wall)
-                count += 1
-        return count
+                batch.append(self._received(subscription, raw, wall))
+        come = len(batch) - waiting
+        if self._wall_clock or self._robot_clock.known:
+            self._held = []
+            self._write(batch)
+        elif batch and wall - batch[0][3] > _WITHOUT_ROBOT:
+            self._release()
+        return come
 
-    def _write(self, subscription: RecordedTopic, raw: bytes, wall: int) -> None:
+    def _received(self, subscription: RecordedTopic, raw: bytes, wall: int) -> _Message:
         topic = subscription.topic
-        robot = self._clock_of_robot.time_of(topic, raw)
-        log_time = wall if self._wall_clock else robot
-        self._bag.write(subscription.channel, raw, log_time, wall)
-        self._first = log_time if self._first is None else self._first
-        self._last = log_time
         self._monitor.note(topic, raw)
+        if topic == EVENTS_TOPIC:
+            self._keep_files_of(raw)
         if topic in self._silent:
             self._silent.discard(topic)
             if not self._silent:
                 print(COMPLETE, file=sys.stderr, flush=True)
+        known = self._robot_clock.known
+        robot = self._robot_clock.time_of(topic, raw, wall)
+        if self._wall_clock:
+            return wall, subscription, raw, wall
+        return robot if known or self._robot_clock.known else None, subscription, raw, wall
 
-    def _look_for_topics(self) -> None:
-        """Subscribe to what has appeared, in the way it is offered."""
-        known = self._subscriptions_by_topic.keys() | self._unknown
+    def _release(self) -> None:
+        """Write what waits for robot time, which has not come."""
+        if self._held and not self._robot_clock.known:
+            self._robot_clock.run_on_wall(self._held[0][3])
+        held, self._held = self._held, []
+        self._write(held)
+
+    def _write(self, batch: list[_Message]) -> None:
+        clock = self._robot_clock
+        timed = [
+            (
+                clock.time_of(each.topic, raw, wall) if log_time is None else log_time,
+                each.channel,
+                raw,
+                wall,
+            )
+            for log_time, each, raw, wall in batch
+        ]
+        for log_time, channel, raw, wall in sorted(timed, key=itemgetter(0)):
+            self._bag.write(channel, raw, log_time, wall)
+        if timed:
+            first, last = self._span or (timed[0][0], timed[0][0])
+            self._span = (
+                min(first, *(each[0] for each in timed)),
+                max(last, *(each[0] for each in timed)),
+            )
+
+    def _look(self) -> None:
+        """Look for new topics and nodes, and at the disk."""
+        self._check_disk()
+        known = self._subscriptions.keys() | self._unknown
         found = False
-        for topic, types in self.get_topic_names_and_types():
+        for topic, types in self._node.get_topic_names_and_types():
             if topic not in known and (self._all or topic in self._wanted):
                 found = self._subscribe(topic, types[0]) or found
         if found:
-            self._waiter = LaneWaiter(self, self._subscriptions_by_topic.values())
+            self._waiter = LaneWaiter(self._node, self._subscriptions.values())
+        self._parameters.look()
+        while (answer := self._parameters.take()) is not None:
+            name, parameters = answer
+            self._bag.add_metadata(f"{RECORD}{name}", record_of(parameters))
+            for value in parameters.values():
+                if isinstance(value, str) and value:
+                    self._keep_file(Path(value))
+
+    def _check_disk(self) -> None:
+        place = next(each for each in self.path.absolute().parents if each.exists())
+        free = shutil.disk_usage(place).free
+        if free < self._least_free:
+            raise BagError(
+                f"only {free / _MIB:.0f} MiB are free in {place}, less than "
+                f"{self._least_free / _MIB:.0f} MiB (--min-free-space): recording ends"
+            )
+
+    def _keep_files_of(self, raw: bytes) -> None:
+        """Keep what nodes say that they read, as the gait library."""
+        event = read_event(raw)
+        if event.event == "began":
+            for described in event.content.get("files", {}).values():
+                self._keep_file(Path(described["path"]))
+
+    def _keep_file(self, path: Path) -> None:
+        try:
+            if not path.is_file() or path.stat().st_size > _LARGEST_FILE:
+                return
+            content = path.read_bytes()
+        except OSError:
+            return
+        name = f"{hashlib.sha256(content).hexdigest()}/{path.name}"
+        if name not in self._files:
+            self._files.add(name)
+            self._bag.add_file(name, content)
 
     def _subscribe(self, topic: str, type_name: str) -> bool:
         """Record a topic; False if nobody writes it yet or its type is not installed."""
         lane = topic in TYPES
-        qos = offered_qos(self, topic, lossless=lane)
+        qos = offered_qos(self._node, topic, lossless=lane)
         if qos is None:
             return False
         try:
-            channel = self._bag.add_topic(topic, type_name, qos_numbers(qos, 100 if lane else 10))
-            subscription = RecordedTopic(self, type_name, topic, qos, channel)
+            channel = self._bag.add_topic(topic, type_name, recorded_qos(qos, 100 if lane else 10))
+            subscription = RecordedTopic(self._node, type_name, topic, qos, channel)
         except ValueError as error:
             self._unknown.add(topic)
-            self.get_logger().warning(f"{topic} is not recorded: {error}")
+            self._node.get_logger().warning(f"{topic} is not recorded: {error}")
             return False
-        self._subscriptions_by_topic[topic] = subscription
+        self._subscriptions[topic] = subscription
         return True
+
+
+def _writer(arguments: argparse.Namespace) -> BagWriter | FolderWriter:
+    compress = arguments.compression_format == "zstd"
+    if _is_file(arguments.output):
+        return BagWriter(arguments.output, new=True, compress=compress)
+    return FolderWriter(
+        arguments.output,
+        compress=compress,
+        max_bytes=arguments.max_bag_size,
+        max_duration=arguments.max_bag_duration * 1_000_000_000,
+    )
+
+
+def _is_file(output: Path) -> bool:
+    return output.suffix == ".mcap"
+
+
+def _next_name(path: Path) -> Path:
+    """A name for the recording after this one: bag.mcap, bag_2.mcap, bag_3.mcap."""
+    stem, _, last = path.stem.rpartition("_")
+    number = int(last) + 1 if stem and last.isdecimal() and len(last) < 4 else 2
+    return path.with_name(f"{stem if number > 2 else path.stem}_{number}{path.suffix}")
 
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
@@ -182,25 +426,77 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
 
 def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="record", description="Record topics into an MCAP bag until Ctrl-C."
+        prog="record",
+        description="Record topics into an MCAP bag until Ctrl-C.",
+        epilog="While it runs, the services /recorder/record (std_srvs/SetBool) end this recording "
+        "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file.",
     )
     parser.add_argument(
-        "topics", nargs="*", help="topics to record (default: the control lane and the usual ones)"
+        "names", nargs="*", metavar="topics", help="topics to record (as with --topics)"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, default=None, help="file (default: cassie_DATE_TIME.mcap)"
+        "--topics",
+        nargs="+",
+        default=[],
+        help="topics to record (default: the control lane and the usual ones)",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
     )
     parser.add_argument("-a", "--all", action="store_true", help="record every topic there is")
-    parser.add_argument(
+    times = parser.add_mutually_exclusive_group()
+    times.add_argument(
+        "--use-sim-time", action="store_true", help="log_time is robot time, as it is by default"
+    )
+    times.add_argument(
         "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
+    )
+    parser.add_argument(
+        "-b", "--max-bag-size", type=count, default=0, help="bytes after which a new file begins"
+    )
+    parser.add_argument(
+        "-d",
+        "--max-bag-duration",
+        type=count,
+        default=0,
+        help="seconds of log_time after which a new file begins",
+    )
+    parser.add_argument(
+        "--compression-format", choices=["zstd", "none"], default="zstd", help="of the chunks"
+    )
+    parser.add_argument(
+        "--start-paused", action="store_true", help="begin when /recorder/record asks for it"
+    )
+    parser.add_argument(
+        "--min-free-space",
+        type=_mebibytes,
+        default=100 * _MIB,
+        metavar="MIB",
+        help="end when less is free on the disk (default: 100)",
     )
     parser.add_argument(
         "--metadata", type=Path, default=None, help="YAML file of records to put into the bag"
     )
     arguments = parser.parse_args(words)
+    arguments.topics = [*arguments.names, *arguments.topics]
+    split = arguments.max_bag_size or arguments.max_bag_duration
     if arguments.output is None:
-        arguments.output = Path(time.strftime("cassie_%Y-%m-%d_%H-%M-%S.mcap"))
+        name = time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
+        arguments.output = Path(name if split else f"{name}.mcap")
+    elif split and _is_file(arguments.output):
+        parser.error(f"several files need a folder, not {arguments.output}: -o FOLDER")
     return arguments
+
+
+def _mebibytes(word: str) -> int:
+    value = number(word)
+    if not 0.0 <= value < 1e9:
+        raise argparse.ArgumentTypeError(f"{word} is not 0 MiB or more")
+    return int(value * _MIB)
 
 
 def main() -> None:

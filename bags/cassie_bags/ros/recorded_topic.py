@@ -8,18 +8,12 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.errors import BagError
 from cassie_msgs.ros.fast_lane import RawSubscription
 
 DEPTH = 10000
 """Length of the queue of each topic: seconds of the control lane."""
-
-_NUMBERS = {
-    ReliabilityPolicy.RELIABLE: 1,
-    ReliabilityPolicy.BEST_EFFORT: 2,
-    DurabilityPolicy.TRANSIENT_LOCAL: 1,
-    DurabilityPolicy.VOLATILE: 2,
-}
 
 
 class RecordedTopic(RawSubscription):
@@ -27,6 +21,7 @@ class RecordedTopic(RawSubscription):
 
     Attributes:
         channel: Where the bag keeps it.
+        lost: Messages that were sent and did not come.
     """
 
     def __init__(
@@ -39,6 +34,20 @@ class RecordedTopic(RawSubscription):
         """
         super().__init__(node, message_class(type_name), topic, qos)
         self.channel = channel
+        self.lost = 0
+        self._numbers: dict[bytes, int] = {}
+
+    def take_raw(self) -> bytes | None:
+        """The oldest message not yet taken; None if there is none."""
+        raw = super().take_raw()
+        number = None if raw is None else self.inbox.number
+        if number is not None:
+            writer = self.inbox.writer
+            before = self._numbers.get(writer, number)
+            if number > before + 1:
+                self.lost += number - before - 1
+            self._numbers[writer] = max(number, before)
+        return raw
 
 
 def message_class(type_name: str) -> Any:
@@ -83,6 +92,11 @@ def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
     return profile
 
 
-def qos_numbers(qos: QoSProfile, depth: int) -> tuple[int, int, int, int]:
-    """History, depth, reliability and durability as a bag notes them for a replay."""
-    return (1, depth, _NUMBERS[qos.reliability], _NUMBERS[qos.durability])
+def recorded_qos(qos: QoSProfile, depth: int) -> Qos:
+    """QoS as a bag notes it for a replay.
+
+    Args:
+        qos: Under which the topic is subscribed.
+        depth: Queue of a writer.
+    """
+    return Qos(qos.reliability.name.lower(), qos.durability.name.lower(), depth=depth)

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+import threading
 import time
+from bisect import bisect_left
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.clock import CLOCK_TOPIC
+from cassie_bags.bag.playback import RATES, Playback
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import number
@@ -27,6 +34,7 @@ from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.fast_lane import WRITER
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
 from cassie_msgs.ros.process import Stop, run
+from cassie_teleop.terminal import Terminal
 
 CLOCK_PERIOD = 10_000_000
 """Robot time between two messages on /clock. In ns."""
@@ -38,42 +46,65 @@ _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
 """Topics by which a robot is moved: played only where that is asked for."""
 
+KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
+
+_BACK = 5_000_000_000  # ns that a key goes back
+_FASTER = 1.1  # ratio of a key
 _DISCOVERY = 1.5  # s of wall time in which nodes that run already are found
 _ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
+_LOOK_AGAIN = 0.5  # s between two looks for other writers while it plays
 _LOOK = 0.02  # s between two looks whether somebody listens
+_KEY_WAIT = 0.2  # s
 
 
 class Replay(Node):
-    """Publishes a bag."""
+    """Publishes a bag.
+
+    Its parameters `rate` and `position` (s since the beginning) may be set while it plays, the
+    services ~/pause and ~/step do what their names say.
+    """
 
     def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
         super().__init__("replay")
         self._stop = stop
-        self._rate: float = arguments.rate
-        self._loop_forever: bool = arguments.loop
         self._patience: float = arguments.wait
-        self._messages = self._load(arguments.file, arguments.topics, arguments.commands)
+        self._keys_wanted: bool = not arguments.disable_keyboard_controls
+        messages = self._load(arguments.file, arguments.topics, arguments.commands)
+        self._messages = messages
+        self._own = {topic: identity(each) for topic, each in self._publishers_by_topic.items()}
         self._refuse_beside_writers()
-        self._clock = self.create_publisher(Clock, CLOCK_TOPIC, 10)
+        self.create_timer(_LOOK_AGAIN, self._end_beside_writers)
+        self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
+        begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
+        self._lock = threading.Lock()
+        self._changed = threading.Event()  # what is due may be another one now
+        self._playback = Playback(
+            [robot for robot, *_ in messages],
+            rate=arguments.rate,
+            loop=arguments.loop,
+            paused=arguments.start_paused,
+            begin=begin,
+            end=end,
+        )
+        if self._playback.finished:
+            raise BagError(f"{arguments.file} has no message in the part asked for")
+        self._declare(arguments.rate)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/step", self._on_step)
+        stop.on_request(self._changed.set)
 
     def loop(self) -> None:
         """Play to the end, again and again if asked to."""
         if not self._await_listeners():
             return
-        start = self._messages[0][0]
-        length = self._messages[-1][0] - start + CLOCK_PERIOD
-        offset = 0  # robot time goes on over the rounds
-        while not self._stop.requested:
-            self._play(offset)
-            if not self._loop_forever:
-                break
-            offset += length
+        with self._keys():
+            self._play()
         if not self._stop.requested:
             for publisher in self._publishers_by_topic.values():
                 # Bit by bit: Ctrl-C does not end a wait, and a subscriber may be stopped.
                 while not self._stop.requested and not publisher.wait_for_all_acked(_ACKED):
                     pass
-            self.get_logger().info(f"{len(self._messages)} messages replayed")
+            self.get_logger().info(f"{self._played} messages replayed")
 
     def _load(
         self, path: Path, topics: Sequence[str], commands: bool
@@ -103,16 +134,19 @@ class Replay(Node):
                 raise BagError(f"{path} has no message on {topic}")
         if not commands:
             names = [name for name in names if name not in COMMAND_TOPICS]
-        if not names:
+        self._publishers_by_topic = {}
+        for topic in names:
+            try:
+                kind = message_class(index.types[topic])
+            except BagError as error:
+                if topics:
+                    raise
+                self.get_logger().warning(f"{topic} is not replayed: {error}")
+                continue
+            qos = _LATCHED if topic in _LATCHED_TOPICS else WRITER
+            self._publishers_by_topic[topic] = self.create_publisher(kind, topic, qos)
+        if not self._publishers_by_topic:
             raise BagError(f"{path} has no messages")
-        self._publishers_by_topic = {
-            topic: self.create_publisher(
-                message_class(index.types[topic]),
-                topic,
-                _LATCHED if topic in _LATCHED_TOPICS else WRITER,
-            )
-            for topic in names
-        }
         messages = [
             (robot, self._publishers_by_topic[topic], raw)
             for topic, robot, _, raw in found
@@ -120,24 +154,141 @@ class Replay(Node):
         ]
         return sorted(messages, key=lambda entry: entry[0])
 
+    def _declare(self, rate: float) -> None:
+        length = (self._playback.end - self._playback.begin) * 1e-9
+        self._declare_one("rate", rate, RATES, "Robot time per wall time")
+        about = "Seconds since the beginning: set it to seek"
+        self._declare_one("position", 0.0, (0.0, max(length, 1e-9)), about)
+        self.add_on_set_parameters_callback(self._on_parameters)
+
+    def _declare_one(
+        self, name: str, value: float, limits: tuple[float, float], about: str
+    ) -> None:
+        bounds = FloatingPointRange(from_value=limits[0], to_value=limits[1])
+        self.declare_parameter(
+            name, value, ParameterDescriptor(description=about, floating_point_range=[bounds])
+        )
+
+    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == "rate":
+                self._set_rate(parameter.value)
+            elif parameter.name == "position":
+                self._seek(self._playback.begin + int(parameter.value * 1e9))
+        return SetParametersResult(successful=True)
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        self._pause(request.data)
+        response.success = True
+        response.message = "paused" if request.data else "playing"
+        return response
+
+    def _on_step(self, _: Any, response: Any) -> Any:
+        response.success = self._step()
+        response.message = "" if response.success else "it is not paused, or at the end"
+        return response
+
+    def _pause(self, paused: bool) -> None:
+        with self._lock:
+            self._playback.pause(paused, time.monotonic_ns())
+        self._changed.set()
+
+    def _step(self) -> bool:
+        with self._lock:
+            done = self._playback.step(time.monotonic_ns())
+        self._changed.set()
+        return done
+
+    def _seek(self, robot: int) -> None:
+        with self._lock:
+            self._playback.seek(robot, time.monotonic_ns())
+            self._next_clock = 0
+        self._changed.set()
+
+    def _set_rate(self, rate: float) -> None:
+        with self._lock:
+            self._playback.set_rate(rate, time.monotonic_ns())
+        self._changed.set()
+
+    def _press(self, key: str) -> None:
+        playback = self._playback
+        if key == " ":
+            self._pause(not playback.paused)
+        elif key == "right":
+            self._step()
+        elif key == "left":
+            self._seek(playback.position(time.monotonic_ns()) - _BACK)
+        elif key in ("up", "down"):
+            self._set_rate(playback.rate * (_FASTER if key == "up" else 1 / _FASTER))
+        elif key in ("q", "Q"):
+            self._stop.request()
+
+    @contextlib.contextmanager
+    def _keys(self) -> Any:
+        """Meanwhile, follow keys, where there is a terminal."""
+        try:
+            terminal = Terminal(sink=sys.stderr) if self._keys_wanted else None
+        except OSError:
+            terminal = None
+        if terminal is None:
+            yield
+            return
+        ended = threading.Event()
+
+        def follow() -> None:
+            with contextlib.suppress(EOFError):
+                while not ended.is_set():
+                    for key in terminal.keys(_KEY_WAIT):
+                        self._press(key)
+                    terminal.show([self._status()[: terminal.width - 1]])
+
+        terminal.say(KEYS)
+        thread = threading.Thread(target=follow, name="keys", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join(2 * _KEY_WAIT)
+            terminal.close()
+
+    def _status(self) -> str:
+        playback = self._playback
+        at = (playback.position(time.monotonic_ns()) - playback.begin) * 1e-9
+        length = (playback.end - playback.begin) * 1e-9
+        return f"{at:7.2f} of {length:.2f} s  x{playback.rate:.3g}" + (
+            "  paused" if playback.paused else ""
+        )
+
     def _refuse_beside_writers(self) -> None:
         """Hold that no other node writes what is to be played.
 
         Raises:
             BagError: naming the topic and the node.
         """
-        own = {topic: identity(each) for topic, each in self._publishers_by_topic.items()}
         deadline = time.monotonic() + _DISCOVERY
         while True:
-            for topic, gid in own.items():
-                others = {name for writer, name in writers(self, topic).items() if writer != gid}
-                if others := others - {UNKNOWN}:
-                    raise BagError(
-                        f"{topic} is written by {', '.join(sorted(others))}: end it, or play into "
-                        f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()}"
-                    )
+            if other := self._other_writer():
+                raise BagError(other)
             if time.monotonic() > deadline or self._stop.wait(_LOOK):
                 return
+
+    def _end_beside_writers(self) -> None:
+        """End when another node begins to write what is played."""
+        if not self._stop.requested and (other := self._other_writer()):
+            print(f"replay: error: {other}", file=sys.stderr, flush=True)
+            self._stop.request(exit_code=1)
+
+    def _other_writer(self) -> str:
+        """Who else writes what is played, in words; empty if nobody does."""
+        for topic, gid in self._own.items():
+            others = {name for writer, name in writers(self, topic).items() if writer != gid}
+            if others := others - {UNKNOWN}:
+                return (
+                    f"{topic} is written by {', '.join(sorted(others))}: end it, or play into "
+                    f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()}"
+                )
+        return ""
 
     def _await_listeners(self) -> bool:
         """Wait until each topic has a subscriber, as long as asked for; False if stopped."""
@@ -150,62 +301,112 @@ class Replay(Node):
                 break
         return not self._stop.requested
 
-    def _play(self, offset: int) -> None:
-        """Publish everything once.
-
-        Args:
-            offset: What /clock is ahead of the bag's robot time. In ns.
-        """
-        started = time.monotonic_ns()
-        first = self._messages[0][0]
-        next_clock = first
-        for robot, publisher, raw in self._messages:
-            due = started + int((robot - first) / self._rate)
-            wait = (due - time.monotonic_ns()) * 1e-9
-            if wait > 0.0005 and self._stop.wait(wait):
-                return
-            if robot >= next_clock:
-                self._publish_clock(robot + offset)
-                next_clock = robot + CLOCK_PERIOD
+    def _play(self) -> None:
+        """Publish what is due, until the end."""
+        playback, messages = self._playback, self._messages
+        span = playback.end - playback.begin + CLOCK_PERIOD
+        self._played = 0
+        self._next_clock = 0
+        self._publish_latched_before(playback.begin)
+        while not self._stop.requested:
+            self._changed.clear()
+            with self._lock:
+                index, wait = playback.next(time.monotonic_ns())
+            if index is None:
+                if playback.finished:
+                    return
+                if wait > 0.0005:
+                    self._changed.wait(None if wait == float("inf") else wait)
+                continue
+            robot, publisher, raw = messages[index]
+            now = robot + playback.rounds * span  # robot time goes on over the rounds
+            if now >= self._next_clock:
+                self._publish_clock(now)
+                self._next_clock = now + CLOCK_PERIOD
             publisher.publish(raw)
-            if self._stop.requested:
-                return
+            self._played += 1
+
+    def _publish_latched_before(self, begin: int) -> None:
+        """What those who come late are told, although it was sent before the part to be played."""
+        newest = {}
+        for _, publisher, raw in self._messages[: bisect_left(self._messages, begin, key=_time)]:
+            newest[publisher] = raw
+        for topic in _LATCHED_TOPICS & self._publishers_by_topic.keys():
+            publisher = self._publishers_by_topic[topic]
+            if publisher in newest:
+                publisher.publish(newest[publisher])
 
     def _publish_clock(self, robot: int) -> None:
         seconds, nanoseconds = divmod(robot, 1_000_000_000)
-        self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+        self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+
+def _time(entry: tuple[int, Any, bytes]) -> int:
+    return entry[0]
+
+
+def _part(times: Sequence[int], start: float, duration: float | None) -> tuple[int, int]:
+    """First and last log time to be played. In ns."""
+    begin = times[0] + int(start * 1e9)
+    end = times[-1] if duration is None else min(times[-1], begin + int(duration * 1e9))
+    return begin, end
 
 
 def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="replay",
         description="Publish the messages of a bag on their topics, with /clock.",
-        epilog="With --verify nothing is published: the bag goes through estimator, supervisor and "
-        "controller again, and their answers are compared bit by bit (--verify --help).",
+        epilog=f"Keys on a terminal: {KEYS}. Services: /replay/pause (std_srvs/SetBool), "
+        "/replay/step (std_srvs/Trigger); parameters rate and position (s), which seeks. With "
+        "--verify nothing is published: the bag goes through estimator, supervisor and controller "
+        "again, and their answers are compared bit by bit (--verify --help).",
     )
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--rate", type=_rate, default=1.0, help="robot time per wall time")
+    parser.add_argument("file", type=Path, help="MCAP file, or a folder as ros2 bag writes it")
+    parser.add_argument(
+        "-r", "--rate", type=_rate, default=1.0, help="robot time per wall time (default: 1)"
+    )
     parser.add_argument("--topics", nargs="+", default=[], help="only these")
     parser.add_argument(
         "--commands",
         action="store_true",
         help="also what moves a robot that listens: motor commands, modes, operator commands",
     )
-    parser.add_argument("--loop", action="store_true", help="again and again")
+    parser.add_argument("-l", "--loop", action="store_true", help="again and again")
     parser.add_argument(
-        "--wait", type=_patience, default=0.0, help="wait up to so many seconds for subscribers"
+        "--start",
+        "--start-offset",
+        type=_seconds,
+        default=0.0,
+        metavar="SECONDS",
+        help="begin so long after the first message",
+    )
+    parser.add_argument(
+        "--duration",
+        "--playback-duration",
+        type=_seconds,
+        default=None,
+        metavar="SECONDS",
+        help="play so much of it",
+    )
+    parser.add_argument(
+        "-p", "--start-paused", action="store_true", help="begin when a key or a service says so"
+    )
+    parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
+    parser.add_argument(
+        "--wait", type=_seconds, default=0.0, help="wait up to so many seconds for subscribers"
     )
     return parser.parse_args(words)
 
 
 def _rate(word: str) -> float:
     value = number(word)
-    if not 0.0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{word} is not a rate above 0")
+    low, high = RATES
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{word} is not a rate of {low:g} .. {high:g}")
     return value
 
 
-def _patience(word: str) -> float:
+def _seconds(word: str) -> float:
     value = number(word)
     if not 0.0 <= value < 1e6:
         raise argparse.ArgumentTypeError(f"{word} is not 0 s or more")

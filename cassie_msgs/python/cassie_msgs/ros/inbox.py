@@ -25,6 +25,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 _OK = 0
 _NOTHING_TO_TAKE = 401
+_UNKNOWN = 2**64 - 1
 _CAPACITY = 2048  # bytes; grows when a message is longer
 
 
@@ -196,6 +197,12 @@ class Inbox:
     def writer(self) -> bytes:
         """Identity of who wrote the message taken last, as DDS knows it."""
         return self._writer.tobytes()
+
+    @property
+    def number(self) -> int | None:
+        """Number of the message taken last among those of its writer; None if DDS has none."""
+        number = int(self._info.number_sent)
+        return None if number == _UNKNOWN else number
 
     def _look_at_buffer(self) -> None:
         self._capacity = self._bytes.capacity

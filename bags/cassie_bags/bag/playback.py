@@ -1,0 +1,123 @@
+"""When each message of a recording is due: rate, pause, step, seek and loop.
+
+Wall time comes in as an argument; nothing here waits.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+
+RATES = (0.01, 1000.0)
+"""Smallest and largest robot time per wall time."""
+
+
+class Playback:
+    """Position in a recording.
+
+    Attributes:
+        rate: Robot time per wall time.
+        paused: Whether time stands still.
+        rounds: How often it began anew.
+    """
+
+    def __init__(
+        self,
+        times: Sequence[int],
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        paused: bool = False,
+        begin: int | None = None,
+        end: int | None = None,
+    ) -> None:
+        """Prepare to play.
+
+        Args:
+            times: Log time of each message, ascending. In ns.
+            rate: Robot time per wall time.
+            loop: Whether it begins anew at the end.
+            paused: Whether it waits at the beginning.
+            begin: Time of the first message to be played; the first of all by default. In ns.
+            end: Time up to which messages are played; the last of all by default. In ns.
+        """
+        self._times = times
+        self.begin = times[0] if begin is None else begin
+        self.end = times[-1] if end is None else end
+        self._first = bisect_left(times, self.begin)
+        self._last = bisect_right(times, self.end)
+        self._loop = loop
+        self.rate = rate
+        self.paused = paused
+        self.rounds = 0
+        self._index = self._first
+        self._anchor = self.begin  # robot time at the wall time below
+        self._wall: int | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to be played."""
+        return self._index >= self._last and not self._loop
+
+    def position(self, wall: int) -> int:
+        """Log time that is played now. In ns.
+
+        Args:
+            wall: Wall time. In ns.
+        """
+        if self.paused or self._wall is None:
+            return self._anchor
+        return min(self.end, self._anchor + int((wall - self._wall) * self.rate))
+
+    def next(self, wall: int) -> tuple[int | None, float]:
+        """The message that is due, or how long to wait for it.
+
+        Args:
+            wall: Wall time. In ns.
+
+        Returns:
+            Index of a message, which counts as played now; None if none is due. Wall time to wait
+            in that case, in s; infinite while paused or finished.
+        """
+        if self._wall is None:
+            self._wall = wall
+        if self._index >= self._last:
+            if not self._loop or self._first >= self._last:
+                return None, float("inf")
+            if self.paused:
+                return None, float("inf")
+            self.rounds += 1
+            self.seek(self.begin, wall)
+        due = self._times[self._index]
+        left = due - self.position(wall)
+        if left <= 0:
+            self._index += 1
+            return self._index - 1, 0.0
+        return None, float("inf") if self.paused else left * 1e-9 / self.rate
+
+    def pause(self, paused: bool, wall: int) -> None:
+        """Let time stand still, or go on."""
+        self._anchor, self._wall = self.position(wall), wall
+        self.paused = paused
+
+    def set_rate(self, rate: float, wall: int) -> None:
+        """Play faster or slower from now on."""
+        self._anchor, self._wall = self.position(wall), wall
+        self.rate = min(max(rate, RATES[0]), RATES[1])
+
+    def seek(self, time: int, wall: int) -> None:
+        """Go on at another place.
+
+        Args:
+            time: Log time, limited to what is played. In ns.
+            wall: Wall time. In ns.
+        """
+        self._anchor, self._wall = min(max(time, self.begin), self.end), wall
+        self._index = max(self._first, bisect_left(self._times, self._anchor))
+
+    def step(self, wall: int) -> bool:
+        """While paused, go on to the next time that has a message; says whether there is one."""
+        if not self.paused or self._index >= self._last:
+            return False
+        self._anchor, self._wall = self._times[self._index], wall
+        return True

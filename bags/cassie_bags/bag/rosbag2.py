@@ -1,0 +1,232 @@
+"""What `ros2 bag` keeps beside the messages: QoS in words, and metadata.yaml of version 9.
+
+Source:
+    rosbag2 of ROS 2 Jazzy, `rosbag2_storage/yaml.hpp`, `rosbag2_storage/qos.cpp` and
+    `rosbag2_storage_mcap`: the QoS of a topic's writers stands in its channel's metadata, and the
+    content of metadata.yaml in a metadata record `rosbag2`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from cassie_bags.errors import BagError
+from cassie_msgs.strict_yaml import YamlError, parse_yaml
+
+METADATA_FILE = "metadata.yaml"
+RECORD = "rosbag2"
+"""Metadata record of a file that says what metadata.yaml says of a folder."""
+
+QOS_KEY = "offered_qos_profiles"
+"""Where the metadata of a channel has the QoS."""
+
+_VERSION = 9
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+_WORDS = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "", "manual_by_topic", "unknown"),
+}
+"""What older versions wrote as numbers, in the order of rmw/types.h."""
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Under which conditions the writers of a topic send, in the words of ROS."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    @property
+    def profile(self) -> dict[str, Any]:
+        """All that `ros2 bag` keeps of it."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_FOREVER),
+            "lifespan": dict(_FOREVER),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_FOREVER),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+QOS_LANE = Qos(depth=100)
+QOS_DEFAULT = Qos()
+
+
+@dataclass
+class Topic:
+    """A topic in a file.
+
+    Attributes:
+        type: Of its messages, package/msg/Name.
+        profiles: QoS of its writers, as version 9 has it.
+        count: Number of messages.
+    """
+
+    type: str
+    profiles: list[dict[str, Any]]
+    count: int = 0
+
+
+@dataclass
+class Contents:
+    """What a file of a bag holds.
+
+    Attributes:
+        name: Of the file.
+        topics: By name.
+        start, end: Earliest and latest log time. In ns; 0 without messages.
+    """
+
+    name: str
+    topics: dict[str, Topic] = field(default_factory=dict)
+    start: int = 0
+    end: int = 0
+
+    @property
+    def count(self) -> int:
+        """Number of messages."""
+        return sum(topic.count for topic in self.topics.values())
+
+
+def profiles_text(profiles: Sequence[Mapping[str, Any]]) -> str:
+    """QoS as the metadata of a channel has it."""
+    return str(yaml.safe_dump(list(profiles), sort_keys=False)) if profiles else ""
+
+
+def read_profiles(text: str) -> list[dict[str, Any]]:
+    """QoS from the metadata of a channel, numbers of older versions as words.
+
+    What cannot be read is left out: a bag can be used without it.
+    """
+    try:
+        content = parse_yaml(text, QOS_KEY)
+    except YamlError:
+        return []
+    entries = content if isinstance(content, list) else []
+    return [_in_words(entry) for entry in entries if isinstance(entry, dict)]
+
+
+def _in_words(profile: Mapping[str, Any]) -> dict[str, Any]:
+    found = Qos().profile | {key: value for key, value in profile.items() if isinstance(key, str)}
+    for key, words in _WORDS.items():
+        value = found[key]
+        if isinstance(value, int):
+            found[key] = words[value] if 0 <= value < len(words) else "unknown"
+    return found
+
+
+def information(files: Sequence[Contents]) -> dict[str, Any]:
+    """What metadata.yaml says of files of one bag, in order of time."""
+    topics: dict[str, Topic] = {}
+    for contents in files:
+        for name, topic in contents.topics.items():
+            known = topics.setdefault(name, Topic(topic.type, topic.profiles))
+            known.count += topic.count
+    filled = [contents for contents in files if contents.count]
+    start = min((contents.start for contents in filled), default=0)
+    end = max((contents.end for contents in filled), default=0)
+    return {
+        "version": _VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(contents.count for contents in files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": name,
+                    "type": topic.type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [dict(profile) for profile in topic.profiles],
+                    "type_description_hash": "",
+                },
+                "message_count": topic.count,
+            }
+            for name, topic in topics.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [contents.name for contents in files],
+        "files": [
+            {
+                "path": contents.name,
+                "starting_time": {"nanoseconds_since_epoch": contents.start},
+                "duration": {"nanoseconds": contents.end - contents.start},
+                "message_count": contents.count,
+            }
+            for contents in files
+        ],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+
+
+def record_of(contents: Contents) -> dict[str, str]:
+    """Content of the metadata record `RECORD` of a file, which may be renamed."""
+    said = information([contents]) | {"relative_file_paths": [], "files": []}
+    return {"serialized_metadata": _text(said), "ROS_DISTRO": "jazzy"}
+
+
+def write_metadata(folder: Path, files: Sequence[Contents]) -> None:
+    """Write metadata.yaml, over one that is there.
+
+    Raises:
+        BagError: if it cannot be written.
+    """
+    path = folder / METADATA_FILE
+    text = _text({"rosbag2_bagfile_information": information(files)})
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BagError(f"cannot write {path}: {error.strerror}") from None
+
+
+def contents_of(path: Path) -> Contents:
+    """What a file holds, from its index.
+
+    Raises:
+        BagError: if it cannot be read or has no index, as when its writer was killed.
+    """
+    try:
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+    except OSError as error:
+        raise BagError(f"cannot read bag {path}: {error.strerror}") from None
+    except McapError as error:
+        raise BagError(f"cannot read bag {path}: {error}") from None
+    if summary is None or summary.statistics is None:
+        raise BagError(f"{path} has no index: ros2 run cassie_bags recover makes one")
+    statistics = summary.statistics
+    found = Contents(path.name, {}, statistics.message_start_time, statistics.message_end_time)
+    for number, channel in summary.channels.items():
+        schema = summary.schemas.get(channel.schema_id)
+        found.topics[channel.topic] = Topic(
+            schema.name if schema else "",
+            read_profiles(channel.metadata.get(QOS_KEY, "")),
+            statistics.channel_message_counts.get(number, 0),
+        )
+    return found
+
+
+class _NoAliases(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    return str(yaml.dump(dict(content), Dumper=_NoAliases, sort_keys=False))

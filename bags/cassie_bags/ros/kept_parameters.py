@@ -1,0 +1,93 @@
+"""Parameters of all nodes, asked for when a recording begins and when a node appears.
+
+Later changes come on /parameter_events.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from typing import Any
+
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.task import Future
+
+RECORD = "cassie_parameters:"
+"""Beginning of the names of metadata records with parameters; the node's name follows."""
+
+
+class KeptParameters:
+    """Asks nodes for their parameters, without waiting for them.
+
+    Args:
+        node: Who asks; an executor has to serve it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._clients: dict[str, tuple[Client, Client]] = {}
+        self._asked: set[str] = set()
+        self._answers: deque[tuple[str, dict[str, Any]]] = deque()
+
+    def look(self) -> None:
+        """Ask those nodes that were not there at the last look."""
+        own = self._node.get_fully_qualified_name()
+        names = {
+            f"{space.rstrip('/')}/{name}"
+            for name, space in self._node.get_node_names_and_namespaces()
+            if not name.startswith("_")
+        } - {own}
+        for name in self._clients.keys() - names:
+            self._end(name)
+        self._asked &= names  # one that went is asked again when it returns
+        for name in sorted(names - self._asked):
+            self._ask(name)
+
+    def take(self) -> tuple[str, dict[str, Any]] | None:
+        """Name and parameters of a node that has answered; None if there is none."""
+        if not self._answers:
+            return None
+        name, parameters = self._answers.popleft()
+        self._end(name)
+        return name, parameters
+
+    def close(self) -> None:
+        """Wait for no answer any more."""
+        for name in list(self._clients):
+            self._end(name)
+
+    def _ask(self, name: str) -> None:
+        if name not in self._clients:
+            self._clients[name] = (
+                self._node.create_client(ListParameters, f"{name}/list_parameters"),
+                self._node.create_client(GetParameters, f"{name}/get_parameters"),
+            )
+        lists, values = self._clients[name]
+        if not (lists.service_is_ready() and values.service_is_ready()):
+            return
+        self._asked.add(name)
+
+        def with_names(future: Future[Any]) -> None:
+            if future.exception() is None and (response := future.result()) is not None:
+                names = list(response.result.names)
+                asked = values.call_async(GetParameters.Request(names=names))
+                asked.add_done_callback(lambda done: with_values(names, done))
+
+        def with_values(names: list[str], future: Future[Any]) -> None:
+            if future.exception() is None and (response := future.result()) is not None:
+                found = map(parameter_value_to_python, response.values)
+                self._answers.append((name, dict(zip(names, found, strict=False))))
+
+        lists.call_async(ListParameters.Request()).add_done_callback(with_names)
+
+    def _end(self, name: str) -> None:
+        for client in self._clients.pop(name, ()):
+            self._node.destroy_client(client)
+
+
+def record_of(parameters: dict[str, Any]) -> dict[str, str]:
+    """Content of a metadata record: each value as JSON."""
+    return {name: json.dumps(value, default=list) for name, value in parameters.items()}
