@@ -107,6 +107,8 @@ def test_pictures_of_an_earlier_run_are_not_shown(files: list[Path], tmp_path: P
     (out / "good_1").mkdir(parents=True)
     (out / "good_1" / "strip.png").write_bytes(b"of a run before")
     (out / "good_1" / "bag.mcap").mkdir()  # so that this run cannot be made
-    process = experiments(files[0], "--seeds", "1", "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    process = experiments(
+        files[0], "--seeds", "1", "--out", out, "--jobs", "1", "--sweeps", tmp_path
+    )
     assert process.returncode == 3, process.stderr
     assert "<img" not in (out / "report.html").read_text()
