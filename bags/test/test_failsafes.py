@@ -52,3 +52,8 @@ def test_the_readme_has_the_rows_as_they_are() -> None:
     assert with_table(text) == text
     with pytest.raises(ValueError, match="are missing"):
         with_table("no table")
+
+
+def test_a_torque_of_a_toe_that_its_drive_cannot_give_moves_no_foot():
+    """The contact force rests on it: spikes of 200 Nm threw down robot 8, stepping in place."""
+    assert play(Case("torque_differs", "step in place", 7)) == ""

@@ -10,6 +10,8 @@ from supervised import STAND, WALK
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator.channels import CHANNELS, names
+from cassie_gaits import robot
+from cassie_gaits.names import LEG_DRIVES
 from cassie_msgs.layout import Sensors
 from cassie_sim.scenario import Scenario
 
@@ -82,6 +84,16 @@ def test_an_accelerometer_that_gets_late_is_named_while_it_waits(walked_faithful
     values[start : start + 10] = true[start]
     values[start + 10 :] = true[start:-10]
     assert start < reports(rows)["linear_acceleration.1"] < start + 10
+
+
+@pytest.mark.parametrize("drive", range(10))
+def test_a_torque_that_the_drive_cannot_give_is_named(walked_faithful, drive):
+    limit = robot.DRIVES[LEG_DRIVES[drive % 5]].torque_limit
+    rows = samples(walked_faithful, 1250)
+    rows["drive_torque"][50, drive] = 1.4 * limit
+    assert reports(rows) == {}
+    rows["drive_torque"][60, drive] = -1.6 * limit
+    assert reports(rows) == {f"drive_torque.{drive}": 60}
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _MARGIN = 0.2  # rad beyond the stops
+_MOST_TORQUE = 1.5  # by the drive's limit: with a torque constant that is off it gives less
 _JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
 _RESPONDED = 8  # times what is kept of its answer to a step: all of it
 _GAP = 0.02  # s, without an estimate, after which what it was tells nothing
@@ -70,7 +71,9 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
-    normal["weight"], normal["torque"] = robot.total_mass() * 9.81, 1000.0
+    normal["weight"] = robot.total_mass() * 9.81
+    limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
+    normal["torque"] = _MOST_TORQUE * np.tile(limits, 2)
     normal["late_acceleration"] = (
         (0.0205, 0.0205, 0.0165),
         (0.0275, 0.0225, 0.0175),
@@ -105,8 +108,8 @@ def joint_response(period: float) -> FloatArray:
 class SensorMonitor:
     """Finds channels that fail, and says what to go on with.
 
-    - A value that is no number or that the robot cannot have, a position that jumps: at once. Of a
-      torque this is all.
+    - A value that is no number or that the robot cannot have, such as a torque beyond the drive's
+      limit, a position that jumps: at once. Of a torque this is all.
     - A channel whose bits stay the same while its partner moves: stuck, or off.
     - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
@@ -121,8 +124,8 @@ class SensorMonitor:
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer
-    with gravity alone, a torque that is no number as 0. Where both of a pair fail there is nothing
-    to go on with, except for the toes, which have two encoders each.
+    with gravity alone, a torque that the drive cannot give as 0. Where both of a pair fail there is
+    nothing to go on with, except for the toes, which have two encoders each.
 
     A violent fall can make good sensors contradict each other, and what a channel is replaced by
     drifts off meanwhile. So once the robot has hung or lain still without power for `REST_TIME`, a

@@ -140,10 +140,10 @@ def _rest(watch: Any, limit: Any, power: float) -> None:
 
 @compiled
 def _look_at_torques(drive_torque: FloatArray, watch: Any, limit: Any) -> None:
-    """Nothing tells a wrong torque, except where it is none."""
+    """Nothing tells a wrong torque, except where the drive cannot give it."""
     for i in range(10):
         watch.bad_torque[i] = max(0.0, watch.bad_torque[i] - limit.period)
-        if not abs(drive_torque[i]) <= limit.torque:  # NaN compares false
+        if not abs(drive_torque[i]) <= limit.torque[i]:  # NaN compares false
             watch.bad_torque[i] = limit.hold
 
 

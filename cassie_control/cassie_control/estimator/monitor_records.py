@@ -83,7 +83,7 @@ LIMITS_TYPE = np.dtype(
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
         ("weight", float),  # of the robot, N
-        ("torque", float),  # Nm
+        ("torque", float, 10),  # of each drive, Nm
         ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it must fit a delay better
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]
