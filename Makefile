@@ -16,7 +16,7 @@ bench: build ## speed of the loop, side by side; also in build/bench.json
 	@. ./env.sh && python3 -m cassie_bags.ros.bench --out build/bench.json
 
 experiments: build ## every experiment file, with bags, pictures and one page: build/experiments/report.html; checks all fingerprints
-	@. ./env.sh && { python3 -m cassie_bags.cli.experiments --out build/experiments; status=$$?; \
+	@. ./env.sh && { python3 -m cassie_bags.cli.experiment --all --in-process --no-video --out build/experiments; status=$$?; \
 	[ $$status -le 1 ] && python3 -m cassie_bags.cli.fingerprint --bags build/experiments && exit $$status; }
 
 sweeps: build ## what Cassie can do: every figure beside its target and the paper's law; ROWS="push_in_place" for some

@@ -47,7 +47,6 @@ setup(
             "replay = cassie_bags.ros.replay:main",
             "recover = cassie_bags.cli.recover:main",
             "experiment = cassie_bags.cli.experiment:main",
-            "experiments = cassie_bags.cli.experiments:main",
             "estimators = cassie_bags.cli.estimators:main",
             "fingerprint = cassie_bags.cli.fingerprint:main",
             "faults = cassie_bags.cli.faults:main",

@@ -36,8 +36,13 @@ def commands() -> Iterator[tuple[str, str, str]]:
 
 def commands_in(text: str) -> list[tuple[str, str, str]]:
     """Package, executable and the rest of each command, with the lines that go on with it."""
-    text = re.sub(r"\n +(?=\[-)", " ", text)
+    text = re.sub(r"\n +(?=\[-)", " ", joined(text))
     return re.findall(r"ros2 run ([a-z]\w+) (\w+)([^\n`#]*)", text)
+
+
+def joined(text: str) -> str:
+    """A text whose lines that end with a backslash are one with the next."""
+    return re.sub(r"\s*\\\n\s*", " ", text)
 
 
 def source_of(package: str, executable: str) -> str:
@@ -82,6 +87,7 @@ def headings(text: str) -> list[str]:
 
 def missing_inputs(text: str) -> list[str]:
     """Targets of make, and files of this workspace in command lines, that do not exist."""
+    text = joined(text)
     lines = re.findall(r"^ {4}(?! )(.+?)(?:#.*)?$", text, re.MULTILINE)
     code = "\n".join([*lines, *re.findall(r"`(make [^`]+|ros2 run [^`]+)`", text)])
     targets = re.findall(r"^make ([a-z]+)", code, re.MULTILINE)
@@ -118,6 +124,12 @@ def test_links_images_and_inputs_of_readmes_exist(readme: Path) -> None:
     text = readme.read_text(encoding="utf-8")
     assert missing_targets(text, readme.parent) == []
     assert missing_inputs(text) == []
+
+
+def test_sources_that_the_first_page_names_exist() -> None:
+    names = re.findall(r"`((cassie_\w+)/[\w./]+)`", READMES[0].read_text(encoding="utf-8"))
+    assert len(names) > 15
+    assert [name for name, package in names if not (ROOT / package / name).exists()] == []
 
 
 def test_the_first_page_has_short_sentences_and_calls_the_robot_it() -> None:
@@ -173,6 +185,7 @@ def test_a_wrong_link_is_found(text: str) -> None:
         "try `make nothing`",
         "    ros2 run cassie_bags experiment bags/experiments/nothing.yaml",
         "`ros2 run cassie_bags experiment bags/experiments/nothing.yaml`",
+        "    ros2 run cassie_bags experiment \\\n        --set @bags/nothing.yaml",
     ],
 )
 def test_a_wrong_target_or_file_of_a_command_is_found(text: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 import cassie_bags.cli
 
 HEAVY = {"matplotlib", "mujoco", "numba", "numpy", "pinocchio", "rclpy", "scipy", "yaml"}
-NO_COMMANDS = {"__init__", "arguments", "frame", "verify", "experiment", "experiments", "recover"}
+NO_COMMANDS = {"__init__", "arguments", "frame", "verify"}
 VERBS = sorted(
     path.stem
     for path in Path(cassie_bags.cli.__path__[0]).glob("*.py")
@@ -40,7 +40,7 @@ def test_help_is_there_at_once_and_tells_the_exit_codes(verb: str):
     done = play(verb, "--help")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"usage: {verb}")
-    assert "Exit codes: 0 " in done.stdout
+    assert "Exit codes: 0 " in " ".join(done.stdout.split())
 
 
 @pytest.mark.parametrize("verb", VERBS)

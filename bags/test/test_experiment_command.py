@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.cli.experiment import stopped_between
+from cassie_bags.ros.experiments import stopped_between
 
 TEXT = """
 start: standing

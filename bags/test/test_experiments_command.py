@@ -14,7 +14,8 @@ from cassie_bags.report.page import page
 
 
 def experiments(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cassie_bags.cli.experiments", *map(str, words)]
+    command = [sys.executable, "-m", "cassie_bags.cli.experiment", "--in-process", "--no-video"]
+    command += map(str, words)
     return subprocess.run(
         command, capture_output=True, text=True, env=environment(), check=False, timeout=110
     )
@@ -81,6 +82,9 @@ def test_two_files_of_one_name_are_refused_since_they_would_share_a_folder(
     [
         (["--set", "durtion=3"], "unknown key durtion: did you mean duration"),
         (["--seeds", "-1"], "-1"),
+        (["--seeds", "2", "--json"], "--json is for one run"),
+        (["--all"], "--all runs those of the package: name no file"),
+        (["--seed", "1", "--seeds", "2"], "not allowed with"),
     ],
 )
 def test_wrong_words_exit_with_2(files: list[Path], tmp_path: Path, words, reason):
@@ -100,9 +104,11 @@ def test_a_page_without_pictures_is_a_page():
 
 def test_pictures_of_an_earlier_run_are_not_shown(files: list[Path], tmp_path: Path):
     out = tmp_path / "out"
-    (out / "good").mkdir(parents=True)
-    (out / "good" / "strip.png").write_bytes(b"of a run before")
-    (out / "good" / "bag.mcap").mkdir()  # so that this run cannot be made
-    process = experiments(files[0], "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    (out / "good_1").mkdir(parents=True)
+    (out / "good_1" / "strip.png").write_bytes(b"of a run before")
+    (out / "good_1" / "bag.mcap").mkdir()  # so that this run cannot be made
+    process = experiments(
+        files[0], "--seeds", "1", "--out", out, "--jobs", "1", "--sweeps", tmp_path
+    )
     assert process.returncode == 3, process.stderr
     assert "<img" not in (out / "report.html").read_text()

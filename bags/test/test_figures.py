@@ -20,8 +20,10 @@ from cassie_bags.report.figures import (
     draw_all,
     footsteps,
     knee_phase_portrait,
+    mode_timeline,
     moving_mean,
     outputs_by_phase,
+    speed_tracking,
 )
 from cassie_bags.report.strip import STRIP_LENGTH, moments, strip
 from cassie_bags.report.view import View, view_of
@@ -64,6 +66,18 @@ def test_each_figure_is_a_png_with_something_in_it(shown: View, tmp_path: Path):
     assert set(files) == set(DRAWERS) - {"outputs_by_phase"}  # it glides without steps
     for path in files.values():
         assert shades(path) > 20
+
+
+def test_long_names_leave_room_for_the_plots(shown: View):
+    """A fault told in a sentence left the modes no height."""
+    sentence = "stopping and standing without joint_position.4 (right_tarsus): " * 2
+    events = [Event("fault", 0.5, 1.0, sentence)]
+    phases = [Phase(sentence, 0.0, 1.0)]
+    for drawer in (mode_timeline, speed_tracking):
+        figure = drawer(replace(shown, events=events, phases=phases))
+        FigureCanvasAgg(figure).draw()
+        height = figure.axes[0].get_position().height * figure.get_figheight()
+        assert height > 0.5  # inch
 
 
 def test_outputs_are_drawn_over_the_phase_of_each_stance(shown: View):

@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from synthetic import TICK_NS, glide, glide_messages, standing_height
 from test_bag import write_bag
+from test_commands import play
 
 from cassie_bags.bag import fields
 from cassie_bags.bag.comparison import Difference, compare_recordings
@@ -24,6 +25,7 @@ from cassie_bags.bag.continuity import episodes, only_episode
 from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
+from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.reader import read_messages
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.summary import STATUS_TOPIC, summarize
@@ -34,6 +36,7 @@ from cassie_bags.signals.falls import falls
 from cassie_gaits import gait_library, names
 from cassie_msgs.layout import SAMPLE_TYPES, Mode, MotorCommand, RobotMode, RobotState, Sensors
 
+EVENT = "cassie_msgs/msg/NodeEvent"
 STATUS = "cassie_msgs/msg/SupervisorStatus"
 
 
@@ -160,6 +163,31 @@ def test_modes_have_their_reasons_and_faults_their_time(tmp_path: Path, messages
         ("stand", 2.0, ""),
     ]
     assert [(f.name, f.t0, f.t1) for f in summary.faults] == [("no state for 0.1 s", 1.0, 2.0)]
+
+
+def test_what_befell_nodes_is_told(tmp_path: Path):
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition(EVENT), EVENT))
+    stamp = store.types["builtin_interfaces/msg/Time"](0, 0)
+    said = [
+        ("gait_controller", "began", "{}"),
+        ("gait_controller", "parameters", '{"walk.kp": 2.5}'),
+        ("gait_controller", "mode", '{"effective_seq": null}'),
+        ("gait_controller", "lost", '{"node": "mode_supervisor"}'),
+        ("gait_controller", "began", "{}"),
+    ]
+    path = tmp_path / "events.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic(EVENTS_TOPIC, EVENT)
+        for second, words in enumerate(said):
+            message = store.types[EVENT](stamp, 0, second, *words)
+            time = second * 1_000_000_000
+            writer.write(channel, bytes(store.serialize_cdr(message, EVENT)), time, time)
+    assert [(node.t0, node.name) for node in summarize(path).nodes] == [
+        (1.0, "gait_controller: walk.kp = 2.5"),
+        (3.0, "mode_supervisor lost, says gait_controller"),
+        (4.0, "gait_controller began anew"),
+    ]
 
 
 def test_falls_are_found_in_every_episode():
@@ -398,19 +426,7 @@ def test_plots_are_drawn_and_never_over_a_file(tmp_path: Path, bag: Path):
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_wrong_words_are_answered_before_anything_heavy_is_loaded(bag: Path, verb: str):
-    code = (
-        "import sys; sys.argv = sys.argv[1:]\n"
-        f"from cassie_bags.cli.{verb} import main\n"
-        "try: main()\n"
-        "except SystemExit as end: assert end.code in (0, 2), end.code\n"
-        "heavy = {'numpy', 'mujoco', 'matplotlib', 'rosbags', 'jinja2'} & set(sys.modules)\n"
-        "assert not heavy, heavy"
-    )
-    for words in (["--help"], ["--no-such-option", str(bag), str(bag)], ["missing.mcap"]):
-        done = subprocess.run(
-            [sys.executable, "-c", code, verb, *words],
-            capture_output=True, text=True, check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
+def test_a_missing_bag_is_told_before_anything_heavy_is_loaded(verb: str):
+    done = play(verb, "missing.mcap", *(["other.mcap"] if VERBS[verb] else []))
+    assert done.returncode == 2, done.stderr
+    assert "missing.mcap: No such file or directory" in done.stderr

@@ -15,6 +15,8 @@ from test_bag import write_bag
 from test_looking import command
 
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, read_recording
+from cassie_bags.bag.summary import Interval, Summary
+from cassie_bags.report.figures import estimate
 from cassie_bags.report.page import CAPTIONS, drive_entry, page
 from cassie_bags.report.view import view_of
 from cassie_bags.signals.estimation import estimation_error
@@ -116,6 +118,38 @@ def test_a_bag_without_a_true_pose_is_shown_by_its_estimate(tmp_path: Path):
     view = view_of(read_recording(tmp_path / "blind.mcap"), "blind")
     np.testing.assert_array_equal(view.track.position, view.track.state["q"][:, :3])
     assert "the estimate stands in its place" in view.notes[0]
+    assert estimate(view) is None  # it would be without error
+
+
+def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():
+    """Times of a bag go on over episodes; those of a track begin anew."""
+    recording = glide(2.0, episode=2)
+    summary = Summary(
+        files=(), size=0, complete=True, lost_bytes=0, duration=12.0, wall_time=0.0, topics=(),
+        gaps=(), episodes=[Interval("1", 0.0, 10.0), Interval("2", 10.0, 12.0)],
+        modes=[Interval("walk", 0.02, 10.0, "before"), Interval("walk", 10.02, 12.0, "it asked")],
+        faults=[Interval("old", 1.0, 2.0), Interval("late", 9.0, 11.0)],
+        nodes=[Interval("stack began anew", 11.5, 11.5)], problems=(), metadata={},
+        recording=recording,
+    )  # fmt: skip
+    view = view_of(recording, "two episodes", None, summary)
+    assert [(mode.t0, mode.reason) for mode in view.modes] == [(0.0, "it asked")]
+    assert [(e.kind, e.t0, e.t1, e.text) for e in view.events] == [
+        ("fault", 0.0, 1.0, "late"),
+        ("node", 1.5, 1.5, "stack began anew"),
+    ]
+
+
+def test_the_shipped_bags_can_be_reported(tmp_path: Path):
+    """They hold no true pose, and one of them a Segway."""
+    bags = sorted((Path(__file__).parents[1] / "recordings").glob("*.mcap"))
+    path = tmp_path / "page.html"
+    done = command("report", *bags, "-o", path, "--no-video")
+    assert done.returncode == 0, done.stderr
+    text = path.read_text(encoding="utf-8")
+    assert len(bags) == 3 and len(text) < MOST_BYTES
+    assert text.count("the estimate stands in its place") == 3
+    assert "<td>segway</td>" in text
 
 
 def test_quaternions_turn_back_into_their_angles():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,8 @@ from cassie_bags.run.cores import make_loop
 from cassie_bags.run.experiment import packaged_folder, parse_experiment
 from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.verify import Replayed, Verification, verify
+from cassie_bags.run.verify import Replayed, Verification, _file, verify
+from cassie_gaits.gait_library_file import default_library_path
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sensors
 
 WALK = """
@@ -212,16 +213,23 @@ def test_an_event_is_read_as_ros_writes_it():
             read_event(raw[:length])
 
 
-def test_gaits_beside_the_bag_stand_for_those_that_changed(bag: Path, tmp_path: Path):
-    """A library is known by its hash, wherever it is."""
-    from cassie_bags.run.verify import _file, _hash
-    from cassie_gaits.gait_library_file import default_library_path
-
-    shutil.copy(default_library_path(), tmp_path / "mine.json")
-    described = {"path": "/gone/mine.json", "sha256": _hash(tmp_path / "mine.json")}
-    assert _file(described, tmp_path / "bag.mcap") == tmp_path / "mine.json"
+def test_a_gait_library_is_known_by_its_hash_wherever_it_is(tmp_path: Path):
+    """Beside the bag, or in it."""
+    content = default_library_path().read_bytes()
+    (tmp_path / "mine.json").write_bytes(content)
+    expected = hashlib.sha256(content).hexdigest()
+    described = {"path": "/gone/mine.json", "sha256": expected}
+    folder, bag = tmp_path / "folder", tmp_path / "bag.mcap"
+    folder.mkdir()
+    writer = BagWriter(bag)
+    writer.add_file(f"{expected}/mine.json", content)
+    writer.close()
+    assert _file(described, bag, folder) == tmp_path / "mine.json"
+    (tmp_path / "mine.json").write_text("changed")
+    assert _file(described, bag, folder) == folder / "mine.json"
+    assert (folder / "mine.json").read_bytes() == content
     with pytest.raises(BagError, match=r"/gone/mine\.json is not as it was"):
-        _file({**described, "sha256": "0" * 64}, tmp_path / "bag.mcap")
+        _file({**described, "sha256": "0" * 64}, bag, folder)
 
 
 def test_with_other_libraries_the_first_seconds_are_held_to_a_tolerance(bag: Path):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from cassie_bags.errors import BagError
-from cassie_msgs.strict_yaml import YamlError, read_yaml
 
 _METADATA = "metadata.yaml"
 _SQLITE = "is an SQLite bag, which is not read: ros2 bag convert makes an MCAP bag of it"
@@ -58,6 +57,8 @@ def _named_files(folder: Path) -> list[Path] | None:
     """Files that `ros2 bag` lists in metadata.yaml; None if it wrote none."""
     if not (folder / _METADATA).is_file():
         return None
+    from cassie_msgs.strict_yaml import YamlError, read_yaml  # most bags are files: not loaded
+
     try:
         content = read_yaml(folder / _METADATA)
     except YamlError:  # damaged: the files tell enough

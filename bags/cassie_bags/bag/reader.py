@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from mcap.records import Attachment
 
 from cassie_bags.bag.framing import RecordReader, message
 from cassie_bags.bag.location import bag_files
@@ -86,3 +89,19 @@ def _messages_of(
             index.lost_bytes += reader.lost_bytes
     except OSError as error:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None
+
+
+def read_attachment(bag: Path | str, name: str) -> bytes | None:
+    """A file that a bag holds beside its messages; None if there is none of that name.
+
+    Raises:
+        BagError: if the bag cannot be read.
+    """
+    for path in bag_files(bag):
+        with path.open("rb") as stream:
+            for opcode, body in RecordReader(stream, str(path)).records():
+                if opcode == Opcode.ATTACHMENT:
+                    found = Attachment.read(ReadDataStream(BytesIO(body)))
+                    if found.name == name:
+                        return bytes(found.data)
+    return None

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.location import bag_files
+from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
 from cassie_bags.bag.tables import decode
@@ -67,6 +68,7 @@ class Summary:
         gaps: Missing samples of the control lane, one line each.
         episodes, modes: In order.
         faults: What the supervisor took for a fault.
+        nodes: Nodes that began anew, were lost or got other parameters, at the time of it.
         problems: What the nodes said of themselves on /diagnostics, in order.
         metadata: Named records of words.
         recording: The control lane as arrays.
@@ -83,6 +85,7 @@ class Summary:
     episodes: Sequence[Interval]
     modes: Sequence[Interval]
     faults: Sequence[Interval]
+    nodes: Sequence[Interval]
     problems: Sequence[str]
     metadata: Mapping[str, Mapping[str, str]]
     recording: Recording = field(repr=False)
@@ -124,23 +127,25 @@ def summarize(bag: Path | str) -> Summary:
         episodes=_episodes(recording, times.get(Sensors.TOPIC, [])),
         modes=_modes(recording, times.get(Mode.TOPIC, []), status),
         faults=_faults(status),
+        nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
         metadata=index.metadata,
         recording=recording,
     )
 
 
-def supervisor_says(bag: Path | str) -> tuple[list[Interval], list[Interval]]:
-    """Modes over time with their reasons, and the supervisor's faults. As in `Summary`."""
-    index = BagIndex()
-    messages: dict[str, list[bytes]] = {Mode.TOPIC: [], STATUS_TOPIC: []}
-    times: dict[str, list[int]] = {Mode.TOPIC: [], STATUS_TOPIC: []}
-    for topic, log_time, _, data in read_messages(bag, tuple(messages), index):
-        messages[topic].append(data)
-        times[topic].append(log_time)
-    recording = from_messages({Mode.TOPIC: messages[Mode.TOPIC]}, 0.0)
-    status = list(_decoded(STATUS_TOPIC, messages, times, index))
-    return _modes(recording, times[Mode.TOPIC], status), _faults(status)
+def modes_of(bag: Path | str) -> list[Interval]:
+    """Modes over time, as in `Summary` but without their reasons.
+
+    Raises:
+        BagError: if the bag cannot be read.
+    """
+    messages: list[bytes] = []
+    times: list[int] = []
+    for _, log_time, _, data in read_messages(bag, [Mode.TOPIC]):
+        messages.append(data)
+        times.append(log_time)
+    return _modes(from_messages({Mode.TOPIC: messages}, 0.0), times, ())
 
 
 def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
@@ -237,6 +242,27 @@ def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:
             began.setdefault(fault, now)
     found += [Interval(fault, t0, now) for fault, t0 in began.items()]
     return sorted(found, key=lambda fault: (fault.t0, fault.name))
+
+
+def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
+    known: set[str] = set()
+    found = []
+    for data, time in zip(raw, times, strict=True):
+        event = read_event(data)
+        text = ""
+        if event.event == "began" and event.node in known:
+            text = f"{event.node} began anew"
+        elif event.event == "parameters" and isinstance(event.content, dict):
+            values = ", ".join(f"{name} = {value}" for name, value in event.content.items())
+            text = f"{event.node}: {values}"
+        elif (
+            event.event == "lost" and isinstance(event.content, dict) and event.content.get("node")
+        ):
+            text = f"{event.content['node']} lost, says {event.node}"
+        known.add(event.node)
+        if text:
+            found.append(Interval(text, time * 1e-9, time * 1e-9))
+    return found
 
 
 def _problems(diagnostics: Iterable[tuple[int, Any]]) -> list[str]:

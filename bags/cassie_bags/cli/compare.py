@@ -62,7 +62,7 @@ def _run(arguments: argparse.Namespace) -> int:
         from cassie_bags.report.view import view_of
 
         a, b = (
-            view_of(summary.recording, stem(bag))
+            view_of(summary.recording, stem(bag), None, summary)
             for summary, bag in ((one, arguments.a), (other, arguments.b))
         )
         save_overlay(a, b, path)

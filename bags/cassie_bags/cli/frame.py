@@ -18,8 +18,6 @@ from cassie_bags.errors import BagError, RunError
 OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
-SAME, DIFFERENT = OK, NOT_AS_EXPECTED
-
 
 def exit_codes(ok: str, not_as_expected: str = "") -> str:
     """What the exit codes of a command mean, for the end of its help."""
@@ -48,31 +46,21 @@ def play(
     """
     arguments = parser.parse_args(argv)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    return answer(parser.prog, lambda: run(arguments))
-
-
-def answer(name: str, work: Callable[[], int]) -> int:
-    """Do the work of a command; an error becomes one line on stderr and an exit code.
-
-    Args:
-        name: Of the command.
-        work: Gives the exit code.
-    """
     try:
-        code = work()
+        code = run(arguments)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        print(f"{name}: stopped", file=sys.stderr)
+        print(f"{parser.prog}: stopped", file=sys.stderr)
         return STOPPED
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except RunError as error:
-        print(f"{name}: error: {error}", file=sys.stderr)
+        print(f"{parser.prog}: error: {error}", file=sys.stderr)
         return NO_RUN
     except (ValueError, OSError) as error:
-        print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{parser.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
 
 

@@ -36,13 +36,13 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     name = stem(arguments.bag)
     path = new_file(arguments.output or Path(f"{name}.png"))
-    from cassie_bags.bag.summary import supervisor_says
+    from cassie_bags.bag.summary import modes_of
     from cassie_bags.bag.tables import read_curves
     from cassie_bags.report.plots import save_curves, save_overview
 
     if arguments.fields:
         curves = read_curves(arguments.bag, arguments.fields)
-        save_curves(curves, supervisor_says(arguments.bag)[0], name, path)
+        save_curves(curves, modes_of(arguments.bag), name, path)
     else:
         from cassie_bags.report.view import view_of_bag
 

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cassie_bags.cli.frame import DIFFERENT, SAME, answer, bag_argument, new_file, stem
+from cassie_bags.cli.frame import (
+    NOT_AS_EXPECTED,
+    OK,
+    bag_argument,
+    exit_codes,
+    new_file,
+    play,
+    stem,
+)
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags report`."""
+    return play(_parser(), _run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="report",
         description="Make one page of recorded runs, of experiments or drives by hand: what was "
         "expected and what came, modes, tracking, outputs, forces, torques, estimate, footsteps, "
         "images and a video. Up to three bags stand side by side.",
-        epilog="Exit codes: 0, 1 if an experiment was not as expected, 2 for a wrong file or "
-        "arguments, 130 stopped.",
+        epilog=exit_codes("done", "an experiment was not as expected"),
     )
     parser.add_argument(
         "bags", nargs="+", metavar="BAG", type=bag_argument, help="MCAP file, or folder of ros2 bag"
@@ -27,11 +39,10 @@ def main() -> int:
         "-o", "--output", type=Path, default=Path("report.html"), help="default: report.html"
     )
     parser.add_argument("--no-video", action="store_true", help="leave the video out")
-    arguments = parser.parse_args()
-    return answer("report", lambda: _report(arguments))
+    return parser
 
 
-def _report(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     path = new_file(arguments.output)
     from cassie_bags.report.page import page
     from cassie_bags.report.recorded import recorded_entry
@@ -46,7 +57,8 @@ def _report(arguments: argparse.Namespace) -> int:
         text = page(title, entries, versions())
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text) / 1e6:.1f} MB")
-    return DIFFERENT if any(entry.get("passed") is False for entry in entries) else SAME
+    failed = any(entry.get("passed") is False for entry in entries)
+    return NOT_AS_EXPECTED if failed else OK
 
 
 if __name__ == "__main__":

@@ -29,7 +29,13 @@ FloatArray = npt.NDArray[np.float64]
 DARK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#9a9a9a"
 GREEN, PURPLE, RED = "#117733", "#aa4499", "#cc0000"
 
-EVENT_COLOURS = {"push": PURPLE, "gantry": GREEN, "fault": "#b8860b", "fall": RED}
+EVENT_COLOURS = {
+    "push": PURPLE,
+    "gantry": GREEN,
+    "fault": "#b8860b",
+    "node": "#555555",
+    "fall": RED,
+}
 MODE_COLOURS = {
     "off": "#dddddd", "damp": "#f0b8a8", "stand": "#c9dcee", "walk": "#b9dfc4", "segway": "#efe2a6"
 }  # fmt: skip
@@ -43,6 +49,7 @@ _PANELS = (
     ("yaw_rate", "yaw rate\n(rad/s)"),
     ("height", "height\n(m)"),
 )
+_LONGEST_NAME = 22  # characters
 _BINS = 25  # of the phase
 _AFTER_PUSH = 0.5  # s for which outputs and phase portrait show a push
 _MEAN = 0.2  # s over which the estimator's velocity error is also averaged
@@ -83,7 +90,7 @@ def draw_all(view: View, folder: Path) -> dict[str, Path]:
 
 def mode_timeline(view: View) -> Figure:
     """Modes over time with what the supervisor said, and every event by name."""
-    figure = Figure(figsize=(9.0, 1.9), layout="constrained")
+    figure = Figure(figsize=(9.0, 2.1), layout="constrained")
     axes = figure.subplots()
     draw_modes(axes, view.modes)
     mark(axes, view.events)
@@ -93,8 +100,8 @@ def mode_timeline(view: View) -> Figure:
         inside = event.t0 <= view.track.time[-1]
         if inside and event.t0 - last > 0.03 * span:  # names on each other are left out
             axes.annotate(
-                event.text, (event.t0, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
-                textcoords="offset points", rotation=30, fontsize=7,
+                shortened(event.text), (event.t0, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(0, 3), textcoords="offset points", rotation=30, fontsize=7,
                 color=EVENT_COLOURS[event.kind],
             )  # fmt: skip
             last = event.t0
@@ -113,6 +120,11 @@ def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
         if mode.t1 - mode.t0 > 0.04 * span:
             middle = 0.5 * (mode.t0 + mode.t1)
             axes.text(middle, 0.5, mode.name, ha="center", va="center", fontsize=8, color=DARK)
+
+
+def shortened(name: str) -> str:
+    """A name that fits beside others; tables have all of it."""
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
 def mark(axes: Any, events: Iterable[Event]) -> None:
@@ -145,7 +157,7 @@ def speed_tracking(view: View) -> Figure:
     for phase in (phase for phase in view.phases if phase.t0 < end):
         middle = 0.5 * (phase.t0 + min(phase.t1, end))
         panels[0].annotate(
-            phase.name, (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+            shortened(phase.name), (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
             textcoords="offset points", rotation=30, fontsize=7, color=DARK,
         )  # fmt: skip
     return _titled(figure, panels, view, "Tracking")
@@ -274,8 +286,10 @@ def torques(view: View) -> Figure:
     return _titled(figure, panels, view, "Torques by their limits")
 
 
-def estimate(view: View) -> Figure:
-    """Errors of the state estimate: velocity, tilt and displacement."""
+def estimate(view: View) -> Figure | None:
+    """Errors of the state estimate: velocity, tilt and displacement; None without a truth."""
+    if view.estimated:
+        return None
     track = view.track
     error = estimation_error(track.state, track.position, track.velocity, track.angles)
     figure, panels = _over_time(view, 3, 4.8)
@@ -308,7 +322,7 @@ def footsteps(view: View) -> Figure:
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
     span = high - low
-    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 7.4)))
+    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 5.4)))
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name

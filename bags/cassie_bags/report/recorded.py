@@ -28,15 +28,15 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
     """
     summary = summarize(bag)
     recording = summary.recording
-    experiment = recorded_experiment(recording) if len(recording.truth) else None
+    experiment = recorded_experiment(recording)
     title = name if experiment is None else f"{experiment.name}, seed {experiment.seed}"
-    view = view_of(recording, title, experiment, summary.modes, summary.faults)
+    view = view_of(recording, title, experiment, summary)
     if not summary.complete:
         note = "The bag is damaged or was not closed: what could be read is shown."
         view = dataclasses.replace(view, notes=[*view.notes, note])
     versions = recording.metadata.get("cassie_versions", {})
     files = {name: str(path) for name, path in draw(view, folder, film=film).items()}
-    if experiment is None:
+    if experiment is None or not len(recording.truth):  # which is judged by the true pose
         metrics = measure(recording, view.track, view.phases)
         view = dataclasses.replace(
             view, notes=[*view.notes, *(f"Missing: {g}" for g in summary.gaps)]

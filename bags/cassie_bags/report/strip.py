@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
+from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, shortened
 from cassie_bags.report.poses import Puppet
 from cassie_bags.report.view import View
 from cassie_bags.signals.metrics import Phase
@@ -80,7 +80,7 @@ def strip(view: View, path: Path) -> str | None:
             else:
                 axes.imshow(images[position][_SKY:])
             axes.set_axis_off()
-            name = _phase_at(phases, float(track.time[index]))
+            name = shortened(_phase_at(phases, float(track.time[index])))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
         figure.savefig(path)

@@ -36,6 +36,7 @@ def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
         "episodes": [vars(episode) for episode in summary.episodes],
         "modes": [vars(mode) for mode in summary.modes],
         "faults": [vars(fault) for fault in summary.faults],
+        "nodes": [vars(node) for node in summary.nodes],
         "problems": list(summary.problems),
         "falls": None if falls is None else [{"episode": e, "t": t} for e, t in falls.items()],
         "metadata": {name: dict(record) for name, record in summary.metadata.items()},
@@ -57,6 +58,7 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
     yield from _section("modes", map(_with_reason, summary.modes))
     yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])
+    yield from _section("nodes", [f"{n.t0:.2f} s  {n.name}" for n in summary.nodes])
     yield from _section("diagnostics", summary.problems)
     if falls is not None:
         told = [f"at {time:.2f} s of episode {episode}" for episode, time in falls.items()]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cassie_bags.bag.continuity import episodes
-from cassie_bags.bag.recording import Recording, Rows, read_recording
-from cassie_bags.bag.summary import Interval, intervals_of_mode, supervisor_says
+from cassie_bags.bag.recording import Recording, Rows
+from cassie_bags.bag.summary import Interval, Summary, intervals_of_mode, summarize
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import Experiment, parse_experiment
 from cassie_bags.run.judge import phases_of
@@ -31,8 +31,9 @@ class View:
         status: Rows of `ControllerStatus`.
         phases: Parts of it.
         modes: Modes of the robot with the supervisor's reasons, where they are known.
-        events: Pushes, gantry, faults and the fall, in order of time.
+        events: Pushes, gantry, faults, what befell nodes, and the fall, in order of time.
         scenario: What it was made in.
+        estimated: Whether the estimated pose stands in place of the true one.
         notes: What a reader should know of it, in sentences.
     """
 
@@ -43,6 +44,7 @@ class View:
     modes: Sequence[Interval]
     events: Sequence[Event]
     scenario: Scenario
+    estimated: bool = False
     notes: Sequence[str] = ()
 
 
@@ -50,8 +52,7 @@ def view_of(
     recording: Recording,
     title: str,
     experiment: Experiment | None = None,
-    said: Sequence[Interval] = (),
-    faults: Sequence[Interval] = (),
+    summary: Summary | None = None,
 ) -> View:
     """What pictures show of a recording.
 
@@ -59,8 +60,7 @@ def view_of(
         recording: Of a run.
         title: Its name.
         experiment: What was run; without one the phases are the intervals of mode.
-        said: Modes with their reasons, as `summary.supervisor_says` gives them.
-        faults: The supervisor's.
+        summary: Of its bag, for what supervisor and nodes said.
 
     Raises:
         BagError: if it holds no tick with sensors and state.
@@ -69,15 +69,22 @@ def view_of(
     numbers = episodes(recording)
     if len(numbers) > 1:
         notes.append(f"Episode {numbers[-1]} is shown, the last of {len(numbers)}.")
-    if not len(recording.truth):
+    estimated = not len(recording.truth)
+    if estimated:
         recording = with_estimate_as_truth(recording)
         notes.append("The bag holds no true pose: the estimate stands in its place.")
     track = make_track(recording)
     end = float(track.time[-1])
     scenario = Scenario() if experiment is None else experiment.scenario
-    modes = [_with_reason(mode, said) for mode in intervals_of_mode(track.time, track.mode)]
+    modes = list(intervals_of_mode(track.time, track.mode))
     events = [*events_of(scenario, end)]
-    events += [Event("fault", fault.t0, fault.t1, fault.name) for fault in faults]
+    if summary is not None and summary.episodes:
+        # Times of a bag go on over episodes; those of a track begin anew in each.
+        begun = summary.episodes[-1].t0 - float(track.time[0])
+        modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
+        for kind, found in (("fault", summary.faults), ("node", summary.nodes)):
+            shifted = _since(begun, found)
+            events += [Event(kind, max(e.t0, 0.0), e.t1, e.name) for e in shifted]
     fell = fall_time(track)
     if fell is not None:
         events.append(Event("fall", fell, fell, "fall"))
@@ -94,6 +101,7 @@ def view_of(
         modes=modes,
         events=sorted(events, key=lambda event: event.t0),
         scenario=scenario,
+        estimated=estimated,
         notes=notes,
     )
 
@@ -104,8 +112,8 @@ def view_of_run(experiment: Experiment, bag: Path) -> View:
     Raises:
         BagError: as `view_of`, and if the bag cannot be read.
     """
-    title = f"{experiment.name}, seed {experiment.seed}"
-    return view_of(read_recording(bag), title, experiment, *supervisor_says(bag))
+    title, summary = f"{experiment.name}, seed {experiment.seed}", summarize(bag)
+    return view_of(summary.recording, title, experiment, summary)
 
 
 def view_of_bag(bag: Path, title: str) -> View:
@@ -118,11 +126,11 @@ def view_of_bag(bag: Path, title: str) -> View:
     Raises:
         BagError: as `view_of`, and if the bag cannot be read.
     """
-    recording = read_recording(bag)
-    experiment = recorded_experiment(recording)
+    summary = summarize(bag)
+    experiment = recorded_experiment(summary.recording)
     if experiment is not None:
         title = f"{experiment.name}, seed {experiment.seed}"
-    return view_of(recording, title, experiment, *supervisor_says(bag))
+    return view_of(summary.recording, title, experiment, summary)
 
 
 def recorded_experiment(recording: Recording) -> Experiment | None:
@@ -134,6 +142,15 @@ def recorded_experiment(recording: Recording) -> Experiment | None:
         return parse_experiment(text, "the experiment in the bag")
     except ExperimentError:  # of another version: the recording itself can still be shown
         return None
+
+
+def _since(begun: float, found: Sequence[Interval]) -> list[Interval]:
+    """Intervals that end after a time, with their times counted from it. In s."""
+    return [
+        dataclasses.replace(one, t0=one.t0 - begun, t1=one.t1 - begun)
+        for one in found
+        if one.t1 >= begun
+    ]
 
 
 def _with_reason(mode: Interval, said: Sequence[Interval]) -> Interval:

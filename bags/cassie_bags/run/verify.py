@@ -16,13 +16,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, Event, read_event
-from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.reader import BagIndex, read_attachment, read_messages
 from cassie_bags.errors import BagError, ExperimentError
 from cassie_bags.run.cores import library_path, simulator_config
 from cassie_bags.run.experiment import parse_experiment
@@ -423,11 +424,13 @@ class _Supervisor(_Core):
 class _Controller(_Core):
     def build(self) -> None:
         self._config = self.config(ControllerConfig)
-        library = self.gaits or _file(self.files["gait_library"], self.lane.path)
         allow = bool(self.parameters.get("allow_uncertified", False))
-        gait_library = load_certified(library, allow_uncertified=allow)
-        learned = _file(self.files["learned_torques_file"], self.lane.path)
-        torques = load_torques(learned) if learned.exists() else nothing_learned()
+        bag = self.lane.path
+        with TemporaryDirectory(prefix="cassie_") as folder:
+            library = self.gaits or _file(self.files["gait_library"], bag, Path(folder))
+            gait_library = load_certified(library, allow_uncertified=allow)
+            learned = _file(self.files["learned_torques_file"], bag, Path(folder))
+            torques = load_torques(learned) if learned.exists() else nothing_learned()
         self._core = GaitController(self._config, gait_library, self.period, torques)
         self._guarded = GuardedController(self._core)
         self._guarded.reset()
@@ -567,8 +570,13 @@ def _sections(changes: Iterable[str]) -> dict[str, dict[str, Any]]:
     return {section: flat(values, section) for section, values in content.items()}
 
 
-def _file(described: Mapping[str, str], bag: Path) -> Path:
-    """A file that a node read: where it was, beside the bag, or of the package.
+def _file(described: Mapping[str, str], bag: Path, folder: Path) -> Path:
+    """A file that a node read: where it was, beside the bag, of the package, or out of the bag.
+
+    Args:
+        described: Path and SHA-256.
+        bag: The bag.
+        folder: Where a file out of the bag is put.
 
     Raises:
         BagError: if none of these has the recorded hash.
@@ -583,6 +591,11 @@ def _file(described: Mapping[str, str], bag: Path) -> Path:
     for candidate in (path, bag.parent / path.name, *beside):
         if candidate.is_file() and _hash(candidate) == expected:
             return candidate
+    content = read_attachment(bag, f"{expected}/{path.name}")
+    if content is not None and hashlib.sha256(content).hexdigest() == expected:
+        kept = folder / path.name
+        kept.write_bytes(content)
+        return kept
     raise BagError(
         f"{path} is not as it was when {bag} was recorded (SHA-256 {expected[:12]}…): put that "
         "file beside the bag"

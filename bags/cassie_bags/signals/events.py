@@ -9,7 +9,7 @@ import numpy as np
 
 from cassie_sim.scenario import Scenario
 
-KINDS = ("push", "gantry", "fault", "fall")
+KINDS = ("push", "gantry", "fault", "node", "fall")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,242 @@
+"""Experiments run and reported: one, or many with one page about all of them.
+
+Over DDS the nodes are processes; else the same cores run in this one, without ROS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import itertools
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from cassie_bags.bag.diagnosis import lockstep_broken, problems
+from cassie_bags.bag.recording import read_recording
+from cassie_bags.bag.rosbag2 import contents_of, write_metadata
+from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.report.page import Entry, page, run_entry
+from cassie_bags.report.text import json_line, table
+from cassie_bags.run.cores import check_parameters, make_loop, tick_count
+from cassie_bags.run.experiment import Experiment, load_experiment, packaged_experiments
+from cassie_bags.run.judge import Outcome, evaluate
+from cassie_bags.run.observers import BagObserver, both
+from cassie_bags.run.provenance import versions
+from cassie_bags.run.seed import resolve, write_resolved
+from cassie_bags.run.simulate import Store
+from cassie_bags.run.simulate import run as run_loop
+from cassie_bags.run.yaml_file import consistent
+from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers
+
+NOT_RUN = "the run did not come to its end"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the experiments of a command line; returns the exit code."""
+    if arguments.all and arguments.files:
+        raise ExperimentError("--all runs those of the package: name no file")
+    if not arguments.all and not arguments.files:
+        raise ExperimentError("name an experiment file, or --all for those of the package")
+    several = arguments.all or len(arguments.files) > 1 or arguments.seeds
+    return _play_all(arguments) if several else _play_one(arguments)
+
+
+def _play_one(arguments: argparse.Namespace) -> int:
+    changes = consistent(arguments.set)
+    experiment = resolve(load_experiment(arguments.files[0], changes, arguments.seed))
+    check_parameters(experiment)
+    outcome = run_experiment(
+        experiment, arguments.out, in_process=arguments.in_process, stack=arguments.stack
+    )
+    if arguments.out is not None:
+        film = not arguments.no_video
+        outcome, _ = keep(outcome, arguments.out, pictures=not arguments.no_pictures, film=film)
+    print(table(outcome), file=sys.stderr)
+    if arguments.json or not sys.stdout.isatty():
+        print(json_line(outcome), flush=True)
+    return 0 if outcome.passed else 1
+
+
+def _play_all(arguments: argparse.Namespace) -> int:
+    if arguments.seed is not None or arguments.json:
+        option = "--json" if arguments.json else "--seed"
+        raise ExperimentError(f"{option} is for one run: several leave result.json each; --seeds N")
+    tasks = _tasks(arguments)
+    for task in tasks:
+        check_parameters(_experiment(task))
+    entries = _run_all(tasks, arguments)
+    failures = [failure for entry in entries for failure in entry["failures"]]
+    if any(failure.startswith(NOT_RUN) for failure in failures):
+        return 3
+    return 1 if failures else 0
+
+
+def run_experiment(
+    experiment: Experiment, out: Path | None, *, in_process: bool, stack: bool = False
+) -> Outcome:
+    """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
+
+    Over DDS with `stack` estimator and controller share a process.
+
+    Raises:
+        RunError: if it did not come to its end.
+        CassieError, ParameterError: naming what cannot be used.
+    """
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    if in_process:
+        return _in_process(experiment, out)
+    if out is not None:
+        return _over_dds(experiment, out, stack)
+    with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
+        return _over_dds(experiment, Path(folder), stack)
+
+
+def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
+    store = Store()
+    ticks = range(tick_count(experiment))
+    bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    with stopped_between(bar) as whole:
+        if folder is None:
+            loop = make_loop(experiment, store)
+            wall_time = run_loop(loop, whole)
+        else:
+            with BagObserver(folder / "bag.mcap", experiment) as bag:
+                loop = make_loop(experiment, both(store, bag))
+                wall_time = run_loop(loop, whole)
+    for node, (problem, time) in loop.problems.items():
+        print(f"{node} at {time:.3f} s: {problem}", file=sys.stderr)
+    return evaluate(experiment, store.recording(wall_time), "in-process")
+
+
+@contextmanager
+def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
+    """Ticks between which alone Ctrl-C ends a run: within one it would tear a record of the bag."""
+    with ctrl_c_at_the_end() as came:
+        yield itertools.takewhile(lambda _: not came, ticks)
+
+
+def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
+    from cassie_bags.ros.dds_run import run_over_dds
+
+    bag = run_over_dds(experiment, folder, stack=stack)
+    broken = lockstep_broken(problems(bag))
+    return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
+
+
+def keep(
+    outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True
+) -> tuple[Outcome, Entry]:
+    """Leave table, JSON, pictures and page beside the bag.
+
+    Returns:
+        The outcome with their names, and what a page says of it.
+    """
+    bag = folder / "bag.mcap"
+    files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
+    write_resolved(outcome.experiment, files["experiment"])
+    write_metadata(folder, [contents_of(bag)])
+    view = None
+    if pictures:
+        from cassie_bags.report.pictures import draw
+        from cassie_bags.report.view import view_of_run
+
+        view = view_of_run(outcome.experiment, bag)
+        files |= draw(view, folder, film=film) | {"report": folder / "report.html"}
+    names = {name: str(path) for name, path in files.items()}
+    outcome = dataclasses.replace(outcome, files=names)
+    files["table"].write_text(table(outcome) + "\n", encoding="utf-8")
+    (folder / "result.json").write_text(json_line(outcome) + "\n", encoding="utf-8")
+    entry = run_entry(outcome, view, {})
+    if pictures:
+        title = f"Cassie: {outcome.experiment.name}"
+        files["report"].write_text(page(title, [entry], versions()), encoding="utf-8")
+    return outcome, entry
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run: file, seed, changes, where it leaves its files, and how it is run."""
+
+    file: Path
+    seed: int | None
+    changes: tuple[str, ...]
+    folder: Path
+    in_process: bool
+    stack: bool
+    pictures: bool
+    film: bool
+
+
+def run_task(task: Task) -> Entry:
+    """Run an experiment and leave its files.
+
+    Returns:
+        What the page says of it; what ended a run before its end is told in its place.
+    """
+    experiment = _experiment(task)
+    try:
+        outcome = run_experiment(
+            experiment, task.folder, in_process=task.in_process, stack=task.stack
+        )
+        _, entry = keep(outcome, task.folder, pictures=task.pictures, film=task.film)
+    except (RunError, ValueError, OSError) as error:
+        reason = f"{NOT_RUN}: {' '.join(str(error).split())}"
+        content = {"name": experiment.name, "seed": experiment.seed, "passed": False}
+        return content | {"failures": [reason]}
+    return entry
+
+
+def _experiment(task: Task) -> Experiment:
+    return resolve(load_experiment(task.file, task.changes, task.seed))
+
+
+def _tasks(arguments: argparse.Namespace) -> list[Task]:
+    files = arguments.files or packaged_experiments()
+    stems = [file.stem for file in files]
+    for file in files:
+        if stems.count(file.stem) > 1:
+            raise ExperimentError(f"two files are called {file.stem}: they would share a folder")
+    changes = consistent(arguments.set)
+    seeds: Iterable[int | None] = range(1, arguments.seeds + 1) if arguments.seeds else (None,)
+    out = arguments.out or Path("build/experiments")
+    return [
+        Task(
+            file,
+            seed,
+            changes,
+            out / (file.stem if seed is None else f"{file.stem}_{seed}"),
+            arguments.in_process,
+            arguments.stack,
+            not arguments.no_pictures,
+            not arguments.no_video,
+        )
+        for file in files
+        for seed in seeds
+    ]
+
+
+def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
+    """Run all tasks; the page is written anew after each, so that a stop leaves one."""
+    found: dict[int, Entry] = {}
+    path = tasks[0].folder.parent / "report.html"
+    crew: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
+    bar = tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty(), leave=False)
+    with contextlib.closing(crew), bar:
+        for index, content in crew.results(run_task, tasks):
+            found[index] = content
+            entries = [found[key] for key in sorted(found)]
+            sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None
+            path.write_text(page("Cassie: experiments", entries, versions(), sweeps), "utf-8")
+            bar.update()
+            verdict = "as expected" if content["passed"] else "; ".join(content["failures"])
+            bar.write(f"{content['name']}, seed {content['seed']}: {verdict}", file=sys.stderr)
+    print(f"{sum(e['passed'] for e in entries)} of {len(entries)} as expected: {path}")
+    return entries
