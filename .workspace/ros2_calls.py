@@ -36,7 +36,7 @@ from cassie_msgs.ros.transport import use_loopback
 
 RCLError = rclpy_implementation.RCLError
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """Wall time in which a node must be found, and then answer. In s."""
 
 QUIET = 0.5
@@ -191,7 +191,7 @@ def publish(
         except NameValidationException as error:
             raise CallError(" ".join(str(error).split())) from None
         if count:
-            deadline = time.monotonic() + PATIENCE
+            deadline = time.monotonic() + TIMEOUT
             while publisher.get_subscription_count() == 0 and time.monotonic() < deadline:
                 time.sleep(0.05)
         show("publisher: beginning loop")
@@ -278,7 +278,7 @@ def _subscribe(node: Node, topic: str, act: Callable[[Any], None], raw: bool = F
 
 
 def _types(node: Node, topic: str) -> list[str]:
-    deadline = time.monotonic() + PATIENCE / 2
+    deadline = time.monotonic() + TIMEOUT / 2
     while time.monotonic() < deadline:
         known = dict(node.get_topic_names_and_types())
         if topic in known and node.count_publishers(topic) + node.count_subscribers(topic):
@@ -298,7 +298,7 @@ def _settle(node: Node) -> None:
     """Wait until discovery finds nothing new."""
     begin = changed = time.monotonic()
     before: object = None
-    while time.monotonic() - changed < QUIET and time.monotonic() - begin < PATIENCE:
+    while time.monotonic() - changed < QUIET and time.monotonic() - begin < TIMEOUT:
         now = node.get_node_names(), node.get_topic_names_and_types()
         if now != before:
             before, changed = now, time.monotonic()
@@ -549,13 +549,13 @@ def _call(node: Node, service: str, kind: Any, request: Any) -> Any:
         client = node.create_client(kind, service)
     except NameValidationException as error:
         raise CallError(" ".join(str(error).split())) from None
-    if not client.wait_for_service(PATIENCE):
+    if not client.wait_for_service(TIMEOUT):
         known = [name for name, _ in node.get_service_names_and_types() if name != service]
-        raise CallError(f"nobody serves {service} within {PATIENCE:g} s{_hint(service, known)}")
+        raise CallError(f"nobody serves {service} within {TIMEOUT:g} s{_hint(service, known)}")
     future = client.call_async(request)
-    rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT)
     if not future.done():
-        raise CallError(f"{service} did not answer within {PATIENCE:g} s")
+        raise CallError(f"{service} did not answer within {TIMEOUT:g} s")
     return future.result()
 
 

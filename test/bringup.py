@@ -57,7 +57,7 @@ SERVICES = {
     "gantry": Gantry,
 }
 
-PATIENCE = 90.0
+TIMEOUT = 90.0
 """Wall time in which anything must happen that happens at all. In s."""
 
 STAND = ({"t": 0.0, "power": True, "mode": "stand", "height": 0.9},)
@@ -195,7 +195,7 @@ class Eyes:
         if (raw := self._truth.take_raw()) is not None:
             self._odometry = deserialize_message(raw, Odometry)
 
-    def wait_for(self, condition: Callable[[], Any], what: str, timeout: float = PATIENCE) -> float:
+    def wait_for(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> float:
         """Look until a condition holds; returns the wall time at which it did.
 
         Raises:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from bringup import PATIENCE, STAND, WALK, Robot
+from bringup import STAND, TIMEOUT, WALK, Robot
 from rclpy.context import Context
 
 from cassie_bags.ros.processes import executable
@@ -82,7 +82,7 @@ class Stranger:
 
 
 def robot_that(gait: str, pacing: str, folder: Path) -> Robot:
-    simulator: dict[str, object] = {"pacing": pacing, "paused": True, "command_timeout": PATIENCE}
+    simulator: dict[str, object] = {"pacing": pacing, "paused": True, "command_timeout": TIMEOUT}
     simulator["max_rate"] = {"lockstep": 1.0, "realtime": 0.5}[pacing]
     return Robot(folder, STAND if gait == "stand" else WALK, simulator=simulator)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bringup import PATIENCE, STAND, WALK, Robot
+from bringup import STAND, TIMEOUT, WALK, Robot
 
 from cassie_bags.bag.recording import read_recording
 from cassie_bags.run.verify import verify
@@ -29,7 +29,7 @@ RATES = {"lockstep": 1.0, "realtime": 0.5}
 def _robot(folder: Path, pacing: str, gait: str) -> Robot:
     operator = STAND if gait == "stand" else WALK
     simulator: dict[str, object] = {"pacing": pacing, "max_rate": RATES[pacing], "paused": True}
-    simulator["command_timeout"] = PATIENCE  # a node may take its time to start again
+    simulator["command_timeout"] = TIMEOUT  # a node may take its time to start again
     return Robot(folder, operator, simulator=simulator)
 
 

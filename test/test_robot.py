@@ -18,7 +18,7 @@ from bringup import Eyes
 
 from cassie_bags.ros.processes import environment, executable, own_domain
 
-PATIENCE = 90.0
+TIMEOUT = 90.0
 
 
 class Screen:
@@ -121,7 +121,7 @@ def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
     tmp_path: Path, domain: int
 ) -> None:
     with Starter(tmp_path, domain, "-p", "state_estimator:control_rate:=400") as starter:
-        _, errors = starter.process.communicate(timeout=PATIENCE)
+        _, errors = starter.process.communicate(timeout=TIMEOUT)
     assert starter.process.returncode == 1
     assert "state_estimator ended with exit code 2" in errors and "control_rate = 400" in errors
     assert nodes_of(starter.logs) == []
@@ -138,7 +138,7 @@ def test_wrong_arguments_are_one_line(
     tmp_path: Path, domain: int, arguments: list[str], message: str
 ) -> None:
     with Starter(tmp_path, domain, *arguments) as starter:
-        _, errors = starter.process.communicate(timeout=PATIENCE)
+        _, errors = starter.process.communicate(timeout=TIMEOUT)
     assert starter.process.returncode == 2 and message in errors
 
 
@@ -158,7 +158,7 @@ def test_the_ride_of_the_readme_by_keyboard(tmp_path: Path, domain: int, seed: i
         starter.ready()
 
         def until(condition: Callable[[], Any], what: str) -> None:
-            eyes.wait_for(lambda: screen.look() is not None and condition(), what, PATIENCE)
+            eyes.wait_for(lambda: screen.look() is not None and condition(), what, TIMEOUT)
 
         def speed() -> float:
             found = re.search(r"Segway\s+([-+][\d.]+) m/s", screen.look())
@@ -199,7 +199,7 @@ def robot_is_up(eyes: Eyes) -> bool:
 
 
 def test_the_status_lines_fit_80_columns(domain: int) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     with Screen(executable("cassie_teleop", "keyboard_teleop"), domain) as screen:
         while "no word from the supervisor" not in screen.look():
             assert time.monotonic() < deadline

@@ -241,6 +241,6 @@ def test_a_name_that_nothing_can_have_is_refused_in_one_line() -> None:
 def test_a_service_that_is_not_there_is_not_suggested_in_its_own_place(monkeypatch) -> None:
     monkeypatch.syspath_prepend(ROS2.parents[1])
     calls = import_module("ros2_calls")
-    monkeypatch.setattr(calls, "PATIENCE", 0.1)
+    monkeypatch.setattr(calls, "TIMEOUT", 0.1)
     with pytest.raises(calls.CallError, match=r"nobody serves /cassie/nothing within 0.1 s$"):
         calls.call_service("/cassie/nothing", "cassie_msgs/srv/Push", "{force: [0, 0, 1]}")

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from bringup import PACKAGES, PATIENCE, Robot
+from bringup import PACKAGES, TIMEOUT, Robot
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from cassie_bags.errors import RunError
@@ -112,7 +112,7 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(
             runs.append((process, command, words))
         try:
             for process, command, words in runs:
-                _, errors = process.communicate(timeout=PATIENCE)
+                _, errors = process.communicate(timeout=TIMEOUT)
                 assert process.returncode not in (0, None), command
                 assert len(errors.strip().splitlines()) == 1, errors
                 for word in words:

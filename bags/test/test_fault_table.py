@@ -12,7 +12,7 @@ from cassie_bags.studies.faults import (
     FAULT_KINDS,
     MODES,
     Cell,
-    Fate,
+    FaultOutcome,
     describe,
     error_of,
     run_table,
@@ -79,7 +79,7 @@ def test_the_same_fault_ends_the_same():
 
 def test_damping_after_a_fall_is_a_fall_and_sinking_in_damping_is_none():
     def outcome(*ticks, standing=False):
-        fate = Fate()
+        fate = FaultOutcome()
         for height, tilt, damped in ticks:
             fate.note(height, tilt, damped=damped)
         return fate.outcome(standing=standing)

@@ -10,7 +10,7 @@ import pytest
 from cassie_bags.bag.continuity import differences, gaps
 from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.errors import ExperimentError
-from cassie_bags.report.poses import Puppet
+from cassie_bags.report.poses import PosedModel
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import Experiment, parse_experiment
 from cassie_bags.run.observers import BagObserver
@@ -112,9 +112,9 @@ def test_a_bag_of_a_ride_shows_where_the_segway_is(tmp_path: Path):
     track = make_track(copy)
     assert track.vehicle.shape == (250, 7)
     assert track.wheels.shape == (250, 2)
-    puppet = Puppet(experiment.scenario)
-    shown = puppet.model.joint("segway").qposadr[0]
-    place = puppet.pose(track, 249)[shown : shown + 3]
+    posed = PosedModel(experiment.scenario)
+    shown = posed.model.joint("segway").qposadr[0]
+    place = posed.pose(track, 249)[shown : shown + 3]
     np.testing.assert_array_equal(place, copy.segway["position"][-1])
 
 

@@ -47,7 +47,7 @@ from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
 from cassie_msgs.ros.fast_lane import WRITER
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -81,7 +81,7 @@ def node(domain: int) -> Iterator[Node]:
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.01)
@@ -121,7 +121,7 @@ def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[]
     }
     wait_until(lambda: all(p.get_subscription_count() for p in publishers.values()))
     ticks = len(messages["/cassie/state"])
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not heard():
         assert time.monotonic() < deadline, "not every topic was heard"
         for topic, list_ in messages.items():
@@ -331,7 +331,7 @@ def test_a_replay_publishes_every_message_with_its_type(
     start_recorder(processes, copy)
     replay = executable("cassie_bags", "replay")
     started = time.monotonic()
-    processes.start("replay", [replay, bag, "--commands", "--rate", "4", "--wait", str(PATIENCE)])
+    processes.start("replay", [replay, bag, "--commands", "--rate", "4", "--wait", str(TIMEOUT)])
     wait_until(lambda: not processes.running("replay"))
     assert time.monotonic() - started >= 0.5
     processes.check("replay")
@@ -402,7 +402,7 @@ def test_a_replay_is_paused_stepped_and_sought_by_services(
     bag = tmp_path / "bag.mcap"
     write_bag(bag, glide_messages(2.0))
     heard = Listener(node)
-    replay = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", str(PATIENCE)]
+    replay = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", str(TIMEOUT)]
     processes.start("replay", [*replay, "--topics", "/cassie/state"])
     heard.wait_for(lambda: len(heard.seqs) == 1)  # the first moment stands still
     assert heard.quiet()
@@ -440,7 +440,7 @@ def test_a_part_of_a_folder_of_ros2_bag_is_replayed(
             writer.write(by_topic[each.topic], 1_700_000_000_000_000_000 + stamp, raw)
     assert same(read_recording(folder), messages) == []
     heard = Listener(node)
-    replay = [executable("cassie_bags", "replay"), folder, "--wait", str(PATIENCE)]
+    replay = [executable("cassie_bags", "replay"), folder, "--wait", str(TIMEOUT)]
     part = ["--start", "0.5", "--duration", "0.2", "--topics", "/cassie/state"]
     processes.start("replay", [*replay, *part])
     heard.wait_for(lambda: not processes.running("replay"))
@@ -455,7 +455,7 @@ def test_keys_on_a_terminal_steer_a_replay(processes: Processes, node: Node, tmp
     heard = Listener(node)
     ours, theirs = pty.openpty()
     program = executable("cassie_bags", "replay")
-    words = f"{program} {bag} -p --wait {PATIENCE} --topics /cassie/state < {os.ttyname(theirs)}"
+    words = f"{program} {bag} -p --wait {TIMEOUT} --topics /cassie/state < {os.ttyname(theirs)}"
     processes.start("replay", ["bash", "-c", f"exec {words}"])
     heard.wait_for(lambda: len(heard.seqs) == 1)
     os.write(ours, b"\x1b[C")

@@ -89,7 +89,7 @@ class ModeInForce:
         lost_after: `effective_seq` of its last mode while it does.
     """
 
-    PATIENCE = 0.4
+    TIMEOUT = 0.4
     """Robot time beyond the last mode after which its sender counts as lost. In s."""
 
     def __init__(self, period: float) -> None:
@@ -119,7 +119,7 @@ class ModeInForce:
         mode = self.table.at(tick)
         if mode is not None and not self.lost:
             return mode
-        if (tick - newest) * self._period > self.PATIENCE:
+        if (tick - newest) * self._period > self.TIMEOUT:
             self.give_up()
         return self._fallback.step() if self.lost else self.table.newest
 

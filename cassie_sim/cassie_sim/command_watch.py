@@ -32,7 +32,7 @@ class CommandWatch:
         self._last_silence = 0
 
     @property
-    def start_patience(self) -> float:
+    def start_timeout(self) -> float:
         """Time that the others have beyond the usual, until the first command. In s."""
         return 0.0 if self._ever else self._start_timeout
 
@@ -45,7 +45,7 @@ class CommandWatch:
 
     def missed(self, tick: int, silence: float) -> None:
         """The command for a tick has not come for a while, in s."""
-        if self._silent or silence < self.start_patience:
+        if self._silent or silence < self.start_timeout:
             return
         self._silent = True
         missing = self._lane.missing()

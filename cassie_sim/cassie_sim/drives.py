@@ -68,7 +68,7 @@ class Drives:
         record["speed_limit"] = [drive.speed_limit for drive in drives]
         record["torque_constant"] = torque_constant
         record["damping"] = DAMPING
-        record["patience"] = round(watchdog / period)
+        record["timeout"] = round(watchdog / period)
         self.pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
         self.applied: FloatArray = record["applied"]
         self._powered, self._damped = self.records["powered"], self.records["damped"]

@@ -72,7 +72,7 @@ def drive_step(
         velocity: Measured. Shape (10,), in rad/s.
     """
     drive = drives[0]
-    if drive.age >= drive.patience and not drive.damped:
+    if drive.age >= drive.timeout and not drive.damped:
         damp(drives)
     drive.age += 1
     head, rows = drive.head, pipeline.shape[0]

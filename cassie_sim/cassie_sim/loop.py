@@ -23,7 +23,7 @@ from cassie_sim.simulator_config import SimulatorConfig
 REPEAT_PERIOD = 0.5
 """Wall time after which an unanswered sample is sent again. In s."""
 
-_BROKEN_PATIENCE = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
+_BROKEN_TIMEOUT = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
 _BROKEN_PATIENCE_PERIOD = 0.1
 
 
@@ -67,7 +67,7 @@ class Loop:
         self.factor = RealTimeFactor()
         self.requests = Requests()
         self.switch = PowerSwitch(
-            scripted=config.scripted_operator, start_patience=config.start_timeout
+            scripted=config.scripted_operator, start_timeout=config.start_timeout
         )
         self._lane, self._report, self._clock, self._sleep = lane, report, clock, sleep
         self._tick_s = plant.tick_ns * 1e-9
@@ -218,16 +218,16 @@ class Loop:
         while not self._interrupted:
             now = self._clock()
             if self.paused and not self.credit:
-                started = now  # the script has its whole patience after a pause
+                started = now  # the script has its whole timeout after a pause
             elif not (in_step and self.switch.awaits(seq)):
                 break
-            elif now - started >= self.switch.patience:
+            elif now - started >= self.switch.timeout:
                 self.switch.give_up()
                 self._report(
                     "operator", "the scripted operator does not answer: power stays as it is"
                 )
                 break
-            self._wait(max(started + self.switch.patience, now))
+            self._wait(max(started + self.switch.timeout, now))
         self._pace.start(self._clock())
 
     def _await_answer(self, seq: int) -> bool:
@@ -235,7 +235,7 @@ class Loop:
         if self.broken or self._interrupted:
             return self._await_in_real_time(seq)
         started = self._clock()
-        limit = self.config.command_timeout + self._watch.start_patience
+        limit = self.config.command_timeout + self._watch.start_timeout
         while not self._answers(seq):
             self._wait(started + limit)
             if self._interrupted:
@@ -254,7 +254,7 @@ class Loop:
         due = self._pace.next_due(now, 1.0)
         if now >= self._patience_due:
             self._patience_due = now + _BROKEN_PATIENCE_PERIOD
-            due = max(due, now + _BROKEN_PATIENCE)
+            due = max(due, now + _BROKEN_TIMEOUT)
         while not self._interrupted:
             waited = self._wait_until(due)
             if self._answers(seq):

@@ -23,7 +23,7 @@ DRIVES_TYPE = np.dtype(
         ("applied", float, 10),  # torques that act now, in Nm
         ("head", np.int64),  # row of the torques under way to fill next
         ("age", np.int64),  # physics steps since the last valid command
-        ("patience", np.int64),  # the same, after which the drives damp
+        ("timeout", np.int64),  # the same, after which the drives damp
         ("powered", np.int64),
         ("damped", np.int64),
     ]

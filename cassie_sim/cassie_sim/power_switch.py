@@ -9,7 +9,7 @@ from cassie_msgs.operators import Operators
 PERIOD = 10
 """Ticks between the commands of a scripted operator, and their lead."""
 
-PATIENCE = 0.3
+TIMEOUT = 0.3
 """Wall time that a scripted operator has to answer once it takes part. In s."""
 
 _SCRIPT_AGE = 0.5  # s of wall time without a word, after which another script may play
@@ -20,13 +20,13 @@ class PowerSwitch:
 
     A script answers state k with what holds from tick k + `PERIOD` on. The simulator waits for
     that answer where it needs it, so that the tick at which the switch moves does not depend
-    on the machine. A script that stays silent for its patience counts as lost: nothing waits
+    on the machine. A script that stays silent for its timeout counts as lost: nothing waits
     for it until it is heard again. The first writer of scripted commands is the script, until it
     is lost.
 
     Args:
         scripted: Whether a script is expected; then persons can only stop the robot.
-        start_patience: Wall time that the script has for its first answer. In s.
+        start_timeout: Wall time that the script has for its first answer. In s.
 
     Attributes:
         operators: Who speaks and who holds the lease.
@@ -34,9 +34,9 @@ class PowerSwitch:
         refused: Why the newest command does not count; empty if it does.
     """
 
-    def __init__(self, *, scripted: bool, start_patience: float) -> None:
+    def __init__(self, *, scripted: bool, start_timeout: float) -> None:
         self._scripted = scripted
-        self._start_patience = start_patience
+        self._start_patience = start_timeout
         self._planned: dict[int, bool] = {}
         self._wanted = False
         self._script, self._heard = b"", 0.0
@@ -98,12 +98,12 @@ class PowerSwitch:
         return (tick or PERIOD) not in self._planned
 
     @property
-    def patience(self) -> float:
+    def timeout(self) -> float:
         """How long to wait for the script. In s."""
-        return PATIENCE if self._script else self._start_patience
+        return TIMEOUT if self._script else self._start_patience
 
     def give_up(self) -> None:
-        """Wait no longer: the script did not answer within its patience."""
+        """Wait no longer: the script did not answer within its timeout."""
         self.lost = True
 
     def apply(self, tick: int) -> bool:

@@ -16,7 +16,7 @@ def answer(seq: int, *, episode: int = 7, power: bool = True) -> OperatorCommand
 
 
 def test_a_second_script_counts_once_the_first_has_been_silent() -> None:
-    switch = PowerSwitch(scripted=True, start_patience=1.0)
+    switch = PowerSwitch(scripted=True, start_timeout=1.0)
     switch.take(answer(0), A, 7, 0, now=1.0)
     switch.take(answer(10), B, 7, 10, now=1.2)
     assert switch.refused == "another script plays already"
@@ -27,7 +27,7 @@ def test_a_second_script_counts_once_the_first_has_been_silent() -> None:
 
 
 def test_an_answer_from_the_future_or_of_another_episode_is_not_planned() -> None:
-    switch = PowerSwitch(scripted=True, start_patience=1.0)
+    switch = PowerSwitch(scripted=True, start_timeout=1.0)
     switch.take(answer(2**62), A, 7, 100, now=1.0)
     assert switch.refused.startswith("effective_seq = 4611686018427387914 is outside 0 .. 110")
     switch.take(answer(0, episode=12345), A, 7, 0, now=1.0)
@@ -35,7 +35,7 @@ def test_an_answer_from_the_future_or_of_another_episode_is_not_planned() -> Non
 
 
 def test_a_script_that_nobody_expects_is_refused() -> None:
-    switch = PowerSwitch(scripted=False, start_patience=1.0)
+    switch = PowerSwitch(scripted=False, start_timeout=1.0)
     switch.take(answer(0, episode=12345), A, 7, 0, now=1.0)
     assert "no script is expected" in switch.refused
     assert not switch.apply(10)

@@ -19,7 +19,7 @@ from cassie_sim.scenes import scene_motion, scene_spec
 FloatArray = npt.NDArray[np.float64]
 
 
-class Puppet:
+class PosedModel:
     """The robot in its scene, put into the poses of a recording.
 
     Args:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, shortened
-from cassie_bags.report.poses import Puppet
+from cassie_bags.report.poses import PosedModel
 from cassie_bags.report.view import View
 from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track
@@ -93,14 +93,14 @@ def film_of(view: View, path: Path) -> Film:
     Raises:
         SimulationError: if this machine cannot render or write videos.
     """
-    track, puppet = view.track, Puppet(view.scenario)
+    track, posed = view.track, PosedModel(view.scenario)
     length = float(track.time[-1] - track.time[0])
     speed = max(1.0, math.ceil(length / VIDEO_LENGTH))
     count = max(1, round(length / speed * VIDEO_FPS))
-    film = Film(puppet.model, path, VIDEO_FPS)
+    film = Film(posed.model, path, VIDEO_FPS)
     try:
         for index in np.linspace(0, len(track.time) - 1, count).round().astype(int):
-            film.snap(puppet.pose(track, int(index)))
+            film.snap(posed.pose(track, int(index)))
     except BaseException:
         film.close(soon=True)
         raise
@@ -138,9 +138,9 @@ def _phase_at(phases: Sequence[Phase], time: float) -> str:
 
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
-    puppet = Puppet(scenario)
-    camera = Camera(puppet.model, width=270, height=360, fine=True)
+    posed = PosedModel(scenario)
+    camera = Camera(posed.model, width=270, height=360, fine=True)
     try:
-        return [camera.picture(puppet.pose(track, index)) for index in shown]
+        return [camera.picture(posed.pose(track, index)) for index in shown]
     finally:
         camera.close()

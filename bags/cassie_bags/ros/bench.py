@@ -60,7 +60,7 @@ TARGETS = {
 }
 
 _SETTLE = 1.0  # s of robot time at the start that do not count
-_PATIENCE = 120.0  # s of wall time for one run
+_TIMEOUT = 120.0  # s of wall time for one run
 _NODES = (
     "state_estimator",
     "gait_controller",
@@ -129,7 +129,7 @@ def _over_dds(
     experiment: Experiment, *, stack: bool = False, record: bool = False
 ) -> Mapping[str, npt.NDArray[Any]]:
     """The nodes as they are installed, the simulator with a stopwatch; what that one noted."""
-    from cassie_bags.ros.dds_run import START_PATIENCE, start_nodes, watch
+    from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
     from cassie_bags.ros.spectator import Spectator
 
     def play(folder: Path, processes: Processes, domain: int) -> None:
@@ -144,7 +144,7 @@ def _over_dds(
             processes.start("record", [recorder, "-o", folder / "bag.mcap"])
         start_nodes(experiment, folder, processes, {"simulator": program}, stack=stack)
         with Spectator(domain) as spectator:
-            spectator.resume(START_PATIENCE)
+            spectator.resume(START_TIMEOUT)
             watch(experiment, processes, spectator)
 
     return _timed(play)
@@ -204,11 +204,11 @@ def _default_executor(experiment: Experiment) -> dict[str, float]:
         for name in _NODES:
             module = "cassie_bags.ros.bench_executor"
             processes.start(name, [sys.executable, "-m", module, name, file, folder / "times.npz"])
-        deadline = time.monotonic() + _PATIENCE
+        deadline = time.monotonic() + _TIMEOUT
         while processes.running("simulator"):
             processes.check("simulator")
             if time.monotonic() > deadline:
-                raise TimeoutError(f"the default executor takes more than {_PATIENCE:g} s")
+                raise TimeoutError(f"the default executor takes more than {_TIMEOUT:g} s")
             time.sleep(0.05)
 
     sent = _timed(play)["sent"]

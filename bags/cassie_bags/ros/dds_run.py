@@ -29,10 +29,10 @@ from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
 from cassie_sim.simulator_config import SimulatorConfig
 
-START_PATIENCE = 90.0
+START_TIMEOUT = 90.0
 """Wall time in which every node must take part. In s."""
 
-STALL_PATIENCE = 90.0
+STALL_TIMEOUT = 90.0
 """Wall time for which robot time may stand still. In s."""
 
 _LOOK = 0.1  # s between two looks at the processes
@@ -81,7 +81,7 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
         start_nodes(experiment, folder, processes, stack=stack)
         with Spectator(domain) as spectator:
             _await_recorder(processes)
-            spectator.resume(START_PATIENCE)
+            spectator.resume(START_TIMEOUT)
             watch(experiment, processes, spectator)
         processes.stop("record")
         processes.check("record", "simulator")
@@ -174,12 +174,12 @@ def _await_recorder(processes: Processes) -> None:
     Raises:
         RunError: if a process ends, or it does not come about in time.
     """
-    deadline = time.monotonic() + START_PATIENCE
+    deadline = time.monotonic() + START_TIMEOUT
     while not processes.printed("record", COMPLETE):
         processes.check()
         if time.monotonic() > deadline:
             raise RunError(
-                f"after {START_PATIENCE:g} s not every topic of the control lane is published"
+                f"after {START_TIMEOUT:g} s not every topic of the control lane is published"
             )
         time.sleep(_LOOK / 5)
 
@@ -200,7 +200,7 @@ def watch(experiment: Experiment, processes: Processes, spectator: Spectator) ->
             if now > reached:
                 reached, since = now, time.monotonic()
                 bar.update(now - bar.n)
-            elif time.monotonic() - since > STALL_PATIENCE:
+            elif time.monotonic() - since > STALL_TIMEOUT:
                 raise RunError(f"robot time stands still at {reached:g} s")
             time.sleep(_LOOK)
     processes.check("simulator")

@@ -162,7 +162,7 @@ class Processes:
             *names: Which, in order; all if none is named.
         """
         chosen = {name: self._running[name] for name in names or tuple(self._running)}
-        for number, patience in (
+        for number, timeout in (
             (signal.SIGINT, GRACE),
             (signal.SIGTERM, 1.0),
             (signal.SIGKILL, GRACE),
@@ -171,7 +171,7 @@ class Processes:
             for process in alive:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, number)
-            if not alive or _all_end(alive, patience):
+            if not alive or _all_end(alive, timeout):
                 return
 
     def __enter__(self) -> Processes:
@@ -190,8 +190,8 @@ class Processes:
         return lines[-1] if lines else "it printed nothing"
 
 
-def _all_end(processes: Sequence[subprocess.Popen[bytes]], patience: float) -> bool:
-    deadline = time.monotonic() + patience
+def _all_end(processes: Sequence[subprocess.Popen[bytes]], timeout: float) -> bool:
+    deadline = time.monotonic() + timeout
     for process in processes:
         try:
             process.wait(max(0.0, deadline - time.monotonic()))

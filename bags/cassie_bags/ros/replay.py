@@ -67,7 +67,7 @@ class Replay(Node):
     def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
         super().__init__("replay")
         self._stop = stop
-        self._patience: float = arguments.wait
+        self._timeout: float = arguments.wait
         self._keys_wanted: bool = not arguments.disable_keyboard_controls
         messages = self._load(arguments.file, arguments.topics, arguments.commands)
         self._messages = messages
@@ -292,7 +292,7 @@ class Replay(Node):
 
     def _await_listeners(self) -> bool:
         """Wait until each topic has a subscriber, as long as asked for; False if stopped."""
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         while time.monotonic() < deadline:
             publishers = self._publishers_by_topic.values()
             if all(publisher.get_subscription_count() for publisher in publishers):

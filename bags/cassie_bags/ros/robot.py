@@ -25,7 +25,7 @@ from cassie_sim.scenes import SCENES
 ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """Wall time in which the robot must be ready. In s."""
 
 NODES = {
@@ -123,12 +123,12 @@ def _await_robot(processes: Processes, stop: threading.Event) -> bool:
             heard.set()
 
     node.create_subscription(SupervisorStatus, "/cassie/supervisor_status", listen, 10)
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     try:
         while not (heard.is_set() or stop.is_set()):
             processes.check()
             if time.monotonic() > deadline:
-                raise RunError(f"the robot is not ready after {PATIENCE:g} s")
+                raise RunError(f"the robot is not ready after {TIMEOUT:g} s")
             executor.spin_once(timeout_sec=_LOOK)
     finally:
         executor.shutdown()

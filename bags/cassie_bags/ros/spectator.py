@@ -40,22 +40,22 @@ class Spectator:
         self._pause = self._node.create_client(SetBool, _PAUSE_SERVICE)
         self._time = 0.0
 
-    def resume(self, patience: float) -> None:
+    def resume(self, timeout: float) -> None:
         """Have the simulator run.
 
         Args:
-            patience: Wall time in which it must answer. In s.
+            timeout: Wall time in which it must answer. In s.
 
         Raises:
             RunError: if it does not, or refuses.
         """
-        deadline = time.monotonic() + patience
-        if not self._pause.wait_for_service(patience):
-            raise RunError(f"the simulator offers no {_PAUSE_SERVICE} within {patience:g} s")
+        deadline = time.monotonic() + timeout
+        if not self._pause.wait_for_service(timeout):
+            raise RunError(f"the simulator offers no {_PAUSE_SERVICE} within {timeout:g} s")
         future = self._pause.call_async(SetBool.Request(data=False))
         self._executor.spin_until_future_complete(future, deadline - time.monotonic())
         if not future.done():
-            raise RunError(f"{_PAUSE_SERVICE} does not answer within {patience:g} s")
+            raise RunError(f"{_PAUSE_SERVICE} does not answer within {timeout:g} s")
         answer = future.result()
         if answer is None or not answer.success:
             raise RunError(f"the simulator does not start: {answer and answer.message}")

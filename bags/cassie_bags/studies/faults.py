@@ -137,7 +137,7 @@ class _FaultyPlant:
         return sample
 
 
-class Fate:
+class FaultOutcome:
     """What becomes of it, tick by tick.
 
     Drives that damp let it sink down, which is no fall; damping that comes after a fall is one.
@@ -161,7 +161,7 @@ class Fate:
         return "stands" if standing else "goes on"
 
 
-class Rehearsal:
+class PreparedRun:
     """A run up to the moment at which a sensor fails.
 
     Args:
@@ -213,7 +213,7 @@ class Rehearsal:
         plant.also = [self._fault(other, kind) for other in also]
         plant.error = lambda truth, sample: error_of(channel, truth, sample)
         seen: dict[str, float] = {}
-        fate = Fate()
+        watched = FaultOutcome()
         exceeded: float | None = None
 
         def look(time: float) -> None:
@@ -222,13 +222,13 @@ class Rehearsal:
                 seen.setdefault(name.partition(" ")[0], time)
             position, (_, x, y, _) = plant.pelvis_pose
             tilt = math.acos(1.0 - 2.0 * float(x * x + y * y))
-            fate.note(float(position[2]), tilt, damped=not self._command.kp.any())
+            watched.note(float(position[2]), tilt, damped=not self._command.kp.any())
             if exceeded is None and plant.largest > BOUNDS[what]:
                 exceeded = time
 
         self._run(AFTER, look)
         reported = seen.pop(channel, None)
-        outcome = fate.outcome(standing=self._controller.activity.value == "standing")
+        outcome = watched.outcome(standing=self._controller.activity.value == "standing")
         return Cell(channel, kind, self._mode, exceeded, reported, tuple(seen), outcome)
 
 
@@ -263,13 +263,13 @@ def run_table(
         also: Channels that fail along with each.
     """
     for mode in modes:
-        rehearsal = Rehearsal(mode, seed)
+        prepared = PreparedRun(mode, seed)
         faults = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
-        yield from in_copies(functools.partial(_fail, rehearsal), faults, jobs)
+        yield from in_copies(functools.partial(_fail, prepared), faults, jobs)
 
 
-def _fail(rehearsal: Rehearsal, fault: tuple[str, str, tuple[str, ...]]) -> Cell:
-    return rehearsal.fail(*fault)
+def _fail(prepared: PreparedRun, fault: tuple[str, str, tuple[str, ...]]) -> Cell:
+    return prepared.fail(*fault)
 
 
 def all_channels() -> tuple[str, ...]:

@@ -42,7 +42,7 @@ DELAYS = (0.0, 0.2)
 PUSH_TIME = 0.1
 """Duration of a push. In s."""
 
-WHISPER = 0.01
+NOISE_SHARE = 0.01
 """Share of the push with which the noise is measured: of ticks, contacts and the estimator."""
 
 STEPS = 14
@@ -238,7 +238,7 @@ def measure(
     """
     pushes = [((0.0, 0.0), 0.0)]
     pushes += [((impulse * x, impulse * y), delay) for delay in DELAYS for x, y in IMPULSES]
-    pushes.append(((WHISPER * impulse, WHISPER * impulse), DELAYS[0]))
+    pushes.append(((NOISE_SHARE * impulse, NOISE_SHARE * impulse), DELAYS[0]))
     runs: list[Touchdowns] = []
     walk = Walk(experiment, speed)
     for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):

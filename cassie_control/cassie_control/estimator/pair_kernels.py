@@ -26,7 +26,7 @@ _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
 _DELAYED = 0.4  # of it, from which on its sign counts
-_PATIENCE = 0.03  # s, to see which of a pair is late
+_TIMEOUT = 0.03  # s, to see which of a pair is late
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
 _SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
@@ -163,7 +163,7 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
     if known:
         return
     kind = matched if matched >= 0 else _blame(watch, i)
-    if kind < 0 and watch.unclear[i] < _PATIENCE:
+    if kind < 0 and watch.unclear[i] < _TIMEOUT:
         watch.unclear[i] += limit.period
         return
     if kind < 0:

@@ -14,7 +14,7 @@ from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.process import Stop
 from cassie_msgs.tunables import tunable
 
-START_PATIENCE = 10.0
+START_TIMEOUT = 10.0
 """Wall time that the other nodes have to appear. In s."""
 
 LOOK_PERIOD = 0.1

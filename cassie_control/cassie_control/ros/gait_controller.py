@@ -14,7 +14,7 @@ from cassie_control.guarded import GuardedController
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     SILENT_AFTER,
-    START_PATIENCE,
+    START_TIMEOUT,
     Conditions,
     LaneConfig,
     RateCheck,
@@ -122,7 +122,7 @@ class GaitControllerNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = self._status_reply = b""
-        self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
         self._told_irregular: Irregular | None = None
         self._left_over = False  # a state that is loaded, for the main thread to answer
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from cassie_control.ros.common import START_PATIENCE, Conditions
+from cassie_control.ros.common import START_TIMEOUT, Conditions
 from cassie_control.schedule import ModeInForce, refusal
 from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
@@ -112,8 +112,8 @@ class ModeSource:
         return mode
 
     def _wait(self, tick: int) -> None:
-        patience = ModeInForce.PATIENCE if self._heard else START_PATIENCE
-        deadline = time.monotonic() + patience
+        timeout = ModeInForce.TIMEOUT if self._heard else START_TIMEOUT
+        deadline = time.monotonic() + timeout
         while (left := deadline - time.monotonic()) > 0.0:
             self._waiter.wait(left)
             self._take()

@@ -22,10 +22,10 @@ from cassie_msgs.ros.fast_lane import (
 )
 from cassie_msgs.ros.process import Stop
 
-SCRIPT_PATIENCE = 0.3
+SCRIPT_TIMEOUT = 0.3
 """Wall time that a script has to answer a state. In s."""
 
-START_PATIENCE = 8.0
+START_TIMEOUT = 8.0
 """Wall time that a script has for its first answer. In s."""
 
 SCRIPT_AGE = 0.5
@@ -151,7 +151,7 @@ class OperatorSource:
         return self._arrived >= 0.0 and int(self._command.seq) == seq
 
     def _wait(self, seq: int) -> None:
-        deadline = time.monotonic() + (SCRIPT_PATIENCE if self._script else START_PATIENCE)
+        deadline = time.monotonic() + (SCRIPT_TIMEOUT if self._script else START_TIMEOUT)
         while (left := deadline - time.monotonic()) > 0.0 and not self._stop.requested:
             self._waiter.wait(left)
             self._take()

@@ -12,7 +12,7 @@ from cassie_control.guarded import BRIDGED, GuardedEstimator
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     SILENT_AFTER,
-    START_PATIENCE,
+    START_TIMEOUT,
     Conditions,
     LaneConfig,
     RateCheck,
@@ -81,7 +81,7 @@ class StateEstimator(Node):
         self._told: tuple[str, ...] = ()
         self._starts = 0
         self._reply = b""
-        self._silence = Silence(SILENT_AFTER, START_PATIENCE, time.monotonic())
+        self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
 
     def loop(self) -> None:
         """Answer samples until stopped, in the thread that receives them."""

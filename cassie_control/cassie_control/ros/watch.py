@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from cassie_control.ros.common import SILENT_AFTER, START_PATIENCE, Conditions
+from cassie_control.ros.common import SILENT_AFTER, START_TIMEOUT, Conditions
 from cassie_control.silence import Silence
 from cassie_msgs.layout import ControllerStatus
 from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LaneSubscription, RawSubscription
@@ -39,9 +39,9 @@ class Watch:
             node, ControllerStatus, qos=NEWEST_OF_ONE, guard=self.controller
         )
         now = time.monotonic()
-        self._simulator = Silence(SILENT_AFTER, START_PATIENCE, now)
-        self._estimator = Silence(ANSWER_AFTER, START_PATIENCE, now)
-        self._controller = Silence(ANSWER_AFTER, START_PATIENCE, now)
+        self._simulator = Silence(SILENT_AFTER, START_TIMEOUT, now)
+        self._estimator = Silence(ANSWER_AFTER, START_TIMEOUT, now)
+        self._controller = Silence(ANSWER_AFTER, START_TIMEOUT, now)
         self.faults: tuple[str, ...] = ()
         self._looked = self._moved = now
         self._robot_time = b""

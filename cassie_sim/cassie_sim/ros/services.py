@@ -18,7 +18,7 @@ from cassie_sim.plant import Plant
 from cassie_sim.scenario import STARTS, Draw
 
 T = TypeVar("T")
-_PATIENCE = 10.0  # s; the loop looks at requests between ticks and while it waits
+_TIMEOUT = 10.0  # s; the loop looks at requests between ticks and while it waits
 
 
 class Services:
@@ -64,9 +64,9 @@ class Services:
             return f"{request.ticks} ticks done"
 
         response = self._answer(response, allow)
-        if response.success and not loop.credit_spent.wait(_PATIENCE):
+        if response.success and not loop.credit_spent.wait(_TIMEOUT):
             response.success = False
-            response.message = f"after {_PATIENCE:g} s {loop.credit} ticks are still to run"
+            response.message = f"after {_TIMEOUT:g} s {loop.credit} ticks are still to run"
         response.seq = loop.plant.seq
         return response
 
@@ -92,12 +92,12 @@ class Services:
     def _answer(self, response: Any, action: Callable[[], str]) -> Any:
         """Have the loop do it; the outcome or the reason why not goes into the response."""
         try:
-            response.message = self._loop.requests.call(action).result(timeout=_PATIENCE)
+            response.message = self._loop.requests.call(action).result(timeout=_TIMEOUT)
             response.success = True
             self._logger.info(response.message)
         except (ValueError, FutureTimeout) as error:
             response.success = False
-            response.message = str(error) or f"the loop did not answer within {_PATIENCE:g} s"
+            response.message = str(error) or f"the loop did not answer within {_TIMEOUT:g} s"
             self._logger.warning(f"request refused: {response.message}")
         return response
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-_PATIENCE = 10.0  # s, for a recorder to write the end of its bag
+_TIMEOUT = 10.0  # s, for a recorder to write the end of its bag
 
 
 class Recorder:
@@ -62,7 +62,7 @@ class Recorder:
             return
         self._process.send_signal(signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_PATIENCE)
+            self._process.wait(_TIMEOUT)
 
     def _start(self) -> None:
         if self._program is None:

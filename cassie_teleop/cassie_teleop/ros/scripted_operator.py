@@ -31,7 +31,7 @@ from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
 _TRUTH = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD
 )
-_SIGHT_PATIENCE = 0.5  # s of wall time for which an answer waits for what the rider sees
+_SIGHT_TIMEOUT = 0.5  # s of wall time for which an answer waits for what the rider sees
 _SILENCE = 1.0  # s of wall time without a state, from which it is reported
 
 
@@ -109,7 +109,7 @@ class ScriptedOperatorNode(Node):
         """Take in what the rider sees; wait for what he must have seen, but not for long."""
         if self._eyes is None:
             return
-        deadline = time.monotonic() + _SIGHT_PATIENCE
+        deadline = time.monotonic() + _SIGHT_TIMEOUT
         while True:
             while (raw := self._eyes.take_raw()) is not None:
                 self._operator.watch(sight.stamp_of(raw), raw)

@@ -30,7 +30,7 @@ from cassie_teleop.script import ScriptedOperator
 
 ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
 
-CONTROLLER_PATIENCE = 0.7
+CONTROLLER_TIMEOUT = 0.7
 """Silence of the controller after which the supervisor counts it as lost. In s."""
 
 _LOOK = 25  # ticks between looks at whether the robot has fallen
@@ -108,7 +108,7 @@ class WallPaced:
         self.charge = 1.0
         self.modes: list[tuple[float, Mode]] = []
         self._truth = ground_truth.GroundTruth()
-        self._switch = PowerSwitch(scripted=False, start_patience=0.0)
+        self._switch = PowerSwitch(scripted=False, start_timeout=0.0)
         self._operators = Operators()
         self._estimator = GuardedEstimator(cores.estimator, round(BRIDGED / self.period))
         self._controller = GuardedController(cores.controller)
@@ -229,7 +229,7 @@ class WallPaced:
         self._operators.follow(int(self._state.operator_lease))
         held = self._operators.command(self.now)
         silence = (self.plant.seq - self._spoken) * self.period
-        mode = self._supervisor.step(self._state, held, silence > CONTROLLER_PATIENCE)
+        mode = self._supervisor.step(self._state, held, silence > CONTROLLER_TIMEOUT)
         self._in_force.table.add(mode)
         kept = Mode()
         kept.copy_from(mode)

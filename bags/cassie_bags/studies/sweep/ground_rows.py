@@ -17,7 +17,7 @@ SPEED = 0.3
 DISTANCE = 10.0
 """Over which they must be. In m."""
 
-PATIENCE = 2.0
+TIME_FACTOR = 2.0
 """Longest time for a distance, by that at the commanded speed; and shortest, one by it."""
 
 _LEVEL_PART = 1.0
@@ -34,7 +34,7 @@ def across(
 ) -> list[Trial]:
     """Walking over a scene for a distance beyond its level part."""
     ahead = _LEVEL_PART + distance
-    end = COMMAND_AT + PATIENCE * ahead / SPEED
+    end = COMMAND_AT + TIME_FACTOR * ahead / SPEED
     return [
         walk(
             budget,
@@ -52,7 +52,7 @@ def across(
 def got_across(figures: Figures, distance: float = DISTANCE) -> bool:
     """Whether a robot went all the way, and did not run away on it."""
     ahead = _LEVEL_PART + distance
-    return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / SPEED / PATIENCE
+    return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / SPEED / TIME_FACTOR
 
 
 def _slopes() -> list[Row]:
