@@ -492,7 +492,7 @@ def _follow(
     episode = -1
     heard: set[bytes] = set()
     not_followed: list[Key] = []
-    rows = lane.rows[kind.TOPIC]
+    rows = sorted(lane.rows[kind.TOPIC], key=_key)  # a bag is in order of time, not of ticks
     for number, raw in enumerate(rows):
         if number % 1000 == 0:
             watch(number)
