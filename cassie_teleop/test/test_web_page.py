@@ -5,7 +5,7 @@ import time
 from contextlib import contextmanager
 
 import pytest
-from console_peers import Robot, WebConsole
+from console_peers import Robot, WebConsole, again_after_a_lost_link
 from mcap.reader import make_reader
 from slow_wire import SlowWire
 
@@ -90,10 +90,12 @@ def driver_of(browser, robot, address, size=DESKTOP, **options):
     context = browser.new_context(viewport=size, **options)
     context.add_init_script(PAD)
     driver = Driver(context.new_page(), robot)
-    driver.open(address)
-    yield driver
-    assert driver.errors == []
-    context.close()
+    try:
+        driver.open(address)
+        yield driver
+        assert driver.errors == []
+    finally:
+        context.close()
 
 
 def middle(locator):
@@ -101,6 +103,7 @@ def middle(locator):
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+@again_after_a_lost_link
 def test_sticks_are_driven_by_mouse_and_letting_go_is_stop(browser, robot, console):
     with driver_of(browser, robot, console.address) as driver:
         driver.drive()
@@ -123,6 +126,7 @@ def test_sticks_are_driven_by_mouse_and_letting_go_is_stop(browser, robot, conso
         robot.command(lambda c: c.yaw_rate == 0.0)
 
 
+@again_after_a_lost_link
 def test_two_fingers_move_both_sticks(browser, robot, console):
     phone = {"size": PHONES["portrait"], "has_touch": True, "is_mobile": True}
     with driver_of(browser, robot, console.address, **phone) as driver:
@@ -144,6 +148,7 @@ def test_two_fingers_move_both_sticks(browser, robot, console):
         robot.command(lambda c: c.vx == 0.0 and c.yaw_rate == 0.0)
 
 
+@again_after_a_lost_link
 def test_keys_drive_while_they_are_held_and_a_lost_focus_lets_go(browser, robot, console):
     with driver_of(browser, robot, console.address) as driver:
         driver.drive()
@@ -162,6 +167,7 @@ def test_keys_drive_while_they_are_held_and_a_lost_focus_lets_go(browser, robot,
         robot.command(lambda c: c.mode == RobotMode.STAND)
 
 
+@again_after_a_lost_link
 def test_a_gamepad_drives_and_its_button_stops(browser, robot, console):
     with driver_of(browser, robot, console.address) as driver:
         driver.drive(mode="stand")
@@ -179,6 +185,7 @@ def test_a_gamepad_drives_and_its_button_stops(browser, robot, console):
 
 
 @pytest.mark.parametrize("how", ["button", "Escape", "o"])
+@again_after_a_lost_link
 def test_the_emergency_stop_works_from_a_page_that_looks_on(browser, robot, console, how):
     with driver_of(browser, robot, console.address) as driver:
         if how == "button":
@@ -189,6 +196,7 @@ def test_the_emergency_stop_works_from_a_page_that_looks_on(browser, robot, cons
 
 
 @pytest.mark.parametrize("how", ["cut", "slow", "hidden", "asleep"])
+@again_after_a_lost_link
 def test_a_link_that_is_cut_or_late_a_hidden_and_a_sleeping_page_stop_it(
     browser, robot, console, how
 ):
@@ -220,6 +228,7 @@ def test_a_link_that_is_cut_or_late_a_hidden_and_a_sleeping_page_stop_it(
             assert driver.page.locator("#offline").is_visible()
 
 
+@again_after_a_lost_link
 def test_a_second_page_looks_on_and_is_told_who_drives(browser, robot, console):
     with (
         driver_of(browser, robot, console.address) as first,
@@ -236,6 +245,7 @@ def test_a_second_page_looks_on_and_is_told_who_drives(browser, robot, console):
         assert first.text("driver") == "you drive"
 
 
+@again_after_a_lost_link
 def test_a_page_that_looks_on_can_record(browser, robot, tmp_path):
     with (
         WebConsole("-p", f"bags:={tmp_path}") as console,
@@ -256,6 +266,7 @@ def test_a_page_that_looks_on_can_record(browser, robot, tmp_path):
     assert {RobotState.TOPIC, "/cassie/supervisor_status"} <= topics
 
 
+@again_after_a_lost_link
 def test_words_say_what_the_robot_waits_for(browser, robot, console):
     robot.status.faults = ["left knee is warm"]
     with driver_of(browser, robot, console.address) as driver:
@@ -268,6 +279,7 @@ def test_words_say_what_the_robot_waits_for(browser, robot, console):
 
 
 @pytest.mark.parametrize("orientation", PHONES)
+@again_after_a_lost_link
 def test_on_a_phone_everything_is_in_view_and_nothing_covers_the_stop(
     browser, robot, console, orientation
 ):
