@@ -14,7 +14,6 @@ import numpy as np
 
 from cassie_control.errors import ControlError, SensorError
 from cassie_control.estimator.channels import no_estimate
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_control.supervisor.status import SupervisorStatus, damped
 from cassie_gaits.errors import CassieError
 from cassie_msgs.layout import (
@@ -27,6 +26,7 @@ from cassie_msgs.layout import (
     Sample,
     Sensors,
 )
+from cassie_msgs.schedule import PERIOD_TICKS
 
 SampleT = TypeVar("SampleT", bound=Sample)
 

@@ -10,12 +10,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import Mode, RobotMode
-
-STATUS_TICKS = 5
-"""The controller publishes its status on every so many ticks."""
+from cassie_msgs.schedule import PERIOD_TICKS
 
 LEAD = 1000
 """Control ticks by which a mode, or a script's answer, may be ahead of whoever receives it."""

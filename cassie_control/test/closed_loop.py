@@ -13,11 +13,12 @@ from cassie_control.controller.gait_controller import GaitController
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEGS
 from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.scenario import Scenario
 

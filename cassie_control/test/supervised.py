@@ -5,8 +5,9 @@ from __future__ import annotations
 from robot_states import leg_joints, state_of
 
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode
+from cassie_msgs.schedule import PERIOD_TICKS
 
 CONFIG = SupervisorConfig()
 PERIOD = 0.002 * PERIOD_TICKS

@@ -24,7 +24,7 @@ REPEAT_PERIOD = 0.5
 """Wall time after which an unanswered sample is sent again. In s."""
 
 _BROKEN_TIMEOUT = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
-_BROKEN_PATIENCE_PERIOD = 0.1
+_BROKEN_PERIOD = 0.1
 
 
 class Loop:
@@ -253,7 +253,7 @@ class Loop:
         now = self._clock()
         due = self._pace.next_due(now, 1.0)
         if now >= self._patience_due:
-            self._patience_due = now + _BROKEN_PATIENCE_PERIOD
+            self._patience_due = now + _BROKEN_PERIOD
             due = max(due, now + _BROKEN_TIMEOUT)
         while not self._interrupted:
             waited = self._wait_until(due)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import Operators
-
-PERIOD = 10
-"""Ticks between the commands of a scripted operator, and their lead."""
+from cassie_msgs.schedule import PERIOD_TICKS
 
 TIMEOUT = 0.3
 """Wall time that a scripted operator has to answer once it takes part. In s."""
@@ -18,11 +16,10 @@ _SCRIPT_AGE = 0.5  # s of wall time without a word, after which another script m
 class PowerSwitch:
     """Switches at once for a person, at `effective_seq` for a script.
 
-    A script answers state k with what holds from tick k + `PERIOD` on. The simulator waits for
-    that answer where it needs it, so that the tick at which the switch moves does not depend
-    on the machine. A script that stays silent for its timeout counts as lost: nothing waits
-    for it until it is heard again. The first writer of scripted commands is the script, until it
-    is lost.
+    A script answers state k with what holds from tick k + `PERIOD_TICKS` on. The simulator waits
+    for that answer where it needs it, so that the tick at which the switch moves does not depend on
+    the machine. A script that stays silent for its time-out counts as lost: nothing waits for it
+    until it is heard again. The first writer of scripted commands is the script, until it is lost.
 
     Args:
         scripted: Whether a script is expected; then persons can only stop the robot.
@@ -79,7 +76,7 @@ class PowerSwitch:
             effective = int(command.effective_seq)
             # An answer that comes late still holds, from then on; the latest is one to the state
             # just sent.
-            self.refused = outside("effective_seq", effective, 0, tick + PERIOD)
+            self.refused = outside("effective_seq", effective, 0, tick + PERIOD_TICKS)
             if not self.refused:
                 self._planned[effective] = bool(command.power)
                 self._script, self._heard = writer, now
@@ -92,10 +89,10 @@ class PowerSwitch:
 
     def awaits(self, tick: int) -> bool:
         """Whether this tick may not run before the script has answered."""
-        if not self._scripted or self.lost or tick % PERIOD:
+        if not self._scripted or self.lost or tick % PERIOD_TICKS:
             return False
         # At the start the script proves that it takes part, before robot time passes.
-        return (tick or PERIOD) not in self._planned
+        return (tick or PERIOD_TICKS) not in self._planned
 
     @property
     def timeout(self) -> float:

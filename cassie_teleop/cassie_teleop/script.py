@@ -23,6 +23,7 @@ from typing import Any
 
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.operators import write_sender
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import names, replace_checked, unknown_name
 from cassie_teleop.rider import Rider
@@ -30,7 +31,6 @@ from cassie_teleop.rider_config import read_rider
 from cassie_teleop.sight import Sight, see
 from cassie_teleop.wish import Wish, write
 
-PERIOD = 10  # ticks between commands, and from a command to its effect
 _KEYS = ("t", *names(Wish))
 
 
@@ -138,7 +138,7 @@ class ScriptedOperator:
         return self._command
 
     def answer(self, state: RobotState) -> OperatorCommand:
-        """The whole command that answers a state, in force `PERIOD` ticks on.
+        """The whole command that answers a state, in force `PERIOD_TICKS` ticks on.
 
         Returns:
             Owned by this object and valid until the next call.
@@ -147,7 +147,7 @@ class ScriptedOperator:
         if self.rider is not None:
             self._ride(self.rider, state.stamp_ns, command)
         command.answer(state)
-        command.effective_seq[...] = int(state.seq) + PERIOD
+        command.effective_seq[...] = int(state.seq) + PERIOD_TICKS
         return command
 
     def _ride(self, rider: Rider, stamp_ns: int, command: OperatorCommand) -> None:

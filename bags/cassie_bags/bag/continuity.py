@@ -16,13 +16,14 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
+from cassie_msgs.schedule import PERIOD_TICKS
 
 SEQ_STEP: dict[str, int] = {
     Sensors.TOPIC: 1,
     RobotState.TOPIC: 1,
     MotorCommand.TOPIC: 1,
-    Mode.TOPIC: 10,
-    OperatorCommand.TOPIC: 10,
+    Mode.TOPIC: PERIOD_TICKS,
+    OperatorCommand.TOPIC: PERIOD_TICKS,
 }
 """By how much `seq` rises from one message to the next, per topic."""
 

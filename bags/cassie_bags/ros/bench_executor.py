@@ -29,7 +29,7 @@ from cassie_bags.run.seed import resolve
 from cassie_control.schedule import ModeTable
 from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors
-from cassie_sim.power_switch import PERIOD
+from cassie_msgs.schedule import PERIOD_TICKS
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
@@ -118,7 +118,7 @@ class Operator(LoopNode):
         self.takes(RobotState, self._answer)
 
     def _answer(self, state: RobotState) -> None:
-        if int(state.seq) % PERIOD == 0:
+        if int(state.seq) % PERIOD_TICKS == 0:
             self._send(self._operate(state))
 
 
@@ -138,7 +138,7 @@ class Supervisor(LoopNode):
         self.takes(OperatorCommand, self._take_operator)
 
     def _take_state(self, state: RobotState) -> None:
-        if int(state.seq) % PERIOD == 0:
+        if int(state.seq) % PERIOD_TICKS == 0:
             self._states[int(state.seq)] = copied(state)
             self._answer()
 
@@ -212,7 +212,7 @@ class Simulator(LoopNode):
         plant = self.cores.plant
         if int(command.seq) != plant.seq:
             return
-        plant.power(self._power.get(plant.seq - plant.seq % PERIOD, False))
+        plant.power(self._power.get(plant.seq - plant.seq % PERIOD_TICKS, False))
         plant.step(command)
         self.times.append(time.perf_counter())
         if plant.seq >= self._ticks:

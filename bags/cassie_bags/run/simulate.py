@@ -18,12 +18,11 @@ from cassie_control.guarded import (
     GuardedSupervisor,
     Supervisor,
 )
-from cassie_control.schedule import STATUS_TICKS
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
+from cassie_msgs.schedule import PERIOD_TICKS, STATUS_TICKS
 from cassie_sim import ground_truth
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import Plant
-from cassie_sim.power_switch import PERIOD
 from cassie_sim.segway_truth import SegwayTruth
 from cassie_teleop.script import ScriptedOperator
 
@@ -87,7 +86,7 @@ class Loop:
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
         self._note("state_estimator", self._estimator.problem, stamp)
-        if seq % PERIOD == 0:
+        if seq % PERIOD_TICKS == 0:
             self._answer(state, stamp)
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)

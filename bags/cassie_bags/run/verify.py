@@ -42,7 +42,7 @@ from cassie_control.guarded import (
 )
 from cassie_control.schedule import StopAndStand
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library_file import PACKAGED, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
 from cassie_msgs.layout import (
@@ -54,6 +54,7 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
 Key = tuple[int, int]

@@ -22,7 +22,6 @@ from cassie_control.ros.common import (
 )
 from cassie_control.ros.mode_source import Irregular, ModeSource
 from cassie_control.ros.node_events import NodeEvents
-from cassie_control.schedule import STATUS_TICKS
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
@@ -40,6 +39,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.schedule import STATUS_TICKS
 from cassie_msgs.tunables import tunable
 
 LATE = 0.01

@@ -9,11 +9,11 @@ from rclpy.node import Node
 
 from cassie_control.ros.common import START_TIMEOUT, Conditions
 from cassie_control.schedule import ModeInForce, refusal
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, LocalTopic
 from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
+from cassie_msgs.schedule import PERIOD_TICKS
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from cassie_control.ros.operator_source import CommandInForce, OperatorSource
 from cassie_control.ros.supervisor_status import StatusTopic
 from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS, ModeSupervisor
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
@@ -23,6 +23,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import tunable
 
 

@@ -9,7 +9,6 @@ from rclpy.node import Node
 
 from cassie_control.ros.common import Conditions
 from cassie_control.schedule import LEAD
-from cassie_control.supervisor.mode_supervisor import PERIOD_TICKS
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.operators import Operators, Refusals, sender_of
@@ -21,6 +20,7 @@ from cassie_msgs.ros.fast_lane import (
     take_from_each,
 )
 from cassie_msgs.ros.process import Stop
+from cassie_msgs.schedule import PERIOD_TICKS
 
 SCRIPT_TIMEOUT = 0.3
 """Wall time that a script has to answer a state. In s."""

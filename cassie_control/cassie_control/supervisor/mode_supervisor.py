@@ -27,9 +27,7 @@ from cassie_control.supervisor.set_points import (
 from cassie_control.supervisor.status import SupervisorStatus, faults
 from cassie_gaits import robot
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
-
-PERIOD_TICKS = 10
-"""The supervisor answers every so many states, and an answer holds so many ticks later."""
+from cassie_msgs.schedule import PERIOD_TICKS
 
 _WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.

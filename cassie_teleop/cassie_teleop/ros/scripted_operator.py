@@ -23,13 +23,14 @@ from cassie_msgs.ros.fast_lane import (
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
-from cassie_teleop.script import PERIOD, ScriptedOperator, read_script
+from cassie_teleop.script import ScriptedOperator, read_script
 
 # Every one counts for a rider, who looks at some of them by their time.
 _TRUTH = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD_TICKS
 )
 _SIGHT_TIMEOUT = 0.5  # s of wall time for which an answer waits for what the rider sees
 _SILENCE = 1.0  # s of wall time without a state, from which it is reported
@@ -79,7 +80,7 @@ class ScriptedOperatorNode(Node):
         while not self._stop.requested:
             if self._waiter.wait(_SILENCE / 2):
                 heard = time.monotonic()
-                for raw in self._states.take_last(5 * PERIOD):
+                for raw in self._states.take_last(5 * PERIOD_TICKS):
                     self._answer(raw)
                 self._diagnostics.set("script", diagnostics.OK, "playing")
             elif time.monotonic() - heard > _SILENCE:
@@ -92,7 +93,7 @@ class ScriptedOperatorNode(Node):
 
     def _answer(self, raw: bytes) -> None:
         _, _, episode, seq = header(raw)
-        if seq % PERIOD:
+        if seq % PERIOD_TICKS:
             return
         if (episode, seq) != self._answered:
             if episode != self._answered[0]:

@@ -24,8 +24,9 @@ from cassie_control.guarded import (
 from cassie_control.schedule import ModeInForce
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.operators import Operators, write_sender
+from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_sim import ground_truth, orders
-from cassie_sim.power_switch import PERIOD, PowerSwitch
+from cassie_sim.power_switch import PowerSwitch
 from cassie_teleop.script import ScriptedOperator
 
 ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
@@ -199,7 +200,7 @@ class WallPaced:
             self.person.script.watch(seq * plant.tick_ns, self._truth.write(plant))
         if ESTIMATOR not in self.silent:
             self._state = self._estimator.step(sample)
-        if seq % PERIOD == 0:
+        if seq % PERIOD_TICKS == 0:
             self._hear(seq)
             if not {ESTIMATOR, SUPERVISOR} & self.silent:
                 self._supervise()
