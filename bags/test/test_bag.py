@@ -248,6 +248,21 @@ def test_a_late_recording_begins_at_the_robots_time():
     assert clock.time_of("/robot_description", b"", 10**9) == 30_500_000_000
 
 
+def test_the_last_message_of_an_episode_keeps_its_time_behind_the_first_of_the_next():
+    clock, sample = RobotClock(), RobotState()
+
+    def time_of(episode: int, stamp_ns: int) -> int:
+        sample.episode[...], sample.stamp_ns = episode, stamp_ns
+        return clock.time_of(RobotState.TOPIC, sample.to_bytes(), 0)
+
+    assert [time_of(7, stamp) for stamp in (0, 2_000_000, 4_000_000)] == [0, 2_000_000, 4_000_000]
+    assert time_of(8, 0) == 4_000_000
+    assert time_of(8, 2_000_000) == 6_000_000
+    assert time_of(7, 6_000_000) == 6_000_000
+    assert time_of(6, 9_000_000) == clock.now == 6_000_000  # of an episode that was not heard of
+    assert time_of(8, 4_000_000) == 8_000_000
+
+
 def test_without_a_robot_time_runs_as_the_wall_clock():
     clock = RobotClock()
     clock.run_on_wall(5_000)

@@ -35,6 +35,7 @@ class RobotClock:
         self.now = 0
         self.known = False
         self._start = 0
+        self._starts: dict[int, int] = {}  # of each episode
         self._episode: int | None = None
         self._wall_start: int | None = None
 
@@ -72,8 +73,10 @@ class RobotClock:
         elif episode > self._episode:
             self._start = self.now
             self._episode = episode
-        elif episode < self._episode:
-            return self.now  # a late message of the episode before
+        elif episode < self._episode:  # a late message of an episode before
+            start = self._starts.get(episode)
+            return self.now if start is None else start + stamp
+        self._starts[episode] = self._start
         time: int = self._start + stamp
         self.now = max(self.now, time)
         return time
