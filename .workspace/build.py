@@ -96,9 +96,10 @@ def bring_up_workspace(venv_stamp: str) -> bool:
     if old[0] != venv_stamp:  # CMake caches of another environment are of no use
         shutil.rmtree(ROOT / "install", ignore_errors=True)
         for package in packages():  # the rest of build/ are somebody's results
-            name = "cassie_bags" if package == "bags" else Path(package).name
-            shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
+            shutil.rmtree(ROOT / "build" / package_name(package), ignore_errors=True)
     record.unlink(missing_ok=True)
+    for name in map(package_name, PACKAGES):  # programs that are no more would stay
+        shutil.rmtree(ROOT / "install" / name / "lib" / name, ignore_errors=True)
     print("make build: building the packages with colcon")
     build_packages(ROOT, "--symlink-install")
     record.write_text(f"{venv_stamp} {stamp}")
@@ -129,6 +130,11 @@ def packages() -> tuple[str, ...]:
     """Folders of the packages to build."""
     in_environment = VENV / "share/ament_index/resource_index/packages/tf2_msgs"
     return PACKAGES if in_environment.exists() else (TF2_MSGS, *PACKAGES)
+
+
+def package_name(folder: str) -> str:
+    """Name of the package in a folder."""
+    return "cassie_bags" if folder == "bags" else Path(folder).name
 
 
 def compile_kernels(venv_stamp: str) -> None:

@@ -30,8 +30,8 @@ def drive(command: Sample, number: int) -> None:
     assert isinstance(command, OperatorCommand)
     command.power[...] = command.link[...] = True
     command.height[...] = 0.9 + 0.05 * math.sin(0.01 * number)
-    command.mode[...] = int(RobotMode.STAND if number < 400 else RobotMode.WALK)
-    if number > 450:
+    command.mode[...] = int(RobotMode.STAND if number < 300 else RobotMode.WALK)
+    if number > 350:
         command.vx[...] = 0.3 * math.sin(0.01 * number)
         command.yaw_rate[...] = 0.2 * math.cos(0.03 * number)
 
@@ -57,8 +57,10 @@ def test_a_drive_by_hand_with_changes_of_parameters_gives_the_same_bits(
             for node, (name, value) in CHANGES.items():
                 words = ["ros2", "param", "set", f"/{node}", name, value]
                 subprocess.run(words, env=environment(robot.domain), check=True, timeout=60)
-            end = eyes.tick + 3000
-            eyes.wait_for(lambda: eyes.tick >= end, "six seconds of robot time")
+            if pacing == "lockstep":
+                eyes.wait_for(lambda: eyes.mode == "walk", "walking")
+            end = eyes.tick + 2500
+            eyes.wait_for(lambda: eyes.tick >= end, "five seconds of robot time")
         robot.processes.stop("record")
     found = verify(bag)
     assert found.gaps == []
