@@ -14,7 +14,7 @@ from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.operators import Refusals
 from cassie_sim.command_watch import CommandWatch
 from cassie_sim.lane import Lane, Report
-from cassie_sim.pacing import Pace, RealTimeFactor, TickTiming
+from cassie_sim.pacing import SHORTEST_TICK, Pace, RealTimeFactor, TickTiming
 from cassie_sim.plant import Plant
 from cassie_sim.power_switch import PowerSwitch
 from cassie_sim.requests import Requests
@@ -146,7 +146,7 @@ class Loop:
         seq = self._announce()
         self._hold(seq)
         rate = min(self.config.max_rate, 1.0) or 1.0
-        due = self._pace.next_due(self._clock(), rate)
+        due = self._pace.next_due(self._clock(), rate, SHORTEST_TICK)
         while not self._interrupted and self._wait_until(due):
             pass
         if not self._interrupted:

@@ -7,6 +7,11 @@ from cassie_msgs.layout import Sensors
 SLACK = 0.1
 """Delay behind the pace that is caught up; more is forgiven. In s."""
 
+SHORTEST_TICK = 0.5
+"""Share of a tick that an answer has while a delay is caught up: robot time then runs at twice
+wall time at most. Otherwise a simulator that the system woke late would deny its own delay to
+the controller, as ticks without a command."""
+
 
 class Pace:
     """Says when the next tick is due.
@@ -23,12 +28,13 @@ class Pace:
         """Begin to count now."""
         self._due = now
 
-    def next_due(self, now: float, rate: float) -> float:
+    def next_due(self, now: float, rate: float, least: float = 0.0) -> float:
         """Wall time at which the next tick is due.
 
         Args:
             now: Wall time.
             rate: Robot time per wall time, at most; 0 is as fast as it goes.
+            least: Share of a tick that is left until then, also while a delay is caught up.
         """
         if rate <= 0.0:
             self._due = now
@@ -36,7 +42,7 @@ class Pace:
         self._due += self._tick / rate
         if now > self._due + SLACK:
             self._due = now
-        return self._due
+        return max(self._due, now + least * self._tick / rate)
 
 
 class RealTimeFactor:

@@ -85,6 +85,24 @@ def test_realtime_keeps_wall_time_and_takes_the_newest_command() -> None:
     assert world.now - world.times[0] == pytest.approx(20 * TICK, abs=1e-6)
 
 
+def test_a_simulator_woken_late_catches_up_and_misses_no_command() -> None:
+    loop, plant, world = make(ticks=100, pacing="realtime")
+    world.delay = 0.0008
+    slept: list[int] = []
+
+    def oversleep() -> None:
+        if plant.seq == 20 and not slept:
+            slept.append(plant.seq)
+            world.now += 5.5 * TICK
+
+    world.on_wait = oversleep
+    loop.run()
+    assert slept == [20]
+    assert loop.timing.missed == 0
+    assert plant.applied[25:] == list(range(25, 100))
+    assert world.now - world.times[0] == pytest.approx(100 * TICK, abs=1e-6)
+
+
 def test_realtime_runs_on_without_commands_and_reports_it_once() -> None:
     loop, plant, world = make(
         FakeWorld(lambda episode, seq: seq < 10), ticks=100, pacing="realtime"
