@@ -71,7 +71,6 @@ export class Charts {
     this.height = new Strip("chart-height", THREE_LINES, span(0.2));
     this.torque = new Strip("chart-torque", drives, { min: -1, max: 1, interval: 0.5 });
     this.outputs = new Strip("chart-outputs", OUTPUTS.map((name, i) => ({ name, color: COLOURS[i] })), { scale: true }, 3);
-    setInterval(() => this.draw(), 200);
   }
 
   add(time, frame, height) {
@@ -82,7 +81,6 @@ export class Charts {
   }
 
   draw() {
-    if (document.hidden) return;
     for (const strip of [this.speed, this.height, this.torque, this.outputs]) strip.draw();
   }
 }

@@ -5,6 +5,10 @@ import { Sticks } from "/web/sticks.js";
 
 const BEAT = 33; // ms
 const SOONEST = 12; // ms between two beats when a stick moves
+const LATE = 80; // ms between two beats, above which pictures are drawn more simply
+const AGAIN = 1000; // ms until that may be done once more
+const FAST = 1000 / 30, SLOW = 100; // ms between two pictures
+const CHARTS = 6; // pictures from one drawing of the charts to the next
 const SILENT = 30; // beats without a frame, after which the page says so and connects anew
 const SMOOTH = 0.15; // of a new figure, in what is shown of the speed achieved
 
@@ -19,9 +23,14 @@ let status = null;
 let echo = 0;
 let silent = 0; // beats since the last frame
 let beaten = 0; // ms
+let eased = 0; // ms, when drawing was made simpler
 let soon = 0; // timer of a beat out of turn
 let described = 0;
 let dragged = null;
+let frame = null; // the newest
+let shown = null; // the one in the picture
+let pictures = 0;
+let pictured = 0; // ms
 let smooth = [null, null, null];
 
 let view = null;
@@ -31,6 +40,8 @@ try {
   put("empty", "this browser draws no 3D (WebGL)");
 }
 const charts = new Charts();
+let period = view?.software ? SLOW : FAST;
+if (view?.software) view.simplify();
 const sticks = new Sticks(beatSoon, press);
 
 function connect() {
@@ -47,7 +58,7 @@ function connect() {
 }
 
 function offline() {
-  echo = 0;
+  echo = beaten = 0;
   me = status = null;
   document.body.classList.add("offline");
   document.body.classList.remove("mine");
@@ -62,8 +73,18 @@ function beat() {
   clearTimeout(soon);
   soon = 0;
   if (!me || !echo) return;
-  beaten = performance.now();
+  const now = performance.now();
+  if (beaten && now - beaten > LATE && !document.hidden) ease(now);
+  beaten = now;
   say({ visible: !document.hidden, ...sticks.values });
+}
+
+/** The heartbeat that drives must not wait for pictures: they are drawn more simply. */
+function ease(now) {
+  if (now - eased < AGAIN) return;
+  eased = now;
+  if (period < SLOW) period = SLOW;
+  else view?.simplify();
 }
 
 function beatSoon() {
@@ -84,9 +105,23 @@ function receive(message) {
   silent = 0;
   echo = message.t;
   document.body.classList.remove("offline");
-  view?.show(message.poses, message.contact);
-  charts.add(message.t, message, view?.height ?? null);
-  showFigures(message);
+  frame = message;
+  view?.show(frame.poses, frame.contact);
+  charts.add(frame.t, frame, view?.height ?? null);
+  smooth = smooth.map((old, i) => {
+    const now = frame.achieved?.[i] ?? null;
+    return old === null || now === null ? now : old + SMOOTH * (now - old);
+  });
+}
+
+/** Shows everything that has changed at once: the browser lays its parts together each time. */
+function picture(time) {
+  requestAnimationFrame(picture);
+  if (time - pictured < period - 2) return;
+  pictured = time;
+  view?.render();
+  if (frame !== shown) showFigures((shown = frame));
+  if (++pictures % CHARTS === 0) charts.draw();
 }
 
 function follow(next) {
@@ -113,10 +148,6 @@ function showFigures(frame) {
   put("age", age === null || age > 9 ? "–" : figure(1000 * age, 0, " ms"));
   find("age").className = age > 0.3 ? "bad" : "";
   put("battery", frame.battery === null || frame.battery < 0 ? "–" : figure(100 * frame.battery, 0, " %"));
-  smooth = smooth.map((old, i) => {
-    const now = frame.achieved?.[i] ?? null;
-    return old === null || now === null ? now : old + SMOOTH * (now - old);
-  });
   const columns = [frame.asked, frame.limited, [...smooth, view?.height ?? null]];
   for (const row of every("#speeds tr[data-row]")) {
     columns.forEach((column, i) => {
@@ -251,4 +282,5 @@ setInterval(() => {
     setTimeout(connect, 500);
   }
 }, BEAT);
+requestAnimationFrame(picture);
 connect();

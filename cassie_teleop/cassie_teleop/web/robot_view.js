@@ -7,13 +7,13 @@ const ROBOT_HEIGHT = 1.6, ROBOT_WIDTH = 1.1, MIDDLE = 0.64; // m that must be in
 const LOADED = 0.5; // contact probability from which a foot is on the ground
 const GROUND = 80, TILE = 1; // m; a tile has four fields
 const FOLLOW = 0.15; // of the way to the robot, that the camera goes with each frame
-const FRAME_PERIOD = 1000 / 30, SLOW_PERIOD = 100; // ms
-const SLOW = 2.5; // mean time between pictures by the one intended, above which they are drawn more simply
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // who draws where there is no graphics card
 
 export class RobotView {
   constructor(canvas) {
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.software = SOFTWARE.test(rendererName());
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.shadowMap.enabled = true;
     this.scene = new THREE.Scene();
@@ -45,33 +45,25 @@ export class RobotView {
     this.robot = null;
     this.number = 0;
     this.clear();
-    this.period = this.mean = FRAME_PERIOD;
     this.own = true; // whether the camera stands where `frame` has put it
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
-    const render = (time) => {
-      requestAnimationFrame(render);
-      const since = time - (this.rendered ?? time);
-      if (this.rendered && since < this.period - 2) return;
-      this.rendered = time;
-      this.ease(since);
-      this.controls.update();
-      this.renderer.render(this.scene, this.camera);
-    };
-    requestAnimationFrame(render);
   }
 
-  /** Draws more simply where graphics are slow: the heartbeat that drives must not wait for them. */
-  ease(since) {
-    this.mean += 0.1 * (Math.min(since, 1000) - this.mean);
-    if (this.mean < SLOW * this.period) return;
+  /** Draws a picture. */
+  render() {
+    this.controls.update();
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Draws without shadow; where it does already, with larger pixels. */
+  simplify() {
+    const ratio = this.renderer.getPixelRatio();
     if (this.sun.castShadow) this.sun.castShadow = false;
-    else if (this.period < SLOW_PERIOD) this.period = SLOW_PERIOD;
-    else if (this.renderer.getPixelRatio() > 0.5) {
-      this.renderer.setPixelRatio(this.renderer.getPixelRatio() / 2);
+    else if (ratio > 0.5) {
+      this.renderer.setPixelRatio(ratio / 2);
       this.resize();
     }
-    this.mean = this.period;
   }
 
   /** Builds the robot anew out of /robot.json. */
@@ -198,6 +190,15 @@ export class RobotView {
 function place(object, [x, y, z, qx, qy, qz, qw]) {
   object.position.set(x, y, z);
   object.quaternion.set(qx, qy, qz, qw);
+}
+
+/** What the browser draws with; empty where it does not tell. */
+function rendererName() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const known = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? gl.getParameter(known.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return String(name);
 }
 
 /** Ground whose fields of half a metre show how the robot moves over it. */
