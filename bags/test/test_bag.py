@@ -30,7 +30,7 @@ from cassie_bags.bag.recording import TYPES as RECORDED_TYPES
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.writer import CHUNK_NS, QOS_LANE, BagWriter, FolderWriter
 from cassie_bags.errors import BagError
-from cassie_msgs.layout import RobotState
+from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.standard_messages import ODOMETRY
 from cassie_sim import ground_truth, segway_truth
 
@@ -377,6 +377,21 @@ def test_a_missing_sample_is_a_gap_and_a_repeated_one_is_not(messages):
         "/cassie/state: 3 samples missing in episode 1, first after seq 99",
         "/cassie/mode: 1 samples missing in episode 1, first after seq 30",
         "/cassie/ground_truth: 1 samples missing",
+    ]
+
+
+def test_an_answer_that_is_missing_in_real_time_is_a_missed_tick_and_no_gap(messages):
+    short = {topic: list(list_) for topic, list_ in messages.items()}
+    for at, raw in enumerate(short[Sensors.TOPIC]):
+        sample = Sensors()
+        sample.load(raw)
+        sample.wall_paced[...] = 1
+        short[Sensors.TOPIC][at] = sample.to_bytes()
+    del short[RobotState.TOPIC][100:103]
+    assert gaps(from_messages(short, 1.0)) == []
+    del short[Sensors.TOPIC][200]
+    assert gaps(from_messages(short, 1.0)) == [
+        "/cassie/sensors: 1 samples missing in episode 1, first after seq 199"
     ]
 
 

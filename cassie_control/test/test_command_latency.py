@@ -10,10 +10,7 @@ from walkers import CONFIG
 
 from cassie_control.controller.command_latency import CommandLatency
 from cassie_control.controller.figures import figures
-from cassie_gaits.names import LEG_DRIVES
 from cassie_msgs.layout import MotorCommand, RobotState
-
-KNEE = LEG_DRIVES.index("knee")
 
 
 class Drives:
@@ -115,12 +112,12 @@ def test_states_that_are_missing_begin_a_new_record():
 def test_gains_go_over_with_the_latency_and_not_below_it():
     late = CONFIG.late
     usual = figures(CONFIG, 0.002)
-    assert figures(CONFIG, 0.002, late.latency_from) == usual
-    half = figures(CONFIG, 0.002, late.latency_from + 0.5 * late.latency_span)[0]
-    assert half["kd"][KNEE] == pytest.approx(0.5 * (CONFIG.joints.kd_knee + late.kd_knee))
-    assert half["latency"] == late.latency_from + 0.5 * late.latency_span
+    assert figures(CONFIG, 0.002, late.walking_from) == usual
+    half = figures(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)[0]
+    assert half["thigh_rate"] == pytest.approx(0.5 * (CONFIG.thigh_rate + late.thigh_rate))
+    assert half["latency"] == late.walking_from + 0.5 * late.latency_span
     whole = figures(CONFIG, 0.002, 0.05)[0]
-    assert whole["kd_torso_roll"] == late.kd_torso_roll
+    assert whole["thigh_track"] == late.thigh_track
     assert whole["thigh_rate"] == late.thigh_rate
 
 

@@ -22,10 +22,11 @@ from cassie_gaits.robot_parts import Drive, Joint, Link, Rod, Vector
 __all__ = [
     "DRIVES",
     "DRIVE_DELAY",
+    "DRIVE_VELOCITY_FILTER",
+    "ENCODER_RATE",
     "FOOT_CONTACTS",
     "IMU_POSITION",
     "JOINT_ENCODER_BITS",
-    "JOINT_FILTER_RATE",
     "JOINT_VELOCITY_FILTER",
     "LEFT_LEG",
     "NEUTRAL_TARSUS",
@@ -184,11 +185,16 @@ DRIVES: dict[str, Drive] = {
 JOINT_ENCODER_BITS = {"shin": 18, "tarsus": 18, "toe": 13}
 """Joint-side encoders of each leg."""
 
-JOINT_FILTER_RATE = 2000.0
-"""Of the filter that makes velocities of these encoders' angles. In Hz."""
+ENCODER_RATE = 2000.0
+"""Of all encoders, and of the filters that make velocities of their angles. In Hz."""
+
+DRIVE_VELOCITY_FILTER = tuple(
+    tap / math.pi for tap in (2727.0, 534.0, -2658.0, -795.0, 72.0, 110.0, 19.0, -6.0, -3.0)
+)
+"""Filter of the drives' angles, newest first. In 1/s."""
 
 JOINT_VELOCITY_FILTER = ((12.348, 12.348, -12.348, -12.348), (-1.7658, 0.79045))
-"""That filter, newest first: by angles (1/s), and, to be taken off, by velocities."""
+"""Filter of the joints' angles, newest first: by angles (1/s), and less that by velocities."""
 
 DRIVE_DELAY = 0.003
 """Time from a torque set-point to the torque. In s."""

@@ -22,9 +22,8 @@ from cassie_sim.scenario import Draw
 
 FloatArray = npt.NDArray[np.float64]
 
-# Velocity filter of the drives: taps on encoder counts, newest first, at 2 kHz.
-_FIR = np.array([2727.0, 534.0, -2658.0, -795.0, 72.0, 110.0, 19.0, -6.0, -3.0]) / math.pi
-# Velocity filter of the joints at 2 kHz: y = b x - a y.
+# Velocity filter of the drives, on encoder counts; of the joints: y = b x - a y.
+_FIR = np.array(robot.DRIVE_VELOCITY_FILTER)
 _IIR_B, _IIR_A = (np.array(taps) for taps in robot.JOINT_VELOCITY_FILTER)
 # Noise is drawn for so many physics steps at a time.
 _NOISE_BLOCK = 64

@@ -32,14 +32,18 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
     """What is missing, one line each; empty if nothing is.
 
     A repeated sample (the simulator repeats one that was not answered in time) is no gap, nor
-    is a person's command, which has no seq.
+    is a person's command, which has no seq. Where the wall clock sets the pace, nobody waits for an
+    answer: one that is missing is a missed tick, which the samples count, and no loss.
 
     Args:
         recording: What to look at.
         from_start: Whether each episode must begin with seq 0.
     """
     found = []
+    answers = not recording.lane[Sensors.TOPIC]["wall_paced"].any()
     for topic, step in SEQ_STEP.items():
+        if topic != Sensors.TOPIC and not answers:
+            continue
         rows = recording.lane[topic]
         if topic == OperatorCommand.TOPIC:
             rows = rows[rows["scripted"]]

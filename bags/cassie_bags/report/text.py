@@ -81,6 +81,8 @@ def table(outcome: Outcome) -> str:
         f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
         f"greatest tilt {metrics.run['tilt_deg']:.1f} deg",
     ]
+    if math.isfinite(missed := metrics.run["missed_share"]):
+        lines.append(f"{100 * missed:.2f} % of the control ticks without a new command")
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
     if checks := outcome.experiment.expect.checks(metrics):

@@ -55,11 +55,14 @@ RUN_METRICS = (
     "steps",
     "gate_miss",
     "real_time_factor",
+    "missed_share",
 )
 """Means and errors of the tracked quantities while the robot carries itself, time of the fall
 (NaN if none), greatest and final horizontal distance from where it began to carry itself,
 greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
-walked, greatest distance of a Segway from the middle of a gate (NaN without gates)."""
+walked, greatest distance of a Segway from the middle of a gate (NaN without gates), robot time by
+wall time, share of the control ticks without a new command where the wall clock sets the pace (NaN
+where robot time waits)."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,9 @@ def measure(
     run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
     run["gate_miss"] = gate_miss(recording, rider)
     run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
+    last = track.sensors[-1]
+    missed = float(last["missed_ticks"]) / (float(last["seq"]) + 1.0)
+    run["missed_share"] = missed if last["wall_paced"] else math.nan
     return Metrics(
         fell=fell_at is not None,
         fall_time=fell_at,

@@ -29,14 +29,14 @@ class JointGains:
 class LateGains:
     """What it goes over to where the drives act late on commands, see `command_latency`."""
 
-    latency_from: float = tunable(0.02, "s", 0.0, 0.1, "Latency from which it goes over")
-    latency_span: float = tunable(0.006, "s", 0.001, 0.1, "How much more until it has")
+    walking_from: float = tunable(0.01, "s", 0.0, 0.1, "Latency at which walking begins to go over")
+    standing_from: float = tunable(
+        0.02, "s", 0.0, 0.1, "Latency at which standing begins to go over"
+    )
+    latency_span: float = tunable(0.006, "s", 0.001, 0.1, "Further latency until it has gone over")
     handover: float = tunable(
         0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
     )
-    kd_knee: float = tunable(25.0, "Nms/rad", 0.0, 100.0, "Knee damping")
-    kd_torso_roll: float = tunable(30.0, "Nms/rad", 0.0, 200.0, "Damping of torso roll")
-    kd_torso_pitch: float = tunable(22.0, "Nms/rad", 0.0, 200.0, "Damping of torso pitch")
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` then")
     thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` then")
     thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` then")
@@ -46,9 +46,9 @@ class LateGains:
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` then")
     roll_rate_length: float = tunable(0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` then")
 
-    def share(self, latency: float) -> float:
-        """How far a latency (s) has it gone over to these, 0..1."""
-        return min(1.0, max(0.0, (latency - self.latency_from) / self.latency_span))
+    def walking_share(self, latency: float) -> float:
+        """How far walking has gone over to these at a latency (s), 0..1."""
+        return min(1.0, max(0.0, (latency - self.walking_from) / self.latency_span))
 
     def placement(self, gains: WalkConfig, latency: float) -> WalkConfig:
         """Gains of foot placement at a latency (s): what sways widely must not be cut short."""
@@ -57,7 +57,7 @@ class LateGains:
 
     def standing(self, gains: StandConfig, latency: float) -> StandConfig:
         """Gains of standing at a latency (s)."""
-        share = self.share(latency)
+        share = min(1.0, max(0.0, (latency - self.standing_from) / self.latency_span))
         return replace(
             gains,
             roll_length=gains.roll_length + share * (self.roll_length - gains.roll_length),

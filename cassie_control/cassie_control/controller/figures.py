@@ -65,12 +65,10 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordAr
 
 
 def _allow_for(figure: np.void, config: WalkConfig, latency: float) -> None:
-    """Gains for drives that act late: they damp more by themselves, which is never late."""
-    late, share = config.late, config.late.share(latency)
+    """Gains for drives that act late."""
+    late, share = config.late, config.late.walking_share(latency)
     if share == 0.0:
         return
     figure["latency"], figure["handover"] = latency, late.handover
-    knee = LEG_DRIVES.index("knee")
-    figure["kd"][knee] += share * (late.kd_knee - figure["kd"][knee])
-    for name in ("kd_torso_roll", "kd_torso_pitch", "thigh_track", "thigh_angle", "thigh_rate"):
+    for name in ("thigh_track", "thigh_angle", "thigh_rate"):
         figure[name] += share * (getattr(late, name) - figure[name])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,10 @@ BoolArray = npt.NDArray[np.bool_]
 _MARGIN = 0.2  # rad beyond the stops
 _MOST_TORQUE = 1.5  # by the drive's limit: with a torque constant that is off it gives less
 _JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
-_RESPONDED = 8  # times what is kept of its answer to a step: all of it
+_FASTEST = 100.0  # Hz, of the motions by which it is known what a velocity filter answers
+_SAMPLED = 0.2  # of the rate of the samples, beyond which they do not show them
+_EVEN = 1e3  # weight of an even motion, by one of these
+_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise
 _GAP = 0.02  # s, without an estimate, after which what it was tells nothing
 _DRIVE, _JOINT, _IMU = slice(0, 10), slice(10, 16), slice(16, 19)
 _TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
@@ -65,9 +69,14 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     normal["delay_ticks"] = [max(1, min(KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
     normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
     normal["evidence"][_JOINT], normal["evidence"][_IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
-    answer = joint_response(period)
-    normal["response"][0], normal["response"][: len(answer), _JOINT] = 1.0, answer[:, None]
-    normal["response_ticks"], normal["response_ticks"][_JOINT] = 1, len(answer)
+    normal["response"][0], normal["response_ticks"] = 1.0, 1  # a gyro needs no filter
+    for part, filters in (
+        (_DRIVE, (_DRIVE_NOISE, robot.DRIVE_VELOCITY_FILTER)),
+        (_JOINT, (_JOINT_NOISE, *robot.JOINT_VELOCITY_FILTER)),
+    ):
+        answer = velocity_response(period, *filters)
+        normal["response"][: len(answer), part] = answer[:, None]
+        normal["response_ticks"][part] = len(answer)
     normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
     normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
     normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
@@ -82,27 +91,40 @@ def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.
     return record
 
 
-def joint_response(period: float) -> FloatArray:
-    """How the velocity filter of the joints answers a step of the position.
+def velocity_response(
+    period: float, noise: float, forward: Sequence[float], back: Sequence[float] = ()
+) -> FloatArray:
+    """What the steps of a position say that the filtered velocity is.
+
+    Fitted to the filter's answer to all motions up to `_FASTEST`, such as the legs' springs ring
+    with; an even motion is expected as it is.
+
+    Args:
+        period: Between samples. In s.
+        noise: Of the angles, by the size of motions of which any frequency must be expected.
+        forward: Filter by positions, newest first. In 1/s.
+        back: By velocities, to be taken off.
 
     Returns:
-        Shares of the step that the velocities of the samples from then on say, each with the one
-        before it (trapezoidal rule), the step being even over its period. What later ones say
-        counts with the last, so that an even motion is expected as it is. Shape (n,).
+        Shares of the last steps, newest first, of which the sum is what the newest velocity and the
+        one before it say together (trapezoidal rule). Shape (n,).
     """
-    ticks = max(1, round(period * robot.JOINT_FILTER_RATE))
-    samples = max(1, RESPONSE_TICKS // ticks)
-    forward, back = robot.JOINT_VELOCITY_FILTER
-    position = np.minimum(1.0, np.arange(1, _RESPONDED * RESPONSE_TICKS + 1) / ticks)
-    velocity = np.zeros(len(position))
-    for n in range(len(position)):
-        velocity[n] = sum(b * position[n - k] for k, b in enumerate(forward) if n >= k)
-        velocity[n] -= sum(a * velocity[n - k] for k, a in enumerate(back, 1) if n >= k)
-    sampled = np.concatenate([[0.0], velocity[ticks - 1 :: ticks]])
-    answer = 0.5 * period * (sampled[1:] + sampled[:-1])
-    answer[samples - 1] = answer[samples - 1 :].sum()
-    shares: FloatArray = answer[:samples]
-    return shares
+    ticks = max(1, round(period * robot.ENCODER_RATE))
+    samples = max(2, RESPONSE_TICKS // ticks if back else 1 - (-len(forward) // ticks))
+    frequency = np.linspace(0.0, min(_FASTEST, _SAMPLED / period), 200)[1:]
+    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # by a tick of the encoders
+    velocity = sum(b * late**k for k, b in enumerate(forward))
+    velocity /= 1.0 + sum(a * late**k for k, a in enumerate(back, 1))
+    step = late**ticks  # by a sample
+    answer = 0.5 * period * (1.0 + step) * velocity / (1.0 - step)
+    shares = step[:, None] ** np.arange(samples)
+    moments = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
+    even = moments / (1.0 + sum(back))
+    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # two steps, each angle
+    rows = [shares.real, shares.imag, np.full((1, samples), _EVEN), noise * between]
+    values = [answer.real, answer.imag, [_EVEN * even], np.zeros(samples + 1)]
+    fitted: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]
+    return fitted
 
 
 class SensorMonitor:

@@ -21,7 +21,7 @@ WATCH_TYPE = np.dtype(
         ("position", float, PAIRS),  # measured, rad; the IMU's: its turn since the start
         ("velocity", float, PAIRS),  # measured, rad/s
         ("last_position", float, PAIRS),
-        ("last_velocity", float, (2, PAIRS)),  # newest first
+        ("last_velocity", float, (4, PAIRS)),  # newest first
         ("last_orientation", float, 4),
         ("steps", float, (RESPONSE_TICKS, PAIRS)),  # changes of position, newest first, rad
         ("turns", float, (3, PAIRS)),  # what the velocities say, newest first, rad

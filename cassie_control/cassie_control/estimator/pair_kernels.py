@@ -75,8 +75,9 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
     _look_for_spikes(watch, limit, i, v)
     if watch.ticks > 3:
         _look_apart(watch, limit, i, v)
-    watch.last_position[i], watch.last_velocity[1, i] = p, watch.last_velocity[0, i]
-    watch.last_velocity[0, i] = v
+    for k in (3, 2, 1):
+        watch.last_velocity[k, i] = watch.last_velocity[k - 1, i]
+    watch.last_position[i], watch.last_velocity[0, i] = p, v
 
 
 @compiled
@@ -107,12 +108,17 @@ def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
 
 @compiled
 def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
-    """Velocities of one tick that leave the line of their neighbours, again and again."""
+    """Velocities of one tick that leave the curve of their neighbours, again and again.
+
+    The curve is the cubic through two of them on each side, so that legs that ring on their
+    springs, with ten samples a period, do not leave it.
+    """
     fade = math.exp(-limit.period / _SPIKE_TIME)
-    before, after = watch.last_velocity[1, i], v
-    out = abs(watch.last_velocity[0, i] - 0.5 * (after + before))
-    if abs(after - before) > out:
-        out = 0.0  # a step, as at a hard landing
+    after, spike, before = watch.last_velocity[:3, i]
+    outer = v - watch.last_velocity[3, i]
+    out = abs(spike - (4.0 * (after + before) - v - watch.last_velocity[3, i]) / 6.0)
+    if abs(after - before) > out or abs(outer - 2.0 * (after - before)) > out:
+        out = 0.0  # a step, as at a hard landing, or a neighbour's spike
     for k in range(2):
         bound = limit.spike[i] * (1.0, _SMALL_SPIKE)[k]
         watch.spikes[k, i] = fade * watch.spikes[k, i] + (1.0 if out > bound else 0.0)

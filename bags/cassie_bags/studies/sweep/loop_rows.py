@@ -24,26 +24,30 @@ def loop_rows() -> list[Row]:
 
 
 def _delays() -> list[Row]:
-    def trials(name: str, budget: Budget, delay_ms: float) -> list[Trial]:
+    def trials(name: str, others: dict[str, float], budget: Budget, delay_ms: float) -> list[Trial]:
         window = steady(budget, SPEED, 0.5 * budget.seconds)
-        delays = {name: 1e-3 * delay_ms}
+        delays = {name: 1e-3 * delay_ms} | others
         return [walk(budget, seed, window, vx=SPEED, delays=delays) for seed in budget.each_seed()]
 
-    def row(name: str, title: str, target: float, levels: list[float]) -> Row:
+    def row(
+        key: str, name: str, title: str, target: float, levels: list[float], **others: float
+    ) -> Row:
         return Row(
-            f"delay.{name}",
+            f"delay.{key}",
             f"delay of {title} beyond the drives' 3 ms at {SPEED:g} m/s",
             "ms",
             target,
             levels,
-            partial(trials, name),
+            partial(trials, name, others),
             holds=lambda figures, _: figures["vx"] > 0.2 * SPEED,
             start=levels.index(target),
         )
 
+    late = [float(n) for n in range(5, 75, 5)]
     return [
-        row("torque", "torques", 3.0, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0]),
-        row("set_point", "set-points", 40.0, [float(n) for n in range(5, 75, 5)]),
+        row("torque", "torque", "torques", 3.0, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0]),
+        row("set_point", "set_point", "set-points", 40.0, late),
+        row("both", "set_point", "set-points, and of torques by 2 ms,", 20.0, late, torque=0.002),
     ]
 
 
