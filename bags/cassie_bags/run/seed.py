@@ -7,6 +7,7 @@ the same run.
 from __future__ import annotations
 
 import dataclasses
+import enum
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,25 @@ STEP_DELAY = 0.2
 EVENT_DELAY = 0.4
 """Pushes and faults do. In s."""
 
-_EVENT_STREAM = 1  # keeps these draws apart from those of the robot
+
+@enum.unique
+class Stream(enum.IntEnum):
+    """What is drawn from a seed, beside the robot itself: each from a stream of its own."""
+
+    EVENTS = 1
+    TUNED_MODEL = 2
+    RADIO = 3
+    STANDING_COMMANDS = 4
+    LEANS = 5
+
+    def rng(self, seed: int, *more: int) -> np.random.Generator:
+        """The generator of this stream.
+
+        Args:
+            seed: Of the experiment.
+            more: Numbers of streams within it.
+        """
+        return np.random.default_rng([seed, self.value, *more])
 
 
 def resolve(experiment: Experiment) -> Experiment:
@@ -45,7 +64,7 @@ def resolve(experiment: Experiment) -> Experiment:
     )
     operator = experiment.operator
     if experiment.seed:
-        rng = np.random.default_rng([experiment.seed, _EVENT_STREAM])
+        rng = Stream.EVENTS.rng(experiment.seed)
         times = delayed([float(step["t"]) for step in operator], STEP_DELAY, rng)
         operator = tuple({**step, "t": t} for step, t in zip(operator, times, strict=True))
         scenario = dataclasses.replace(

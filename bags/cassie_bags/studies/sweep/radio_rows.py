@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
+from cassie_bags.run.seed import Stream
 from cassie_bags.studies.sweep.course import COMMAND_AT, Budget, walk
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Trial
@@ -13,7 +12,6 @@ from cassie_bags.studies.trial import Trial
 LASTS = 7.5
 """How long it goes on, by the measured seconds of the budget: five minutes of the usual 40 s."""
 
-_SEED_STREAM = 3  # keeps these draws apart from those of the robot and of tuning
 _STICKS = {
     "vx": (-0.7, 0.0, 1.2),
     "vy": (-0.3, 0.0, 0.3),
@@ -60,7 +58,7 @@ def radio_rows() -> list[Row]:
 
 def jumps(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Operator steps of a radio that jumps from one moment to another, in s."""
-    rng, other = (np.random.default_rng([seed, _SEED_STREAM, *more]) for more in ((), (1,)))
+    rng, other = Stream.RADIO.rng(seed), Stream.RADIO.rng(seed, 1)
     steps: list[dict[str, Any]] = []
     time = begin
     while time < end:

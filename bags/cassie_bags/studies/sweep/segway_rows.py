@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
+from cassie_bags.run.seed import Stream
 from cassie_bags.studies.sweep.course import Budget, push
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Figures, Trial
@@ -24,7 +23,6 @@ GATE = 0.15
 STEADY = 0.2
 """Error of the speed while it is held. In m/s."""
 
-_SEED_STREAM = 4  # keeps these draws apart from those of the robot and of other rows
 _TURN = 0.82  # rad/s asked for, of which some per cent may be lacking
 _LEANS = {"com_x": 0.1, "com_y": 0.1, "roll": 0.25, "pitch": 0.25}
 _HEIGHTS = (0.39, 1.01)
@@ -254,7 +252,7 @@ def _leans() -> Row:
 
 def leans(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Operator steps that lean anywhere the message permits, from one moment to another, in s."""
-    rng = np.random.default_rng([seed, _SEED_STREAM])
+    rng = Stream.LEANS.rng(seed)
     steps: list[dict[str, Any]] = []
     time = begin
     while time < end:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
+from cassie_bags.run.seed import Stream
 from cassie_bags.studies.sweep.course import Budget, push
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.sweep.standing_course import (
@@ -23,7 +22,6 @@ _LASTS = 7.5  # of the budget's measured seconds: five minutes of the usual 40 s
 _AFTER = 8.0  # s after an event in which it comes to rest
 _SHAKES = 0.02  # m/s, of the pelvis, with late commands
 _NEAR = 0.015  # m, of a height that is reached
-_SEED_STREAM = 4  # keeps these draws apart from those of the robot
 _LATE = {"torque": 0.002, "set_point": 0.015}
 
 
@@ -171,7 +169,7 @@ def _random() -> Row:
 
 def random_wishes(seed: int, begin: float, end: float) -> list[dict[str, float]]:
     """Steps of an operator who moves sliders and sticks of standing at random, times in s."""
-    draw = np.random.default_rng([seed, _SEED_STREAM])
+    draw = Stream.STANDING_COMMANDS.rng(seed)
     steps = []
     time = begin
     while time < end:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.seed import Stream
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_bags.studies.sweep.course import Budget, push, reached_at, step_time, walk
 from cassie_bags.studies.trial import Figures, Trial
@@ -25,7 +24,6 @@ SETTLING = 3.0
 _KEYS = ("courses", "model", "cost")
 _PUSH_KEYS = ("impulse", "angle_deg")
 _DELAY_KEYS = ("torque", "set_point")
-_MODEL_STREAM = 2  # keeps these draws apart from those of the robot and of events
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +80,7 @@ class Objective:
         course, there = self.courses[index]
         fastest = max(abs(course.vx), abs(course.vy), 0.5 * abs(course.yaw_rate))
         begin = reached_at(fastest) + (SETTLING if fastest else 0.0)
-        rng = np.random.default_rng([seed, _MODEL_STREAM, index])
+        rng = Stream.TUNED_MODEL.rng(seed, index)
         model = {name: float(rng.uniform(*bounds)) for name, bounds in self.model.items()}
         sections: dict[str, Any] = {
             "scene": course.scene,
