@@ -27,7 +27,7 @@ duration: {duration}
 operator:
   - {{t: 0.0, power: true, mode: stand, height: 0.95}}
   - {{t: 2.0, mode: walk}}
-  - {{t: 4.0, {wish}}}
+  - {{t: 4.0, {commanded}}}
 supervisor: {{vx_forward: 1.6, vx_backward: 0.9, acceleration: 0.5}}
 """
 
@@ -39,8 +39,8 @@ scene_parameters: {friction: 0.25}
 """
 
 
-def walk(wish: str, duration: float, more: str = "", seed: int = 2) -> tuple[Recording, Track]:
-    text = TEXT.format(wish=wish, duration=duration, seed=seed) + more
+def walk(commanded: str, duration: float, more: str = "", seed: int = 2) -> tuple[Recording, Track]:
+    text = TEXT.format(commanded=commanded, duration=duration, seed=seed) + more
     experiment = resolve(parse_experiment(text, "walk"))
     store = Store()
     recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
@@ -154,7 +154,7 @@ def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_her():
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "commanded",
     [
         [{"t": 4.0, "roll": 0.3}],
         [{"t": 4.0, "vx": 1.0}, {"t": 8.0, "roll": 0.3}],
@@ -162,9 +162,9 @@ def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_her():
     ],
     ids=["roll in place", "roll at speed", "trim at speed"],
 )
-def test_tilt_and_trims_do_not_make_a_walking_robot_fall(wish):
+def test_tilt_and_trims_do_not_make_a_walking_robot_fall(commanded):
     operator = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.98}]
-    operator += [{"t": 2.0, "mode": "walk"}, *wish]
+    operator += [{"t": 2.0, "mode": "walk"}, *commanded]
     content = {"name": "tilt", "start": "standing", "duration": 14.0, "operator": operator}
     cores = make_cores(resolve(read_experiment(content)))
     loop = connect(cores, lambda *_: None)

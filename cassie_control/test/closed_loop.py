@@ -71,9 +71,9 @@ class Robot:
         self._feet = [
             {self.plant.model.geom(f"{leg}_{end}").id for end in ("heel", "toe")} for leg in LEGS
         ]
-        self.wish(power=True, link=True, height=0.95, mode=int(RobotMode.STAND))
+        self.ask(power=True, link=True, height=0.95, mode=int(RobotMode.STAND))
 
-    def wish(self, **fields: float) -> None:
+    def ask(self, **fields: float) -> None:
         """Set fields of the operator's command."""
         for name, value in fields.items():
             getattr(self.operator, name)[...] = value

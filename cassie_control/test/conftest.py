@@ -13,9 +13,9 @@ from cassie_sim.scenario import Scenario
 def stepping(sensors: str, duration: float) -> Robot:
     """Stands, then steps in place for so many seconds; every tick is recorded."""
     robot = Robot(Scenario(start="standing"), sensors, record=True)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(RobotMode.WALK))
+    robot.ask(mode=int(RobotMode.WALK))
     robot.run(0.7 + duration)
     return robot
 
@@ -24,7 +24,7 @@ def stepping(sensors: str, duration: float) -> Robot:
 def walked():
     """Ideal sensors: stands, steps in place for 3 s, stops and stands."""
     robot = stepping("ideal", 3.0)
-    robot.wish(mode=int(RobotMode.STAND))
+    robot.ask(mode=int(RobotMode.STAND))
     robot.run(3.0)
     return robot
 
@@ -49,7 +49,7 @@ def standing(scene):
 
 @pytest.fixture
 def walking(standing):
-    standing.wish(mode=int(WALK))
+    standing.ask(mode=int(WALK))
     standing.run(0.1)
     assert standing.mode is WALK
     return standing

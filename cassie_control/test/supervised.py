@@ -22,9 +22,9 @@ class Scene:
         self.state = state_of(leg_joints(), leg_joints(), height=CONFIG.walk_height)
         self.operator: OperatorCommand | None = OperatorCommand()
         self.lost = False
-        self.wish(power=True, link=True, height=CONFIG.walk_height, mode=int(STAND))
+        self.ask(power=True, link=True, height=CONFIG.walk_height, mode=int(STAND))
 
-    def wish(self, **fields: float) -> None:
+    def ask(self, **fields: float) -> None:
         """Set fields of the operator's command."""
         for name, value in fields.items():
             getattr(self.operator, name)[...] = value
@@ -42,5 +42,5 @@ class Scene:
 
     @property
     def readiness(self) -> str:
-        """Why the wished mode is not in force."""
+        """Why the mode asked for is not in force."""
         return self.core.status.readiness

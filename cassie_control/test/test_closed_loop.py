@@ -30,9 +30,9 @@ def test_steps_in_place_by_the_papers_law():
     config = ControllerConfig(walk=WalkConfig(law="paper"))
     gaits = load_library(default_library_path())
     robot = Robot(Scenario(start="standing"), config=config, library=gaits)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(RobotMode.WALK))
+    robot.ask(mode=int(RobotMode.WALK))
     robot.run(10.0)
     assert not robot.fallen
     assert float(robot.controller.status.step_count) > 20

@@ -13,7 +13,7 @@ from cassie_control.controller.foot_placement import PendulumPlacement, placemen
 from cassie_control.controller.leg_aim import HIP_Y
 from cassie_control.controller.pendulum import GRAVITY
 from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X
-from cassie_control.controller.step_ahead import StepAhead, Wish
+from cassie_control.controller.step_ahead import Commanded, StepAhead
 
 CONFIG = WalkConfig(
     pendulum_gain_x=1.0,
@@ -54,14 +54,16 @@ def moving(readings, vx, vy):
 class Pendulum:
     """A CoM that walks on feet put where a law says."""
 
-    def __init__(self, config: WalkConfig, wish: Wish, velocity: tuple[float, float]) -> None:
-        self.law, self.wish = placement(config), wish
+    def __init__(
+        self, config: WalkConfig, commanded: Commanded, velocity: tuple[float, float]
+    ) -> None:
+        self.law, self.commanded = placement(config), commanded
         self.coast = config.double_support
         self.readings = pose()
         self.stance = LEFT
         ankle = self.readings.legs[LEFT].ankle
         self.w = math.sqrt(GRAVITY / (self.readings.com[2] - ankle[2]))
-        self.position = [-0.5 * wish.vx * STEP_TIME, -0.12]
+        self.position = [-0.5 * commanded.vx * STEP_TIME, -0.12]
         self.velocity = list(velocity)
 
     def step(self) -> tuple[float, float]:
@@ -83,7 +85,7 @@ class Pendulum:
         ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
         put_ankle(readings, self.stance, (ankle[0], ankle[1], stance.ankle[2]))
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
-        end = self.law.swing_end(readings, stance, swing, self.wish, ahead)
+        end = self.law.swing_end(readings, stance, swing, self.commanded, ahead)
         foot = foot_from_com(readings, swing, end)
         self.position = [-foot[0], -foot[1]]
         self.stance = 1 - self.stance
@@ -91,7 +93,7 @@ class Pendulum:
 
 @pytest.mark.parametrize("speed", [-0.4, 0.0, 0.5, 1.0])
 def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
-    walker = Pendulum(CONFIG, Wish(vx=speed), (speed + 0.1, 0.3))
+    walker = Pendulum(CONFIG, Commanded(vx=speed), (speed + 0.1, 0.3))
     walker.step()
     steady = walker.step()[0]
     assert walker.step()[0] == pytest.approx(steady, abs=1e-9)
@@ -107,7 +109,7 @@ def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
 @pytest.mark.parametrize("speed", [-0.15, 0.0, 0.2])
 def test_gain_one_removes_a_lateral_error_in_one_step(speed):
     config = replace(CONFIG, least_foot_distance=0.05)
-    walker = Pendulum(config, Wish(vy=speed), (0.0, 0.2))
+    walker = Pendulum(config, Commanded(vy=speed), (0.0, 0.2))
     walker.step()
     swaying = [walker.step()[1] for _ in range(4)]
     assert swaying[0] == pytest.approx(swaying[2], abs=1e-9)
@@ -131,7 +133,7 @@ def test_what_is_added_to_the_gain_in_place_fades_out_with_the_commanded_speed(v
     config = replace(
         CONFIG, pendulum_gain_still=0.2, still_speed=0.5, least_foot_distance=0.05, reach_inward=0.3
     )
-    walkers = [Pendulum(config, Wish(vx=vx), (vx, 0.3 + extra)) for extra in (0.0, 0.02)]
+    walkers = [Pendulum(config, Commanded(vx=vx), (vx, 0.3 + extra)) for extra in (0.0, 0.02)]
     for walker in walkers:
         walker.step()
     first, then = (walkers[1].step()[1] - walkers[0].step()[1] for _ in range(2))
@@ -154,7 +156,7 @@ def test_the_gains_fall_with_speed_forward(speed, share):
         moving(readings, 0.25 + error, -0.3 - error)
         # Touchdown is now, and with it the end of the step: nothing is left to fall.
         ahead = StepAhead(STEP_TIME, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
-        end = placement(config).swing_end(readings, *readings.legs, Wish(), ahead)
+        end = placement(config).swing_end(readings, *readings.legs, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)
 
     def sagittal(velocity):
@@ -166,16 +168,16 @@ def test_the_gains_fall_with_speed_forward(speed, share):
         assert faded / whole == pytest.approx(shares[k], abs=1e-6)
 
 
-@pytest.mark.parametrize(("wish", "share"), [(0.0, 0.0), (0.1, 0.5), (0.4, 1.0), (-0.4, 1.0)])
-def test_a_foot_is_held_back_from_far_out_under_way_only(wish, share):
+@pytest.mark.parametrize(("commanded", "share"), [(0.0, 0.0), (0.1, 0.5), (0.4, 1.0), (-0.4, 1.0)])
+def test_a_foot_is_held_back_from_far_out_under_way_only(commanded, share):
     """Held back in the steps that follow a push while standing, too, it fell."""
     readings = pose()
-    moving(readings, wish, -0.6)
+    moving(readings, commanded, -0.6)
 
-    def out(far_share, vx=wish):
+    def out(far_share, vx=commanded):
         law = replace(CONFIG, far_lean=0.2, far_share=far_share, far_most=0.4, reach_outward=0.4)
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
-        end = placement(law).swing_end(readings, *readings.legs, Wish(vx=vx), ahead)
+        end = placement(law).swing_end(readings, *readings.legs, Commanded(vx=vx), ahead)
         return abs(foot_from_com(readings, readings.legs[RIGHT], end)[1])
 
     whole = out(1.0, 0.4) - out(0.0, 0.4)
@@ -197,7 +199,7 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
 
     def lead(speed):
         ahead = StepAhead(0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
-        return placement(CONFIG).swing_end(readings, *readings.legs, Wish(), ahead).lead
+        return placement(CONFIG).swing_end(readings, *readings.legs, Commanded(), ahead).lead
 
     assert lead(0.0) == CONFIG.contact_lead
     assert lead(-1.0) == lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
@@ -213,7 +215,7 @@ def test_feet_go_farther_ahead_and_out_with_the_speed():
         foot_from_com(
             readings,
             readings.legs[RIGHT],
-            placement(c).swing_end(readings, *readings.legs, Wish(vx=-0.3, vy=0.2), ahead),
+            placement(c).swing_end(readings, *readings.legs, Commanded(vx=-0.3, vy=0.2), ahead),
         )
         for c in (config, CONFIG)
     ]
@@ -222,7 +224,7 @@ def test_feet_go_farther_ahead_and_out_with_the_speed():
 
 
 def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
-    walker = Pendulum(CONFIG, Wish(), (0.0, 0.3))
+    walker = Pendulum(CONFIG, Commanded(), (0.0, 0.3))
     for _ in range(4):
         walker.step()
     y = walker.position[1]
@@ -244,8 +246,8 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
     moving(readings, 0.0, vy)
     config = replace(CONFIG, law=law)
     ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), length=LENGTH)
-    wish = Wish(roll_trim=trim)
-    end = placement(config).swing_end(readings, stance_leg, swing_leg, wish, ahead)
+    commanded = Commanded(roll_trim=trim)
+    end = placement(config).swing_end(readings, stance_leg, swing_leg, commanded, ahead)
     foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
     apart = swing_leg.side * (foot - stance_leg.ankle[1])
     clamped = abs(end.roll) > 0.399
@@ -253,35 +255,35 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
 
 
 def test_sums_add_up_the_mean_error_within_their_bound():
-    law, readings, wish = PendulumPlacement(CONFIG), pose(), Wish(vx=0.3)
+    law, readings, commanded = PendulumPlacement(CONFIG), pose(), Commanded(vx=0.3)
     stance, swing = readings.legs
     ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
 
     def foot():
-        end = law.swing_end(readings, stance, swing, wish, ahead)
+        end = law.swing_end(readings, stance, swing, commanded, ahead)
         return foot_from_com(readings, swing, end)[0]
 
     start = foot()
-    law.touchdown((0.5, 0.0), (0.0, 0.0), wish)
+    law.touchdown((0.5, 0.0), (0.0, 0.0), commanded)
     assert foot() - start == pytest.approx(CONFIG.integral_x * 0.2)
     for _ in range(100):
-        law.touchdown((1.5, 0.0), (0.0, 0.0), wish)
+        law.touchdown((1.5, 0.0), (0.0, 0.0), commanded)
     assert foot() - start == pytest.approx(CONFIG.integral_limit)
     law.reset()
     assert foot() == pytest.approx(start)
 
 
-def test_a_robot_that_keeps_up_with_a_changing_wish_adds_nothing_to_the_sums():
+def test_a_robot_that_keeps_up_with_a_changing_command_adds_nothing_to_the_sums():
     """The mean velocity is that of two steps, so it follows a ramp by one of them."""
     law, readings = PendulumPlacement(CONFIG), pose()
     ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
 
     def foot():
-        end = law.swing_end(readings, *readings.legs, Wish(), ahead)
+        end = law.swing_end(readings, *readings.legs, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)
 
     start = foot()
     for k in range(8):
         before = 0.1 * max(0.0, k - 1.0) if k != 1 else 0.025
-        law.touchdown((before, 0.5 * before), (0.0, 0.0), Wish(vx=0.1 * k, vy=0.05 * k))
+        law.touchdown((before, 0.5 * before), (0.0, 0.0), Commanded(vx=0.1 * k, vy=0.05 * k))
     assert foot() == pytest.approx(start, abs=1e-9)

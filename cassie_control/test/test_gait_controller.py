@@ -35,9 +35,9 @@ def stepping(left=330.0, right=0.0):
 
 def run(core, state, mode, duration=PERIOD):
     """The last command after some time in one state."""
-    wish = mode_of(mode=int(mode))
+    commanded = mode_of(mode=int(mode))
     for _ in range(max(1, round(duration / PERIOD))):
-        command = core.step(state, wish)
+        command = core.step(state, commanded)
     return command
 
 
@@ -70,7 +70,7 @@ def test_walking_begins_with_a_lean_to_the_left_and_a_step_of_the_right_leg():
     assert 0.0 < float(core.status.phase) < 0.5
 
 
-def test_a_lean_ends_when_standing_is_wished_again():
+def test_a_lean_ends_when_standing_is_commanded_again():
     core = controller()
     run(core, standing(), WALK, 0.1)
     run(core, standing(), STAND)

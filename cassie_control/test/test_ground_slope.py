@@ -131,11 +131,11 @@ def test_walks_down_a_slope_at_the_commanded_speed():
     parameters = {"rise_deg": -12.0, "start": 0.5}
     scenario = Scenario(scene="slope", scene_parameters=parameters, start="standing")
     robot = Robot(scenario, record=True)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(RobotMode.WALK))
+    robot.ask(mode=int(RobotMode.WALK))
     robot.run(3.0)
-    robot.wish(vx=0.3)
+    robot.ask(vx=0.3)
     robot.run(9.0)
     assert not robot.fallen
     position = robot.moments[-1].position

@@ -39,9 +39,9 @@ def on_ice():
         }
     )
     robot = Robot(scenario, "faithful", ControllerConfig(walk=walk), record=True)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(RobotMode.WALK))
+    robot.ask(mode=int(RobotMode.WALK))
     robot.run(4.0)
     return robot
 

@@ -27,7 +27,7 @@ def hung():
     """Hangs without power, is pushed at `SWINGS`, and has long been still from `RESTS` on."""
     push = {"t": SWINGS, "duration": 0.2, "force": (150.0, 60.0, 0.0)}
     robot = Robot(Scenario.from_mapping({"pushes": [push]}), "faithful", record=True)
-    robot.wish(power=False)
+    robot.ask(power=False)
     robot.run(7.0)
     return robot
 

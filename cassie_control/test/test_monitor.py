@@ -106,9 +106,9 @@ def pushed():
         "pushes": [{"t": t, "duration": 0.1, "force": (x, y, 0.0)} for t, (x, y) in pushes],
     }
     robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(WALK))
+    robot.ask(mode=int(WALK))
     robot.run(7.2)
     assert not robot.fallen
     return robot
@@ -123,9 +123,9 @@ def test_the_echo_of_a_blow_is_no_late_accelerometer():
     robot = Robot(
         Scenario.from_mapping({"start": "standing", "pushes": [blow]}), "faithful", record=True
     )
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(WALK))
+    robot.ask(mode=int(WALK))
     robot.run(3.8)
     assert not robot.fallen
     assert reports(samples(robot, 0)) == {}

@@ -99,11 +99,11 @@ def ahead(request):
     """Walks ahead, to the side and round, with a body that is not the nominal one."""
     scenario = Scenario.from_mapping({"start": "standing", "model": request.param})
     robot = Robot(scenario, "faithful", record=True)
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.8)
-    robot.wish(mode=int(WALK))
+    robot.ask(mode=int(WALK))
     robot.run(1.7)
-    robot.wish(vx=0.5, vy=0.1, yaw_rate=0.2)
+    robot.ask(vx=0.5, vy=0.1, yaw_rate=0.2)
     robot.run(2.5)
     assert not robot.fallen
     return robot

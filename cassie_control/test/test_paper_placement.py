@@ -7,7 +7,7 @@ from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.paper_placement import PaperPlacement
-from cassie_control.controller.step_ahead import StepAhead, Wish
+from cassie_control.controller.step_ahead import Commanded, StepAhead
 
 STEP_TIME = 0.4
 LENGTH = 0.8
@@ -18,12 +18,14 @@ LEFT, RIGHT = 0, 1
 def test_the_papers_law_gives_its_known_answer(stance):
     config = WalkConfig(law="paper", paper_kd_x=0.25, paper_offset=0.04)
     law, readings = PaperPlacement(config), readings_of(state_of(leg_joints(), leg_joints()))
-    law.touchdown((9.0, 9.0), (0.2, -0.1), Wish())
+    law.touchdown((9.0, 9.0), (0.2, -0.1), Commanded())
     ahead = StepAhead(
         0.1, 0.3, step_time=STEP_TIME, velocity=(0.5, 0.04), pitch=0.11, roll=0.02, length=LENGTH
     )
-    wish = Wish(vx=0.4, vy=0.1, pitch_trim=0.01, roll_trim=-0.02)
-    end = law.swing_end(readings, readings.legs[stance], readings.legs[1 - stance], wish, ahead)
+    commanded = Commanded(vx=0.4, vy=0.1, pitch_trim=0.01, roll_trim=-0.02)
+    end = law.swing_end(
+        readings, readings.legs[stance], readings.legs[1 - stance], commanded, ahead
+    )
     d = 1.0 if stance == LEFT else -1.0
     pitch = 0.11 + 0.1 * (0.5 - 0.4) + 0.25 * (0.5 - 0.2) + 0.04 + 0.01
     roll = 0.02 + 0.4 * (0.04 - 0.1) + 0.35 * (0.04 + 0.1) + d * 0.1 * 0.5 - 0.02
@@ -38,5 +40,5 @@ def test_the_papers_narrowing_saturates(speed, narrowing):
         readings_of(state_of(leg_joints(), leg_joints())),
     )
     ahead = StepAhead(0.1, 0.3, step_time=STEP_TIME, velocity=(speed, 0.0), length=LENGTH)
-    end = law.swing_end(readings, *readings.legs, Wish(), ahead)
+    end = law.swing_end(readings, *readings.legs, Commanded(), ahead)
     assert end.roll == pytest.approx(narrowing)

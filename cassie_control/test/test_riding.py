@@ -198,8 +198,8 @@ def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
     assert told.speed == pytest.approx(silent.speed, abs=1e-9)
 
 
-def leant(ahead=0.0, turn=0.0, outward=0.03, **wish):
-    """Where it leans a second after a wish, as it turns with its CoM so far ahead (m, rad/s).
+def leant(ahead=0.0, turn=0.0, outward=0.03, **commanded):
+    """Where it leans a second after a command, as it turns with its CoM so far ahead (m, rad/s).
 
     Hips rolled `outward` (rad): by 0.03 the feet are 0.32 m from each other, as on a platform.
     """
@@ -207,7 +207,7 @@ def leant(ahead=0.0, turn=0.0, outward=0.03, **wish):
     state = state_of(left, right, height=0.65)
     state.com_position[0] += ahead
     state.v[3] = state.angular_velocity[2] = turn
-    return ridden(state, mode_of(height=0.65, **wish), 500)[0].lean
+    return ridden(state, mode_of(height=0.65, **commanded), 500)[0].lean
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -30,9 +30,9 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
     push = {"t": 6.0, "duration": 0.1, "force": force}
     scenario = {"start": "standing", "pushes": [push]}
     robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
-    robot.wish(height=0.65)
+    robot.ask(height=0.65)
     robot.run(4.0)
-    robot.wish(mode=SEGWAY)
+    robot.ask(mode=SEGWAY)
     robot.run(1.0)
     assert robot.mode is RobotMode.SEGWAY
     robot.run(6.0)
@@ -44,16 +44,16 @@ def test_leant_to_a_side_after_a_walk_on_plain_ground_she_does_not_tip_over():
     """It ends a walk with its feet nearer to each other than a Segway's platform has them."""
     robot = Robot(Scenario(start="standing", draw=Draw.from_seed(3)), "faithful")
     robot.run(2.0)
-    robot.wish(mode=int(RobotMode.WALK))
+    robot.ask(mode=int(RobotMode.WALK))
     robot.run(4.0)
-    robot.wish(mode=STAND)
+    robot.ask(mode=STAND)
     robot.run(4.0)
-    robot.wish(height=0.65)
+    robot.ask(height=0.65)
     robot.run(4.0)
-    robot.wish(mode=SEGWAY)
+    robot.ask(mode=SEGWAY)
     robot.run(1.0)
     for com_x, com_y in ((0.0, 0.1), (0.0, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, -0.1)):
-        robot.wish(com_x=com_x, com_y=com_y)
+        robot.ask(com_x=com_x, com_y=com_y)
         robot.run(4.0)
         assert robot.mode is RobotMode.SEGWAY
         assert not robot.fallen
@@ -64,9 +64,9 @@ def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
     parameters = {"let_go": 8.0, **scene_parameters}
     scenario = Scenario.from_mapping({**LET_DOWN, "gantry": gantry, "scene_parameters": parameters})
     robot = Robot(scenario, "faithful", record=True)
-    robot.wish(height=0.65)
+    robot.ask(height=0.65)
     robot.run(5.0)
-    robot.wish(mode=SEGWAY)
+    robot.ask(mode=SEGWAY)
     robot.run(seconds)
     return robot
 
@@ -75,9 +75,9 @@ def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
 def riding() -> Robot:
     """At more than 3 m/s, leant forward for a while; the gantry lifts it at 30 s."""
     robot = put_on(LET_DOWN["gantry"], 5.0, take_hold=28.0)
-    robot.wish(com_x=0.06)
+    robot.ask(com_x=0.06)
     robot.run(3.5)
-    robot.wish(com_x=0.001)
+    robot.ask(com_x=0.001)
     robot.run(1.0)
     return robot
 
@@ -85,7 +85,7 @@ def riding() -> Robot:
 def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
     assert riding.mode is RobotMode.SEGWAY
     assert _forward(riding) > 3.0
-    riding.wish(mode=STAND, com_x=0.0)  # 14.5 s
+    riding.ask(mode=STAND, com_x=0.0)  # 14.5 s
     riding.run(8.0)
     assert abs(_forward(riding)) < 0.6
     riding.run(7.0)  # 29.5 s, held by its bar since 28 s
@@ -100,10 +100,10 @@ def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
 
 def test_without_the_operators_link_she_brakes_and_stays_on_it():
     robot = put_on(LET_DOWN["gantry"][:2], 4.0)
-    robot.wish(com_x=0.05)
+    robot.ask(com_x=0.05)
     robot.run(3.0)
     assert _forward(robot) > 0.8
-    robot.wish(link=False)
+    robot.ask(link=False)
     robot.run(8.0)
     assert not robot.fallen
     assert robot.mode is RobotMode.SEGWAY
@@ -113,9 +113,9 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
 def test_leant_back_and_to_a_side_until_it_rolls_backward_she_is_not_thrown_off():
     """It turned faster and faster as it slowed down, and threw it out as it rolled back."""
     robot = put_on(LET_DOWN["gantry"][:2], 5.0)
-    robot.wish(com_x=0.06)
+    robot.ask(com_x=0.06)
     robot.run(2.0)
-    robot.wish(com_x=-0.095, com_y=0.095)
+    robot.ask(com_x=-0.095, com_y=0.095)
     robot.run(10.0)
     assert _forward(robot) < -0.1
     assert not robot.fallen
@@ -124,9 +124,9 @@ def test_leant_back_and_to_a_side_until_it_rolls_backward_she_is_not_thrown_off(
 
 def test_on_a_lawn_the_torso_does_not_swing_from_side_to_side():
     robot = put_on(LET_DOWN["gantry"][:2], 5.0, surface="grass")
-    robot.wish(com_x=0.08)
+    robot.ask(com_x=0.08)
     robot.run(3.5)
-    robot.wish(com_x=0.02)
+    robot.ask(com_x=0.02)
     robot.run(5.0)
     assert _forward(robot) > 3.8
     rolls = [moment.angles[2] for moment in robot.moments if moment.time > 14.0]
@@ -139,7 +139,7 @@ def test_a_robot_whose_height_is_found_late_is_not_damped_as_it_lands():
         scene=scenario.scene, start="gantry", gantry=scenario.gantry, draw=Draw.from_seed(7)
     )
     robot = Robot(drawn, "faithful", record=True)
-    robot.wish(height=0.65)
+    robot.ask(height=0.65)
     robot.run(4.5)
     assert robot.mode is RobotMode.STAND
     assert not robot.fallen

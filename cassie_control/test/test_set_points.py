@@ -1,4 +1,4 @@
-"""What of the operator's wishes reaches the controller, and what is refused."""
+"""What of the operator's commands reaches the controller, and what is refused."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from supervised import CONFIG, PERIOD, STAND, WALK
     ],
 )
 def test_set_points_stay_within_their_limits_walking(walking, name, low, high):
-    for wish, limit in ((-99.0, low), (99.0, high)):
-        walking.wish(**{name: wish})
+    for commanded, limit in ((-99.0, low), (99.0, high)):
+        walking.ask(**{name: commanded})
         assert getattr(walking.run(8.0), name) == pytest.approx(limit)
 
 
@@ -39,8 +39,8 @@ def test_set_points_stay_within_their_limits_walking(walking, name, low, high):
     ],
 )
 def test_set_points_stay_within_their_limits_standing(standing, name, low, high):
-    for wish, limit in ((-99.0, low), (99.0, high)):
-        standing.wish(**{name: wish})
+    for commanded, limit in ((-99.0, low), (99.0, high)):
+        standing.ask(**{name: commanded})
         assert getattr(standing.run(8.0), name) == pytest.approx(limit)
 
 
@@ -62,8 +62,8 @@ def test_trims_change_no_faster_than_permitted(standing):
 
 
 def approaches(scene, name, rate):
-    """A set-point comes to its wish at a rate."""
-    scene.wish(**{name: 0.09})
+    """A set-point comes to its command at a rate."""
+    scene.ask(**{name: 0.09})
     before = np.copy(getattr(scene.run(), name))
     while np.max(before) < 0.09 - rate * PERIOD:
         after = np.copy(getattr(scene.run(), name))
@@ -78,40 +78,40 @@ FIELDS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch", "
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_command_that_is_no_number_is_refused(walking, name, value):
     good = {"vx": 0.3, "pitch": 0.05, "yaw_rate": 0.2}
-    walking.wish(**good)
+    walking.ask(**good)
     walking.run(2.0)
-    walking.wish(**{"yaw_rate": 0.5, name: value})
+    walking.ask(**{"yaw_rate": 0.5, name: value})
     mode = walking.run(3.0)
     assert np.isfinite(mode.floats).all()
-    assert walking.mode is WALK  # the last good wish, without its speeds
+    assert walking.mode is WALK  # the last good command, without its speeds
     assert (float(mode.vx), float(mode.yaw_rate)) == (0.0, 0.0)
     assert float(mode.pitch) == pytest.approx(0.05)
     place = f"{name}[0]" if name == "trims" else name
     fault = f"operator command refused: {place} is {value:g}, must be finite"
     assert walking.core.status.faults == (fault,)
-    walking.wish(**{name: 0.1, **good})
+    walking.ask(**{name: 0.1, **good})
     assert float(walking.run(2.0).vx) == pytest.approx(0.3)
     assert walking.core.status.faults == ()
 
 
 def test_a_refused_first_command_lets_nothing_through(scene):
-    scene.wish(vx=math.nan, mode=int(WALK))
+    scene.ask(vx=math.nan, mode=int(WALK))
     mode = scene.run(3.0)
     assert scene.mode is STAND
     assert float(mode.vx) == 0.0
 
 
 def test_after_a_lost_operator_a_refused_command_does_not_bring_walking_back(walking):
-    walking.wish(link=False)
+    walking.ask(link=False)
     walking.run(4.0)
     assert walking.mode is STAND
-    walking.wish(link=True, vx=math.nan)
+    walking.ask(link=True, vx=math.nan)
     walking.run(4.0)
     assert walking.mode is STAND
 
 
 def test_an_unknown_mode_is_refused(walking):
-    walking.wish(mode=9, vx=0.4)
+    walking.ask(mode=9, vx=0.4)
     mode = walking.run(2.0)
     assert walking.mode is WALK
     assert float(mode.vx) == 0.0
@@ -119,7 +119,7 @@ def test_an_unknown_mode_is_refused(walking):
 
 
 def test_what_is_asked_for_at_once_is_scaled_down_as_a_whole(walking):
-    walking.wish(vx=CONFIG.vx_forward, vy=CONFIG.vy_limit, yaw_rate=-CONFIG.yaw_rate_limit)
+    walking.ask(vx=CONFIG.vx_forward, vy=CONFIG.vy_limit, yaw_rate=-CONFIG.yaw_rate_limit)
     mode = walking.run(12.0)
     share = 1.0 / math.sqrt(3.0)
     assert mode.vx == pytest.approx(share * CONFIG.vx_forward)

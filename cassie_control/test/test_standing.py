@@ -53,11 +53,11 @@ def test_toes_push_the_com_back():
     still = stood(both_feet()).torque[TOES]
     ahead = stood(both_feet(com_x=0.02)).torque[TOES]
     moving = stood(both_feet(velocity=(0.2, 0.0))).torque[TOES]
-    wished = stood(both_feet(com_x=0.02), mode_of(height=0.9, com_x=0.02)).torque[TOES]
+    asked = stood(both_feet(com_x=0.02), mode_of(height=0.9, com_x=0.02)).torque[TOES]
     # A positive toe angle lifts the tip: to push forward of the toe joint it turns down.
     assert (ahead < still).all()
     assert (moving < still).all()
-    assert (wished > ahead).all()
+    assert (asked > ahead).all()
 
 
 def test_toe_torque_puts_the_centre_of_pressure_under_the_com():

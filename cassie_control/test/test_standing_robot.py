@@ -19,7 +19,7 @@ LET_DOWN = {
 def stood(height: float, duration: float, **scenario) -> Robot:
     """Stands for so long with faithful sensors; every tick is recorded."""
     robot = Robot(Scenario.from_mapping({"start": "standing", **scenario}), "faithful", record=True)
-    robot.wish(height=height)
+    robot.ask(height=height)
     robot.run(duration)
     return robot
 
@@ -90,7 +90,7 @@ def test_without_the_recovery_step_such_a_push_is_a_fall():
         {"start": "standing", "pushes": [push], "draw": vars(Draw.from_seed(3))}
     )
     robot = Robot(scenario, "faithful", config)
-    robot.wish(height=0.9)
+    robot.ask(height=0.9)
     robot.run(6.0)
     assert robot.fallen
 
@@ -128,9 +128,9 @@ def test_she_stands_up_from_a_crouch_in_the_harness():
         {"t": 2.0, "action": "lower", "height": 0.4},
     ]
     robot = Robot(Scenario.from_mapping({"gantry": moves}), "faithful", record=True)
-    robot.wish(power=False)
+    robot.ask(power=False)
     robot.run(1.0)
-    robot.wish(power=True, height=0.85)
+    robot.ask(power=True, height=0.85)
     robot.run(5.0)
     assert not robot.fallen
     assert robot.moments[-1].position[2] == pytest.approx(0.85, abs=0.01)
@@ -151,12 +151,12 @@ def test_ground_that_moves_under_her_is_stood(scene, parameters):
     assert np.abs(np.array(late)[:, 1:]).max() < np.radians(5.0)
 
 
-def test_random_wishes_do_not_make_her_fall():
-    """Every wish the radio can make of standing, changing at random within seconds."""
+def test_random_commands_do_not_make_her_fall():
+    """Every command the radio can make of standing, changing at random within seconds."""
     robot = stood(0.9, 2.0)
     draw = np.random.default_rng(5)
     for _ in range(10):
-        robot.wish(
+        robot.ask(
             height=draw.uniform(0.3, 1.1),
             com_x=draw.uniform(-0.1, 0.1),
             com_y=draw.uniform(-0.1, 0.1),

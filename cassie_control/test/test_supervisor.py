@@ -36,7 +36,7 @@ def test_tilted_she_damps_and_says_why(scene):
 
 
 def test_walking_needs_standing_first(scene):
-    scene.wish(mode=int(WALK))
+    scene.ask(mode=int(WALK))
     scene.run()
     assert scene.mode is STAND
     assert scene.core.status.walk == "stand first"
@@ -54,7 +54,7 @@ def test_hanging_she_stands_and_says_that_she_waits_to_be_let_down(scene):
 
 def test_walking_needs_the_weight_on_the_feet(scene):
     scene.state.foot_force[:] = 0.3 * WEIGHT
-    scene.wish(mode=int(WALK))
+    scene.ask(mode=int(WALK))
     scene.run(2.0)
     assert scene.mode is STAND
     assert scene.readiness == f"the feet carry {0.6 * WEIGHT:.0f} N of {WEIGHT:.0f} N: let it down"
@@ -62,7 +62,7 @@ def test_walking_needs_the_weight_on_the_feet(scene):
 
 def test_walking_needs_both_feet_on_the_ground(scene):
     scene.state.contact_probability[1] = 0.2
-    scene.wish(mode=int(WALK))
+    scene.ask(mode=int(WALK))
     scene.run(2.0)
     assert scene.mode is STAND
     assert scene.readiness.startswith("the feet carry")
@@ -70,7 +70,7 @@ def test_walking_needs_both_feet_on_the_ground(scene):
 
 def test_walking_begins_at_its_height(standing):
     standing.state.q[2] = 0.8
-    standing.wish(mode=int(WALK), height=0.8)
+    standing.ask(mode=int(WALK), height=0.8)
     mode = standing.run(2.0)
     assert standing.mode is STAND
     assert standing.readiness == "walking begins at 0.95 m, pelvis at 0.80 m"
@@ -78,7 +78,7 @@ def test_walking_begins_at_its_height(standing):
 
 
 def test_walking_needs_standing_still_for_a_while(scene):
-    scene.wish(mode=int(WALK))
+    scene.ask(mode=int(WALK))
     scene.state.com_velocity[0] = 0.2
     scene.run(2.0)
     assert scene.readiness == "standing still for 0.0 s of 1 s"
@@ -102,10 +102,10 @@ def test_a_height_that_is_wrong_for_a_moment_as_she_lands_is_no_fall(standing):
 
 
 def test_walking_ends_after_stepping_in_place(walking):
-    walking.wish(vx=0.5)
+    walking.ask(vx=0.5)
     walking.state.com_velocity[0] = 0.5
     walking.run(3.0)
-    walking.wish(mode=int(STAND))
+    walking.ask(mode=int(STAND))
     walking.run(0.5)
     assert walking.mode is WALK
     assert walking.readiness == "slowing down from 0.50 m/s"
@@ -119,9 +119,9 @@ def test_walking_ends_after_stepping_in_place(walking):
 
 
 def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(walking):
-    walking.wish(pitch=0.15, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
+    walking.ask(pitch=0.15, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
     assert float(walking.run(2.0).pitch) == pytest.approx(0.15)
-    walking.wish(mode=int(STAND), height=0.6)
+    walking.ask(mode=int(STAND), height=0.6)
     for _ in range(1000):
         walking.run()
         if walking.mode is STAND:
@@ -137,11 +137,11 @@ def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(wal
 
 
 def test_walking_bears_less_tilt_than_standing_and_begins_with_no_more(standing):
-    standing.wish(roll=0.2, pitch=-0.25, trims=(0.1, -0.1, 0.0, 0.1))
+    standing.ask(roll=0.2, pitch=-0.25, trims=(0.1, -0.1, 0.0, 0.1))
     mode = standing.run(2.0)
     assert float(mode.roll + mode.trims[3]) == pytest.approx(CONFIG.tilt_limit)
     assert float(mode.pitch) == pytest.approx(-CONFIG.tilt_limit)
-    standing.wish(mode=int(WALK))
+    standing.ask(mode=int(WALK))
     standing.run()
     assert (standing.mode, standing.readiness) == (STAND, "straightening up first")
     mode = standing.run(3.0)
@@ -152,14 +152,14 @@ def test_walking_bears_less_tilt_than_standing_and_begins_with_no_more(standing)
 
 
 def test_who_steps_to_catch_herself_tilts_no_more_than_in_walking(standing):
-    standing.wish(roll=0.2)
+    standing.ask(roll=0.2)
     standing.run(2.0)
     standing.state.foot_force[:] = (300.0, 0.0)
     assert float(standing.run(1.0).roll) == pytest.approx(CONFIG.walk_roll)
 
 
 def test_a_lost_operator_stops_and_stands(walking):
-    walking.wish(vx=0.5)
+    walking.ask(vx=0.5)
     walking.run(3.0)
     walking.operator = None
     mode = walking.run(0.5)
@@ -181,7 +181,7 @@ def test_nothing_is_wrong_with_a_robot_that_nobody_has_driven_yet():
 
 
 def test_a_bad_link_counts_as_a_lost_operator(walking):
-    walking.wish(link=False)
+    walking.ask(link=False)
     walking.run(3.0)
     assert walking.mode is STAND
     assert walking.core.status.faults == ("operator lost: stopping and standing",)
@@ -256,7 +256,7 @@ def test_standing_begins_at_the_height_she_has_on_the_ground(scene):
     assert float(scene.run(0.5).height) == pytest.approx(0.6 + 0.5 * CONFIG.height_rate, abs=0.03)
 
 
-def test_hanging_the_legs_take_the_wished_height_at_once(scene):
+def test_hanging_the_legs_take_the_commanded_height_at_once(scene):
     scene.state.q[2], scene.state.foot_force[:] = 1.15, 0.0
     scene.state.power[...] = 0.0
     scene.run()
@@ -282,7 +282,7 @@ def test_the_answer_holds_ten_ticks_later(scene):
 def test_reset_is_as_new(walking):
     walking.core.reset()
     fresh = Scene()
-    fresh.wish(mode=int(WALK))
+    fresh.ask(mode=int(WALK))
     for duration in (PERIOD, 0.5, 2.0):
         assert walking.run(duration).to_bytes() == fresh.run(duration).to_bytes()
         assert walking.core.status == fresh.core.status

@@ -88,9 +88,9 @@ def walk() -> list[tuple[dict[str, Pose], mujoco.MjData]]:
     )
     topics, model, found = Topics(), robot_model(), []
     transforms = Transforms(topics, round(1 / PERIOD))
-    robot.wish(height=0.98)
+    robot.ask(height=0.98)
     robot.run(1.5)
-    robot.wish(mode=int(RobotMode.WALK), vx=0.8, yaw_rate=0.2)
+    robot.ask(mode=int(RobotMode.WALK), vx=0.8, yaw_rate=0.2)
     robot.run(3.0)
     for _ in range(round(2.0 / PERIOD)):
         truth = mujoco.MjData(model)

@@ -173,7 +173,7 @@ def test_power_comes_on_only_with_stand_and_without_a_speed(fields):
     assert scene.operators.power
 
 
-def test_a_new_episode_is_without_power_until_old_wishes_are_gone(driven):
+def test_a_new_episode_is_without_power_until_old_requests_are_gone(driven):
     driven.operators.reset()
     driven.say(A, walk("a-1"))
     assert not driven.operators.power and driven.vx == 0.0

@@ -23,7 +23,7 @@ def test_this_machine_only_means_loopback() -> None:
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "asked",
     [
         {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
         {**LOCAL, "FASTRTPS_DEFAULT_PROFILES_FILE": "/mine.xml"},
@@ -31,10 +31,10 @@ def test_this_machine_only_means_loopback() -> None:
         {},
     ],
 )
-def test_another_wish_stays_as_it_is(wish: dict[str, str]) -> None:
-    environment = dict(wish)
+def test_another_choice_stays_as_it_is(asked: dict[str, str]) -> None:
+    environment = dict(asked)
     assert not use_loopback(environment)
-    assert environment == wish
+    assert environment == asked
 
 
 _TALK = """

@@ -11,7 +11,7 @@ from cassie_msgs.tunables import replace_checked
 from cassie_teleop.device import RANGES
 from cassie_teleop.keyboard import stopped
 from cassie_teleop.radio import clamped
-from cassie_teleop.wish import Wish
+from cassie_teleop.request import Request
 
 AT_REST = 1.0
 """For how long stand and no speed are asked for when power is, so that it is granted. In s."""
@@ -42,7 +42,7 @@ class VelocityCommands:
 
     def __init__(self, timeout: float, stand_after: float) -> None:
         self.timeout, self.stand_after = timeout, stand_after
-        self._base: Wish | None = None
+        self._base: Request | None = None
         self._velocity = (0.0, 0.0, 0.0)
         self._came = self._moved = self._powered = self._asked = -math.inf
 
@@ -73,7 +73,7 @@ class VelocityCommands:
 
     def power(self, on: bool, now: float) -> None:
         """Ask for power, or cut it."""
-        base = self._base or Wish()
+        base = self._base or Request()
         self._base = replace_checked(base, power=on, emergency_stop=not on)
         self._powered = now if on else -math.inf
 
@@ -81,7 +81,7 @@ class VelocityCommands:
         """Ask for the lease of the operator who drives."""
         self._asked = now
 
-    def wish(self, now: float) -> Wish | None:
+    def request(self, now: float) -> Request | None:
         """What to ask of the robot now; None before anybody asked for power or cut it."""
         if self._base is None:
             return None

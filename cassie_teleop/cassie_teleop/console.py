@@ -17,7 +17,7 @@ from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import stopped
 from cassie_teleop.page_messages import ORDERS, RECORD, SLIDERS, Beat, Press, Slide, Sticks
 from cassie_teleop.radio import clamped, without_link
-from cassie_teleop.wish import MODES, Wish
+from cassie_teleop.request import MODES, Request
 
 LINK_AGE = 0.3
 """Age of the frame that a page's newest message rests on, from which its link is lost. In s."""
@@ -82,7 +82,7 @@ class Console:
         self.notice = ""
         self._name = name
         self._pages: dict[int, _Page] = {}
-        self._base = Wish()  # as buttons and sliders have made it; without speeds
+        self._base = Request()  # as buttons and sliders have made it; without speeds
         self._holder = ""
         self._powered: bool | None = None
         self._taken = self._linked = self._stopped = self._cycled = -1e9
@@ -159,7 +159,7 @@ class Console:
         """Age of the frame that the page's newest message rests on. In s."""
         return now - self._pages[page].echo
 
-    def wish(self, now: float) -> Wish | None:
+    def request(self, now: float) -> Request | None:
         """What to ask of the robot now; None while there is nothing to say.
 
         A stop that ends a drive comes once.
@@ -176,12 +176,12 @@ class Console:
                 self._rest()
             return without_link(self._base)
         self._linked = now
-        wish = self._moving(self._pages[self.driver].sticks)
+        request = self._moving(self._pages[self.driver].sticks)
         asks = self._holder not in ("", self._name) and now - self._taken < ASKING
-        power = wish.power and now - self._cycled >= _CYCLE
-        return replace_checked(wish, take_over=asks, power=power)
+        power = request.power and now - self._cycled >= _CYCLE
+        return replace_checked(request, take_over=asks, power=power)
 
-    def last_wish(self) -> Wish | None:
+    def last_request(self) -> Request | None:
         """The stop with which the node ends; None if it does not speak anyway."""
         if self.driver is None:
             return None
@@ -189,7 +189,7 @@ class Console:
         return without_link(self._base)
 
     @property
-    def asked(self) -> Wish:
+    def asked(self) -> Request:
         """What buttons and sliders ask for, without the sticks."""
         return self._base
 
@@ -219,7 +219,7 @@ class Console:
     def _press(self, button: str, now: float) -> None:
         if button == "leave":
             self._release()
-        elif button == "power":
+        elif button == "power" and not (self._base.power and self._powered):
             if self._base.power and self._powered is False:
                 self._cycled = now  # it was refused: off and on again
             self._rest(power=True, emergency_stop=False)
@@ -227,7 +227,7 @@ class Console:
             self.armed = self.armed and button == self._base.mode
             self._base = replace_checked(self._base, mode=button)
         elif button == "neutral":
-            fresh = {name: getattr(Wish(), name) for name in SLIDERS}
+            fresh = {name: getattr(Request(), name) for name in SLIDERS}
             self._base = replace_checked(self._base, **fresh)
         elif button in ORDERS:
             self.orders.append(button)
@@ -245,7 +245,7 @@ class Console:
         self._base = replace_checked(stopped(self._base), mode="stand", **changes)
         self.armed = False
 
-    def _moving(self, sticks: Sticks) -> Wish:
+    def _moving(self, sticks: Sticks) -> Request:
         base, reach = self._base, self.reach
         if not self.armed or base.mode == "stand":
             return base

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import entries, from_mapping, names, tunable, unknown_name
-from cassie_teleop.wish import MODES, Wish
+from cassie_teleop.request import MODES, Request
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
 TRIMS = ("trim_sagittal", "trim_lateral", "trim_pitch", "trim_roll")
@@ -64,7 +64,7 @@ class Device:
     triggers: tuple[int, ...] = ()
     enable_button: int | None = None
     enable_turbo_button: int | None = None
-    start: Wish = field(default_factory=Wish)
+    start: Request = field(default_factory=Request)
 
 
 def read_device(path: Path) -> Device:
@@ -181,4 +181,4 @@ def _only_known(given: Mapping[str, Any], known: tuple[str, ...], what: str) -> 
             raise DeviceError(unknown_name(str(key), known, what))
 
 
-RANGES = {entry.name: entry.spec for entry in entries(Wish())}
+RANGES = {entry.name: entry.spec for entry in entries(Request())}

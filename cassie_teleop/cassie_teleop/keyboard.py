@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import clamped
-from cassie_teleop.wish import Wish
+from cassie_teleop.request import Request
 
 HELP = """\
   p power on       o power off (emergency stop)
@@ -39,7 +39,7 @@ class Keyboard:
     """Set-points as the keys have made them.
 
     Attributes:
-        wish: None until a power key was pressed, so that nobody cuts the power by
+        request: None until a power key was pressed, so that nobody cuts the power by
             starting a program.
         asks: Whether the lease of another operator was just asked for.
         left: Whether the user leaves.
@@ -48,7 +48,7 @@ class Keyboard:
 
     def __init__(self) -> None:
         """Start without set-points."""
-        self.wish: Wish | None = None
+        self.request: Request | None = None
         self.asks = self.left = False
         self.orders: list[str] = []
         self._bar_held = True
@@ -56,8 +56,8 @@ class Keyboard:
     def disarm(self) -> None:
         """A new episode: nothing moves until a key says so."""
         self._bar_held = True
-        if self.wish is not None:
-            self.wish = replace_checked(stopped(self.wish), mode="stand")
+        if self.request is not None:
+            self.request = replace_checked(stopped(self.request), mode="stand")
 
     def press(self, key: str) -> str:
         """Take one key, also with Caps Lock on; says why it does nothing, empty if it does."""
@@ -65,36 +65,36 @@ class Keyboard:
         if key == "x":
             self.left = True
         elif key == "p":
-            wish = self.wish or Wish()
+            request = self.request or Request()
             # The robot does not walk off when the power comes back.
-            wish = wish if wish.power else replace_checked(stopped(wish), mode="stand")
-            self.wish = replace_checked(wish, power=True, emergency_stop=False)
+            request = request if request.power else replace_checked(stopped(request), mode="stand")
+            self.request = replace_checked(request, power=True, emergency_stop=False)
         elif key == "o":
-            wish = replace_checked(stopped(self.wish or Wish()), mode="stand")
-            self.wish = replace_checked(wish, power=False, emergency_stop=True)
+            request = replace_checked(stopped(self.request or Request()), mode="stand")
+            self.request = replace_checked(request, power=False, emergency_stop=True)
         elif key in ORDER_KEYS:
             self._order(ORDER_KEYS[key])
         elif key in STEPS or key in MODE_KEYS or key in (" ", "c", "0"):
-            if self.wish is None:
+            if self.request is None:
                 return _POWER_FIRST
-            self.wish = self._changed(self.wish, key)
+            self.request = self._changed(self.request, key)
         else:
             return f"{key!r} does nothing: ? lists the keys" if key else ""
         return ""
 
-    def _changed(self, wish: Wish, key: str) -> Wish:
+    def _changed(self, request: Request, key: str) -> Request:
         if key in STEPS:
             name, step = STEPS[key]
-            value = clamped(name, round(getattr(wish, name) + step, 6))
-            return replace_checked(wish, **{name: value})
+            value = clamped(name, round(getattr(request, name) + step, 6))
+            return replace_checked(request, **{name: value})
         if key in MODE_KEYS:
-            return replace_checked(wish, mode=MODE_KEYS[key])
+            return replace_checked(request, mode=MODE_KEYS[key])
         if key == " ":
-            return stopped(wish)
+            return stopped(request)
         if key == "c":
             self.asks = True
-            return replace_checked(stopped(wish), mode="stand")
-        return Wish(mode=wish.mode, power=wish.power)
+            return replace_checked(stopped(request), mode="stand")
+        return Request(mode=request.mode, power=request.power)
 
     def _order(self, order: str) -> None:
         if order == "let_go_bar":
@@ -103,9 +103,9 @@ class Keyboard:
         self.orders.append(order)
 
 
-def stopped(wish: Wish) -> Wish:
+def stopped(request: Request) -> Request:
     """The same set-points without motion."""
-    return replace_checked(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+    return replace_checked(request, vx=0.0, vy=0.0, yaw_rate=0.0)
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,13 @@ class Motion:
     segway: float | None = None
 
 
-def status_lines(wish: Wish | None, status: Status | None, motion: Motion, width: int) -> list[str]:
+def status_lines(
+    request: Request | None, status: Status | None, motion: Motion, width: int
+) -> list[str]:
     """Lines of at most `width` characters: state of the robot, speeds, faults."""
     lines = [_robot(status)]
     lines.append(f"{'':10}{'ahead':>8}{'left':>8}{'turn':>8}{'height':>8}")
-    lines.append(_commanded(wish))
+    lines.append(_commanded(request))
     lines += [
         _row(name, values)
         for name, values in (("limited", motion.limited), ("achieved", motion.achieved))
@@ -160,15 +162,15 @@ def _robot(status: Status | None) -> str:
     return f"{status.mode}{age}{waits}"
 
 
-def _commanded(wish: Wish | None) -> str:
-    if wish is None:
+def _commanded(request: Request | None) -> str:
+    if request is None:
         return _POWER_FIRST + "; ? for help"
-    row = _row("commanded", (wish.vx, wish.vy, wish.yaw_rate, wish.height))
-    words = [wish.mode] if wish.power else ["no power", wish.mode]
-    if wish.roll or wish.pitch:
-        words.append(f"roll {wish.roll:+.2f} pitch {wish.pitch:+.2f} rad")
-    if wish.com_x or wish.com_y:
-        words.append(f"lean {wish.com_x:+.2f} {wish.com_y:+.2f} m")
+    row = _row("commanded", (request.vx, request.vy, request.yaw_rate, request.height))
+    words = [request.mode] if request.power else ["no power", request.mode]
+    if request.roll or request.pitch:
+        words.append(f"roll {request.roll:+.2f} pitch {request.pitch:+.2f} rad")
+    if request.com_x or request.com_y:
+        words.append(f"lean {request.com_x:+.2f} {request.com_y:+.2f} m")
     return f"{row}  {', '.join(words)}"
 
 

@@ -11,7 +11,7 @@ MAX_LENGTH = 500
 """Longest message. In characters."""
 
 SLIDERS = ("height", "com_x", "com_y", "pitch", "roll")
-"""Set-points that a slider gives; names of `Wish`."""
+"""Set-points that a slider gives; names of `Request`."""
 
 ORDERS = (
     *("lower", "hang_up", "let_go", "reset", "push_left", "push_ahead"),

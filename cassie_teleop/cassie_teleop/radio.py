@@ -1,4 +1,4 @@
-"""Channels of a radio or gamepad to wishes."""
+"""Channels of a radio or gamepad to requests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.device import RANGES, TRIMS, AxisMap, Device, Switch
-from cassie_teleop.wish import Wish
+from cassie_teleop.request import Request
 
 
 class RadioError(ValueError):
@@ -24,15 +24,15 @@ class Radio:
         self._latched: dict[str, bool] = {}
         self._touched: set[int] = set()
 
-    def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Wish | None:
-        """The wishes behind one set of channels.
+    def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Request | None:
+        """The requests behind one set of channels.
 
         Args:
             axes: Values in -1 .. 1, as many as the device has.
             buttons: 0 or 1 each.
 
         Returns:
-            The wishes; None while power is switched by buttons and neither was pressed
+            The requests; None while power is switched by buttons and neither was pressed
             yet, so that nobody cuts the power by starting a program.
 
         Raises:
@@ -144,6 +144,6 @@ def clamped(name: str, value: float) -> float:
     return min(max(value, low), high)
 
 
-def without_link(wish: Wish) -> Wish:
-    """The same wishes once the link is gone: nothing moves any more, power stays as it was."""
-    return replace_checked(wish, link=False, vx=0.0, vy=0.0, yaw_rate=0.0)
+def without_link(request: Request) -> Request:
+    """The same requests once the link is gone: nothing moves any more, power stays as it was."""
+    return replace_checked(request, link=False, vx=0.0, vy=0.0, yaw_rate=0.0)

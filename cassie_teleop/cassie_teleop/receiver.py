@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import Radio, RadioError, without_link
-from cassie_teleop.wish import Wish
+from cassie_teleop.request import Request
 
 
 class Receiver:
-    """Keeps the last good wishes and what is wrong now.
+    """Keeps the last good requests and what is wrong now.
 
     Args:
         radio: Reads the channels.
@@ -21,7 +21,7 @@ class Receiver:
         """Start without a message."""
         self.timeout = timeout
         self._radio = radio
-        self._wish: Wish | None = None
+        self._request: Request | None = None
         self._refusal = ""
         self._time: float | None = None
 
@@ -31,21 +31,25 @@ class Receiver:
         Returns:
             Whether it shall be told at once: power has changed, or the robot has to stop.
         """
-        before = self._wish
+        before = self._request
         self._time = now
         try:
-            wish = self._radio.read(axes, buttons)
+            request = self._radio.read(axes, buttons)
         except RadioError as error:
             self._refusal = self._refusal or str(error)  # the first of a row: one report
             if before is None or not before.power or not self._radio.cuts_power(axes, buttons):
                 return False
-            self._wish = replace_checked(before, power=False)  # the emergency stop works still
+            self._request = replace_checked(before, power=False)  # the emergency stop works still
             return True
         self._refusal = ""
-        self._wish = wish
-        if wish is None:
+        self._request = request
+        if request is None:
             return False
-        return before is None or before.power != wish.power or (_moves(before) and not _moves(wish))
+        return (
+            before is None
+            or before.power != request.power
+            or (_moves(before) and not _moves(request))
+        )
 
     def problem(self, now: float) -> str:
         """What is wrong at a time, in words; empty when all is well."""
@@ -55,16 +59,16 @@ class Receiver:
             return f"/joy is silent for more than {self.timeout:g} s"
         if self._refusal:
             return f"refused: {self._refusal}"
-        if self._wish is None:
+        if self._request is None:
             return "waiting for the power button"
-        return "" if self._wish.link else "the radio has no signal"
+        return "" if self._request.link else "the radio has no signal"
 
-    def wish(self, now: float) -> Wish | None:
+    def request(self, now: float) -> Request | None:
         """What to send at a time; None while there never was anything to send."""
-        if self._wish is None:
+        if self._request is None:
             return None
-        return without_link(self._wish) if self.problem(now) else self._wish
+        return without_link(self._request) if self.problem(now) else self._request
 
 
-def _moves(wish: Wish) -> bool:
-    return any((wish.vx, wish.vy, wish.yaw_rate))
+def _moves(request: Request) -> bool:
+    return any((request.vx, request.vy, request.yaw_rate))

@@ -1,4 +1,4 @@
-"""An operator by script: wishes over the robot's time, from YAML.
+"""An operator by script: requests over the robot's time, from YAML.
 
 A script is a list of steps, or a file with that list under `operator`, such as an
 experiment:
@@ -8,7 +8,7 @@ experiment:
       - {t: 5.0, mode: walk}
       - {t: 15.0, vx: 0.5}
 
-A key that a step omits keeps its value; before the first step all have the defaults of `Wish`.
+A key that a step omits keeps its value; before the first step all have the defaults of `Request`.
 A section `rider` beside it closes the loop: from its first target on, an operator who sees the
 robot sets com_x and com_y (`cassie_teleop.rider`).
 """
@@ -26,12 +26,12 @@ from cassie_msgs.operators import write_sender
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import names, replace_checked, unknown_name
+from cassie_teleop.request import Request, write
 from cassie_teleop.rider import Rider
 from cassie_teleop.rider_config import read_rider
 from cassie_teleop.sight import Sight, see
-from cassie_teleop.wish import Wish, write
 
-_KEYS = ("t", *names(Wish))
+_KEYS = ("t", *names(Request))
 
 
 class ScriptError(ValueError):
@@ -58,7 +58,7 @@ def read_script(path: Path) -> tuple[list[Mapping[str, Any]], Mapping[str, Any] 
 
 
 class ScriptedOperator:
-    """Plays a script: the wishes in force at each time.
+    """Plays a script: the requests in force at each time.
 
     Raises:
         ScriptError: at construction, naming step, key, value and range.
@@ -70,11 +70,11 @@ class ScriptedOperator:
         """Check all steps; `steps` as in this module's description, t ascending, in s.
 
         Args:
-            steps: Wishes by time.
+            steps: Requests by time.
             rider: As `rider_config.read_rider` takes it, or None.
         """
         self._times: list[float] = []
-        self._wishes = [Wish()]
+        self._requests = [Request()]
         for number, step in enumerate(steps):
             try:
                 self._append(step)
@@ -100,7 +100,7 @@ class ScriptedOperator:
         if not (math.isfinite(time) and time >= (self._times or [0.0])[-1]):
             raise ScriptError(f"t = {time:g} s is before the step ahead of it, or before 0")
         changes = {key: value for key, value in step.items() if key != "t"}
-        self._wishes.append(replace_checked(self._wishes[-1], **changes))
+        self._requests.append(replace_checked(self._requests[-1], **changes))
         self._times.append(float(time))
 
     def reset(self) -> None:
@@ -123,9 +123,9 @@ class ScriptedOperator:
         needed = self.rider.needs(stamp_ns) if self.rider is not None else None
         return needed is not None and needed not in self._sights
 
-    def wish(self, time_s: float) -> Wish:
-        """The wishes in force at a time, in s since the start of the episode."""
-        return self._wishes[bisect.bisect_right(self._times, time_s)]
+    def request(self, time_s: float) -> Request:
+        """The requests in force at a time, in s since the start of the episode."""
+        return self._requests[bisect.bisect_right(self._times, time_s)]
 
     def command(self, time_s: float) -> OperatorCommand:
         """The same as a command, without stamp, episode and seq.
@@ -133,7 +133,7 @@ class ScriptedOperator:
         Returns:
             Owned by this object and valid until the next call.
         """
-        write(self.wish(time_s), self._command)
+        write(self.request(time_s), self._command)
         self._command.scripted[...] = True
         return self._command
 

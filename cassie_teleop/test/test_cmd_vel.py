@@ -25,38 +25,42 @@ def commands():
     return commands
 
 
-def speeds(wish):
-    return wish.vx, wish.vy, wish.yaw_rate
+def speeds(request):
+    return request.vx, request.vy, request.yaw_rate
 
 
 def test_nothing_is_said_before_power_is_asked_for_or_cut():
     commands = VelocityCommands(0.5, 2.0)
     commands.receive(0.5, 0.0, 0.0, 0.0)
-    assert commands.wish(0.1) is None
+    assert commands.request(0.1) is None
     commands.power(False, 0.2)
-    assert commands.wish(0.3).emergency_stop
+    assert commands.request(0.3).emergency_stop
 
 
 def test_power_is_asked_for_at_rest_and_a_velocity_asks_for_walking(commands):
     commands.receive(0.5, 0.1, -0.2, 0.1)
-    assert commands.wish(0.2).mode == "stand" and speeds(commands.wish(0.2)) == (0.0, 0.0, 0.0)
+    assert commands.request(0.2).mode == "stand" and speeds(commands.request(0.2)) == (
+        0.0,
+        0.0,
+        0.0,
+    )
     commands.receive(0.5, 0.1, -0.2, AT_REST)
-    wish = commands.wish(AT_REST)
-    assert (wish.mode, *speeds(wish), wish.power) == ("walk", 0.5, 0.1, -0.2, True)
+    request = commands.request(AT_REST)
+    assert (request.mode, *speeds(request), request.power) == ("walk", 0.5, 0.1, -0.2, True)
 
 
 def test_silence_is_stop_and_then_stand(commands):
     commands.receive(0.5, 0.0, 0.0, 2.0)
-    assert commands.wish(2.4).vx == 0.5
-    assert (commands.wish(2.6).mode, commands.wish(2.6).vx) == ("walk", 0.0)
-    assert commands.wish(4.6).mode == "stand"
+    assert commands.request(2.4).vx == 0.5
+    assert (commands.request(2.6).mode, commands.request(2.6).vx) == ("walk", 0.0)
+    assert commands.request(4.6).mode == "stand"
 
 
 def test_zero_velocities_end_in_standing_too(commands):
     commands.receive(0.5, 0.0, 0.0, 2.0)
     for tenth in range(1, 40):
         commands.receive(0.0, 0.0, 0.0, 2.0 + 0.1 * tenth)
-    assert commands.wish(5.9).mode == "stand"
+    assert commands.request(5.9).mode == "stand"
 
 
 @pytest.mark.parametrize("wild", [math.nan, math.inf, -math.inf, 1e300])
@@ -67,15 +71,15 @@ def test_what_is_not_meant_is_refused_by_name_and_counts_as_stop(commands, wild,
     values[place] = wild
     with pytest.raises(VelocityError, match=r"(linear|angular)\.[xyz] = "):
         commands.receive(*values, 2.1)
-    assert speeds(commands.wish(2.2)) == (0.0, 0.0, 0.0)
+    assert speeds(commands.request(2.2)) == (0.0, 0.0, 0.0)
 
 
 def test_too_fast_is_held_within_the_range_and_the_lease_is_asked_for_at_rest(commands):
     assert commands.receive(0.5, 0.0, 0.0, 1.9) == ""
     assert commands.receive(-9.0, 0.0, 9.0, 2.0) == "linear.x is held within -1 .. 4.5 m/s"
-    assert speeds(commands.wish(2.1)) == (-1.0, 0.0, 1.2)
+    assert speeds(commands.request(2.1)) == (-1.0, 0.0, 1.2)
     commands.take_over(2.1)
-    assert commands.wish(2.2).take_over and speeds(commands.wish(2.2)) == (0.0, 0.0, 0.0)
+    assert commands.request(2.2).take_over and speeds(commands.request(2.2)) == (0.0, 0.0, 0.0)
 
 
 def start(*arguments):

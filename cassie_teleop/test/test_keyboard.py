@@ -19,29 +19,35 @@ def typed(keys):
     return keyboard
 
 
-def test_nothing_is_wished_before_a_power_key():
-    assert typed("ww2 ").wish is None
-    assert typed("p").wish.power and not typed("o").wish.power
+def test_nothing_is_asked_before_a_power_key():
+    assert typed("ww2 ").request is None
+    assert typed("p").request.power and not typed("o").request.power
 
 
 def test_the_emergency_stop_works_with_caps_lock_and_power_alone_moves_nothing():
-    wish = typed("p2wwaqrO").wish
-    assert (wish.power, wish.mode, wish.vx, wish.vy, wish.yaw_rate) == (False, "stand", 0, 0, 0)
-    assert typed("p2wwaqrOp").wish == typed("pr").wish
+    request = typed("p2wwaqrO").request
+    assert (request.power, request.mode, request.vx, request.vy, request.yaw_rate) == (
+        False,
+        "stand",
+        0,
+        0,
+        0,
+    )
+    assert typed("p2wwaqrOp").request == typed("pr").request
 
 
 def test_keys_step_set_points_within_their_ranges():
-    wish = typed("p2" + "w" * 5 + "a" * 2).wish
-    assert (wish.mode, wish.vx, wish.yaw_rate) == ("walk", 0.5, 0.2)
-    assert typed("p" + "w" * 99).wish.vx == 4.5
-    assert typed("p" + "f" * 99).wish.height == 0.35
+    request = typed("p2" + "w" * 5 + "a" * 2).request
+    assert (request.mode, request.vx, request.yaw_rate) == ("walk", 0.5, 0.2)
+    assert typed("p" + "w" * 99).request.vx == 4.5
+    assert typed("p" + "f" * 99).request.height == 0.35
 
 
 def test_space_stops_motion_and_zero_brings_all_back():
-    wish = typed("p2wwaaqrr ").wish
-    assert (wish.vx, wish.vy, wish.yaw_rate, wish.mode) == (0, 0, 0, "walk")
-    assert wish.height > 0.93
-    assert typed("p2wwrr0").wish == typed("p2").wish
+    request = typed("p2wwaaqrr ").request
+    assert (request.vx, request.vy, request.yaw_rate, request.mode) == (0, 0, 0, "walk")
+    assert request.height > 0.93
+    assert typed("p2wwrr0").request == typed("p2").request
 
 
 def test_every_key_is_in_the_help_and_none_has_two_meanings():
@@ -58,20 +64,20 @@ def test_a_key_that_does_nothing_is_answered():
 
 
 def test_arrows_do_what_letters_do():
-    assert typed(["p", "2", "up", "up", "left"]).wish == typed("p2wwa").wish
-    assert typed(["p", "2", "down", "right"]).wish == typed("p2sd").wish
+    assert typed(["p", "2", "up", "up", "left"]).request == typed("p2wwa").request
+    assert typed(["p", "2", "down", "right"]).request == typed("p2sd").request
 
 
 def test_keys_of_the_simulator_work_without_power_and_the_bar_alternates():
     keyboard = typed("nbbuz")
-    assert keyboard.wish is None
+    assert keyboard.request is None
     assert keyboard.orders == ["lower", "let_go_bar", "hold_bar", "hang_up", "reset"]
 
 
 def test_lines_tell_mode_reason_faults_age_and_fit():
     status = Status("stand", "hanging on the gantry", ["estimator lost " * 9], 2.0)
     motion = Motion(limited=(0.1, 0.0, 0.0, 0.9), achieved=(0.08, 0.01, -0.02, 0.91), segway=1.25)
-    lines = status_lines(typed("p2w").wish, status, motion, 80)
+    lines = status_lines(typed("p2w").request, status, motion, 80)
     text = "\n".join(lines)
     for part in (
         "stand (2.0 s ago)",
@@ -85,7 +91,7 @@ def test_lines_tell_mode_reason_faults_age_and_fit():
     assert "limited      +0.10   +0.00   +0.00    0.90" in text
     assert "achieved     +0.08   +0.01   -0.02    0.91" in text
     for width in (80, 40):
-        assert max(map(len, status_lines(typed("p2w").wish, status, motion, width))) <= width
+        assert max(map(len, status_lines(typed("p2w").request, status, motion, width))) <= width
 
 
 def test_nothing_sounds_wrong_before_anything_is():
@@ -96,6 +102,6 @@ def test_nothing_sounds_wrong_before_anything_is():
 
 
 def test_tilt_and_lean_are_shown_when_there_are_some():
-    assert "lean" not in "".join(status_lines(typed("p2").wish, None, Motion(), 80))
-    text = "".join(status_lines(typed("p3iijth").wish, None, Motion(), 200))
+    assert "lean" not in "".join(status_lines(typed("p2").request, None, Motion(), 80))
+    text = "".join(status_lines(typed("p3iijth").request, None, Motion(), 200))
     assert "roll +0.02 pitch +0.02 rad" in text and "lean +0.02 +0.01 m" in text

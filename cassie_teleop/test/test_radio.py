@@ -27,13 +27,13 @@ def radio():
 
 
 def test_known_answers_of_the_taranis(radio):
-    wish = radio.read(taranis(), [1, 1])
-    assert (wish.mode, wish.power, wish.link, wish.height) == ("stand", True, True, 0.9)
-    assert (wish.vx, wish.vy, wish.yaw_rate, wish.trims) == (0, 0, 0, (0, 0, 0, 0))
-    wish = radio.read(taranis(RV=1.0, RH=1.0, LH=-1.0, LS=-1.0, S1=1.0, SB=0.0), [1, 1])
-    assert wish.mode == "walk"
-    assert (wish.vx, wish.vy, wish.yaw_rate) == (1.0, -0.3, 0.8)
-    assert wish.height == pytest.approx(0.6) and wish.trims[0] == pytest.approx(0.1)
+    request = radio.read(taranis(), [1, 1])
+    assert (request.mode, request.power, request.link, request.height) == ("stand", True, True, 0.9)
+    assert (request.vx, request.vy, request.yaw_rate, request.trims) == (0, 0, 0, (0, 0, 0, 0))
+    request = radio.read(taranis(RV=1.0, RH=1.0, LH=-1.0, LS=-1.0, S1=1.0, SB=0.0), [1, 1])
+    assert request.mode == "walk"
+    assert (request.vx, request.vy, request.yaw_rate) == (1.0, -0.3, 0.8)
+    assert request.height == pytest.approx(0.6) and request.trims[0] == pytest.approx(0.1)
     assert radio.read(taranis(RV=-1.0), [1, 1]).vx == -0.5
 
 
@@ -77,11 +77,11 @@ def test_a_gamepad_says_nothing_until_power_is_pressed_and_moves_only_while_held
         return [int(i in numbers) for i in range(11)]
 
     assert pad.read(axes, pressed(4)) is None
-    wish = pad.read(axes, pressed(7))
-    assert wish.power and wish.vx == 0.0 and wish.mode == "stand"
+    request = pad.read(axes, pressed(7))
+    assert request.power and request.vx == 0.0 and request.mode == "stand"
     pad.read(axes, pressed(3))
-    wish = pad.read(axes, pressed(4))
-    assert wish.mode == "walk" and wish.vx == 1.0
+    request = pad.read(axes, pressed(4))
+    assert request.mode == "walk" and request.vx == 1.0
     assert pad.read(axes, pressed()).vx == 0.0
     assert not pad.read(axes, pressed(1, 7)).power, "off is stronger than on"
 
@@ -114,8 +114,8 @@ def walking_pad(name):
 def test_each_pad_moves_only_while_its_enable_button_is_held(name):
     pad = walking_pad(name)
     assert pad.read(*pad_channels(name, vx=1.0)).vx == 0.0
-    wish = pad.read(*pad_channels(name, 4, vx=1.0))
-    assert wish.mode == "walk" and wish.vx > 0.7 and wish.power
+    request = pad.read(*pad_channels(name, 4, vx=1.0))
+    assert request.mode == "walk" and request.vx > 0.7 and request.power
 
 
 @pytest.mark.parametrize("name", ["xbox", "ps4", "ps5"])
@@ -154,23 +154,23 @@ def test_release_of_the_enable_button_is_told_at_once_and_once():
     receiver.receive(*pad_channels("xbox"), 1.0)
     assert not receiver.receive(*pad_channels("xbox", 4, vx=1.0), 1.1)
     assert receiver.receive(*pad_channels("xbox", vx=1.0), 1.2), "the stop"
-    wish = receiver.wish(1.2)
-    assert (wish.vx, wish.link, wish.power, wish.mode) == (0.0, True, True, "walk")
+    request = receiver.request(1.2)
+    assert (request.vx, request.link, request.power, request.mode) == (0.0, True, True, "walk")
     assert not receiver.receive(*pad_channels("xbox", vx=1.0), 1.3), "no second one"
 
 
 def test_silence_and_refusals_cut_the_link_but_not_the_power(radio):
     receiver = Receiver(radio, 0.5)
-    assert receiver.wish(0.0) is None and "no message" in receiver.problem(0.0)
+    assert receiver.request(0.0) is None and "no message" in receiver.problem(0.0)
     assert receiver.receive(taranis(RV=1.0), [1, 1], 10.0)
-    assert receiver.wish(10.4).vx == 1.0 and receiver.problem(10.4) == ""
-    late = receiver.wish(10.6)
+    assert receiver.request(10.4).vx == 1.0 and receiver.problem(10.4) == ""
+    late = receiver.request(10.6)
     assert (late.link, late.power, late.vx) == (False, True, 0.0)
     assert "silent for more than 0.5 s" in receiver.problem(10.6)
     receiver.receive(taranis(RV=float("nan")), [1, 1], 11.0)
-    assert not receiver.wish(11.0).link and "axis 2 = nan" in receiver.problem(11.0)
+    assert not receiver.request(11.0).link and "axis 2 = nan" in receiver.problem(11.0)
     assert receiver.receive(taranis(SA=-1.0), [1, 1], 11.1), "a moved power switch is told"
-    assert receiver.wish(11.1).link and not receiver.wish(11.1).power
+    assert receiver.request(11.1).link and not receiver.request(11.1).power
 
 
 @pytest.mark.parametrize(
@@ -186,10 +186,10 @@ def test_the_emergency_stop_works_with_a_broken_stick(radio, axes, power):
     receiver = Receiver(radio, 0.5)
     receiver.receive(taranis(), [1, 1], 1.0)
     assert receiver.receive(axes, [1, 1], 1.1) is not power, "a moved power switch is told"
-    assert receiver.wish(1.1).power is power and not receiver.wish(1.1).link
+    assert receiver.request(1.1).power is power and not receiver.request(1.1).link
     assert not receiver.receive(axes, [1, 1], 1.2)
     receiver.receive(taranis(), [1, 1], 1.3)
-    assert receiver.wish(1.3).power and receiver.wish(1.3).link
+    assert receiver.request(1.3).power and receiver.request(1.3).link
 
 
 @pytest.mark.parametrize(

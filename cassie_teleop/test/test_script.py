@@ -16,8 +16,8 @@ STEPS = [
 
 def test_a_step_holds_from_its_time_on_and_omitted_keys_keep_their_value():
     operator = ScriptedOperator(STEPS)
-    assert not operator.wish(0.999).power
-    assert operator.wish(1.0).power and operator.wish(1.9).height == 0.8
+    assert not operator.request(0.999).power
+    assert operator.request(1.0).power and operator.request(1.9).height == 0.8
     command = operator.command(3.0)
     assert command.mode == RobotMode.WALK and command.power and command.scripted
     assert (command.vx, command.yaw_rate, command.height) == (0.5, -0.3, 0.8)

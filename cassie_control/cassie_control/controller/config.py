@@ -174,7 +174,7 @@ class WalkConfig:
         0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
     )
     step_ahead: float = tunable(
-        0.03, "s", 0.0, 0.2, "The same ahead, by the speed wished for, forward or back"
+        0.03, "s", 0.0, 0.2, "The same ahead, by the commanded speed, forward or back"
     )
     step_ahead_fast: float = tunable(
         0.03, "s/(m/s)", 0.0, 0.2, "By how much less that is for each m/s"

@@ -13,10 +13,10 @@ from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.paper_placement import PaperPlacement
 from cassie_control.controller.pendulum import LAW_TYPE, landing
 from cassie_control.controller.readings import LegReadings, Readings
-from cassie_control.controller.step_ahead import Placement, StepAhead, SwingEnd, Wish
+from cassie_control.controller.step_ahead import Commanded, Placement, StepAhead, SwingEnd
 
 _LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
-_STEADY = 0.1  # m/s by which the wish may change in two steps before nothing is summed up
+_STEADY = 0.1  # m/s by which the command may change in two steps before nothing is summed up
 _SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
 
 
@@ -56,10 +56,10 @@ class PendulumPlacement:
     backward as well, by as much as it is faster. `pendulum_gain_still` is added in place; not
     after a push. Fast, fore or aft, the foot also meets the ground earlier before the end of the
     step, by `contact_lead_speed`. Feet also go farther by `sidestep` and by `step_ahead`, less
-    `step_ahead_fast` for each m/s, times the speed wished for: as that map has it, they land too
+    `step_ahead_fast` for each m/s, times the commanded speed: as that map has it, they land too
     close to the CoM by the pendulum.
 
-    `sum` adds up the error of each step's mean speed, against the wish in the mean of the same two
+    `sum` adds up the error of each step's mean speed, against the command in the mean of those two
     steps, bounded: it takes out what the pendulum leaves out.
 
     The foot stays within the swing leg's reach and apart from the stance foot. Where that bends
@@ -95,17 +95,20 @@ class PendulumPlacement:
         """Forget the sums."""
         self._sum_x = 0.0
         self._sum_y = 0.0
-        self._wished: tuple[tuple[float, float], tuple[float, float]] | None = None
+        self._commanded: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def touchdown(
-        self, mean_velocity: tuple[float, float], velocity: tuple[float, float], wish: Wish
+        self,
+        mean_velocity: tuple[float, float],
+        velocity: tuple[float, float],
+        commanded: Commanded,
     ) -> None:
         """Add the mean velocity's error to the sums. In m/s."""
         c = self.config
-        now = wish.vx, wish.vy
-        before, earlier = self._wished or (now, now)
-        self._wished = now, before
-        # The velocity's mean is of two steps: so is the wish's, or each change would add up.
+        now = commanded.vx, commanded.vy
+        before, earlier = self._commanded or (now, now)
+        self._commanded = now, before
+        # The velocity's mean is of two steps: so is the command's, or each change would add up.
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
         # What it lacks while it is told to go faster would be too much once it is there.
         steady = max(0.0, 1.0 - abs(now[0] - earlier[0]) / _STEADY)
@@ -117,7 +120,7 @@ class PendulumPlacement:
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
-        wish: Wish,
+        commanded: Commanded,
         ahead: StepAhead,
     ) -> SwingEnd:
         """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
@@ -137,14 +140,14 @@ class PendulumPlacement:
             ahead.slope[0],
             ahead.slope[1],
             lead,
-            wish.vx,
-            wish.vy,
-            wish.spread,
-            wish.roll_trim,
+            commanded.vx,
+            commanded.vy,
+            commanded.spread,
+            commanded.roll_trim,
             self._sum_x,
             self._sum_y,
         )
-        return SwingEnd(pitch + wish.pitch_trim, roll, length, remaining, lead)
+        return SwingEnd(pitch + commanded.pitch_trim, roll, length, remaining, lead)
 
 
 def _lead(c: WalkConfig, speed: float) -> float:

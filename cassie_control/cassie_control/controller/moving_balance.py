@@ -11,7 +11,10 @@ from cassie_msgs.layout import Mode
 
 _GRAVITY = 9.81
 _SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
-_PRESS, _SHARE = 0.065, 0.4  # m, and of the feet's distance: farther they do not press for a wish
+_PRESS, _SHARE = (
+    0.065,
+    0.4,
+)  # m, and of the feet's distance: farther they press for no command
 _NEAR = 0.015  # m from where the CoM is, which it may be wanted in any case
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
 
@@ -73,7 +76,7 @@ class MovingBalance(Balance):
     def near(self, readings: Readings) -> tuple[tuple[float, float], tuple[float, float]]:
         """Where the CoM may be wanted so that the feet need not press at their edges for it.
 
-        To come back from a lean they press farther out at first. A wish that asks for more than
+        To come back from a lean they press farther out at first. A command that asks for more than
         they have throws it: the torso bends, and swings back.
 
         Returns:

@@ -7,7 +7,7 @@ import math
 from cassie_control.controller.config import WalkConfig
 from cassie_control.controller.pendulum import GRAVITY, Fall, fallen
 from cassie_control.controller.readings import HIP_TO_PELVIS, LegReadings, Readings
-from cassie_control.controller.step_ahead import StepAhead, SwingEnd, Wish
+from cassie_control.controller.step_ahead import Commanded, StepAhead, SwingEnd
 
 
 class PaperPlacement:
@@ -16,8 +16,8 @@ class PaperPlacement:
     Added to the gait's swing leg angles at touchdown, with v the low-passed pelvis velocity and
     v_0 the same at the last touchdown:
 
-        pitch: Kp (v_x - wish) + Kd (v_x - v_0x) + offset + trim,
-        roll:  Kp (v_y - wish) + Kd (v_y - v_0y) + d narrowing sat(v_x, 0, 1) + trim,
+        pitch: Kp (v_x - command) + Kd (v_x - v_0x) + offset + trim,
+        roll:  Kp (v_y - command) + Kd (v_y - v_0y) + d narrowing sat(v_x, 0, 1) + trim,
 
     with d = 1 in left stance and -1 in right stance: the swing foot lands further in.
 
@@ -31,7 +31,7 @@ class PaperPlacement:
 
     Source:
         Da et al. 2016, Eqs. (13) and (17), in the form that the authors run on Cassie; they
-        command sideways walking by a constant bias, which here is -Kp wish. The bound on the
+        command sideways walking by a constant bias, which here is -Kp command. The bound on the
         distance of the feet is an addition.
     """
 
@@ -44,7 +44,10 @@ class PaperPlacement:
         self._last = (0.0, 0.0)
 
     def touchdown(
-        self, mean_velocity: tuple[float, float], velocity: tuple[float, float], wish: Wish
+        self,
+        mean_velocity: tuple[float, float],
+        velocity: tuple[float, float],
+        commanded: Commanded,
     ) -> None:
         """Remember the low-passed velocity of this touchdown. In m/s."""
         self._last = velocity
@@ -54,16 +57,16 @@ class PaperPlacement:
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
-        wish: Wish,
+        commanded: Commanded,
         ahead: StepAhead,
     ) -> SwingEnd:
         """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
         c = self.config
         vx, vy = ahead.velocity
-        pitch = c.paper_kp_x * (vx - wish.vx) + c.paper_kd_x * (vx - self._last[0])
-        roll = c.paper_kp_y * (vy - wish.vy) + c.paper_kd_y * (vy - self._last[1])
+        pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - self._last[0])
+        roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - self._last[1])
         roll += stance.side * c.paper_narrowing * max(0.0, min(1.0, vx))
-        roll += ahead.roll + wish.roll_trim
+        roll += ahead.roll + commanded.roll_trim
         reach = ahead.length + HIP_TO_PELVIS
         uy = swing.hip_y + reach * math.sin(roll) - readings.com[1]
         velocity = (readings.com_velocity[0], readings.com_velocity[1])
@@ -73,7 +76,7 @@ class PaperPlacement:
         if missing > 0.0:
             from_hip = readings.com[1] + uy + swing.side * missing - swing.hip_y
             roll = math.asin(max(-0.4, min(0.4, from_hip / reach)))
-        pitch += ahead.pitch + c.paper_offset + wish.pitch_trim
+        pitch += ahead.pitch + c.paper_offset + commanded.pitch_trim
         return SwingEnd(pitch, roll, ahead.length, ahead.remaining)
 
 

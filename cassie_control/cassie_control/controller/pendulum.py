@@ -57,7 +57,7 @@ class Now(NamedTuple):
         side: Of the swing leg.
         elapsed, remaining, earliest, step_time, speed, yaw, rise, slope_x, slope_y: `StepAhead`.
         lead: Time from the swing foot's first contact to the end of the step.
-        wish_vx, wish_vy, spread, roll_trim: `Wish`.
+        commanded_vx, commanded_vy, spread, roll_trim: `Commanded`.
         sum_x, sum_y: Sums of the errors of steps' mean speeds.
     """
 
@@ -81,8 +81,8 @@ class Now(NamedTuple):
     slope_x: float
     slope_y: float
     lead: float
-    wish_vx: float
-    wish_vy: float
+    commanded_vx: float
+    commanded_vy: float
     spread: float
     roll_trim: float
     sum_x: float
@@ -165,8 +165,8 @@ def landing(
     slope_x: float,
     slope_y: float,
     lead: float,
-    wish_vx: float,
-    wish_vy: float,
+    commanded_vx: float,
+    commanded_vy: float,
     spread: float,
     roll_trim: float,
     sum_x: float,
@@ -208,8 +208,8 @@ def landing(
         slope_x,
         slope_y,
         lead,
-        wish_vx,
-        wish_vy,
+        commanded_vx,
+        commanded_vy,
         spread,
         roll_trim,
         sum_x,
@@ -227,7 +227,7 @@ def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
     faster = _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)
-    aside = _SIDE_LEAN * max(0.0, abs(now.wish_vy) - 0.1)
+    aside = _SIDE_LEAN * max(0.0, abs(now.commanded_vy) - 0.1)
     reach = Reach(
         side,
         hip_x - HIP_BACK - now.com_x,
@@ -238,7 +238,7 @@ def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
         law.least_foot_distance,
         above * (law.easy_lean + faster),
         above * (law.far_lean + faster + aside),
-        1.0 - (1.0 - law.far_share) * min(1.0, abs(now.wish_vx) / _UNDER_WAY),
+        1.0 - (1.0 - law.far_share) * min(1.0, abs(now.commanded_vx) / _UNDER_WAY),
         law.far_most,
     )
     aim = _steady(law, now, fall.rate, math.sin(now.roll_trim) * down)
@@ -281,7 +281,7 @@ def _falling(law: Any, now: Now) -> tuple[Fall, float]:
 
 @compiled
 def _steady(law: Any, now: Now, w: float, trim: float) -> Aim:
-    """Steady walking as wished, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
+    """Steady walking as commanded, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
     coast = law.double_support
     duration = max(0.2, now.step_time - now.lead)
     single = max(_SHORTEST_SINGLE, duration - coast)
@@ -290,18 +290,18 @@ def _steady(law: Any, now: Now, w: float, trim: float) -> Aim:
     slope = coast + 1.0 / (w * math.tanh(w * single))
     width = now.side * 2.0 * (HIP_Y + law.foot_spread + now.spread)
     travel = duration / (coast + 2.0 * tanh_half)
-    vx, vy = now.wish_vx * travel, now.wish_vy * travel
+    vx, vy = now.commanded_vx * travel, now.commanded_vy * travel
     sway = width / (coast + 2.0 * coth_half)
-    asked = math.hypot(now.wish_vx, now.wish_vy) / law.still_speed
+    asked = math.hypot(now.commanded_vx, now.commanded_vy) / law.still_speed
     moving = abs(now.velocity_x) / law.still_speed
     more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
     more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
     share_y = max(LEAST_GAIN, 1.0 - law.pendulum_fade_y * max(0.0, now.speed))
-    ahead = law.step_ahead - law.step_ahead_fast * abs(now.wish_vx)
+    ahead = law.step_ahead - law.step_ahead_fast * abs(now.commanded_vx)
     return Aim(
-        vx * (coast + tanh_half) + ahead * now.wish_vx + now.sum_x,
+        vx * (coast + tanh_half) + ahead * now.commanded_vx + now.sum_x,
         vy * (coast + tanh_half)
-        + law.sidestep * now.wish_vy
+        + law.sidestep * now.commanded_vy
         + sway * (coast + coth_half)
         + now.sum_y
         + trim,

@@ -10,7 +10,7 @@ from cassie_control.controller.readings import LegReadings, Readings
 
 
 @dataclass
-class Wish:
+class Commanded:
     """What the operator wants of the steps.
 
     Attributes:
@@ -83,14 +83,17 @@ class Placement(Protocol):
         """Forget earlier steps."""
 
     def touchdown(
-        self, mean_velocity: tuple[float, float], velocity: tuple[float, float], wish: Wish
+        self,
+        mean_velocity: tuple[float, float],
+        velocity: tuple[float, float],
+        commanded: Commanded,
     ) -> None:
         """A step ended.
 
         Args:
             mean_velocity: Of the last two steps, forward and to the left. In m/s.
             velocity: Low-passed. In m/s.
-            wish: Commanded velocity.
+            command: Commanded velocity.
         """
 
     def swing_end(
@@ -98,7 +101,7 @@ class Placement(Protocol):
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
-        wish: Wish,
+        commanded: Commanded,
         ahead: StepAhead,
     ) -> SwingEnd:
         """Leg angles at touchdown.
@@ -106,6 +109,6 @@ class Placement(Protocol):
         Args:
             readings: The robot now.
             stance, swing: Its legs.
-            wish: Commanded velocity.
+            command: Commanded velocity.
             ahead: The present step.
         """

@@ -22,7 +22,7 @@ from cassie_control.controller.outputs import (
 from cassie_control.controller.position_hold import PositionHold
 from cassie_control.controller.readings import Readings
 from cassie_control.controller.records import STEP_TYPE, RecordArray
-from cassie_control.controller.step_ahead import Placement, StepAhead, Wish
+from cassie_control.controller.step_ahead import Commanded, Placement, StepAhead
 from cassie_control.controller.step_timing import LEFT, StepTiming
 from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
@@ -86,7 +86,7 @@ class WalkingController:
         self.desired_rates: FloatArray = step["desired_rates"]
         self._start: FloatArray = step["start"]
         self._start_rates: FloatArray = step["start_rates"]
-        self._wish = Wish()
+        self._commanded = Commanded()
         self._ahead = StepAhead()
         self._hold = PositionHold(period)
         self._slope = GroundSlope(period)
@@ -150,21 +150,21 @@ class WalkingController:
         Returns:
             Whether a step ended at this tick.
         """
-        timing, wish = self.timing, self._wish
+        timing, commanded = self.timing, self._commanded
         _, vx, vy, yaw_rate, _, _, _, roll, pitch, *trims = mode.floats.tolist()
-        wish.vx, wish.vy = vx, vy
+        commanded.vx, commanded.vy = vx, vy
         if vx == vy == yaw_rate == 0.0:
-            wish.vx, wish.vy = self._hold.velocity(self.config, readings)
+            commanded.vx, commanded.vy = self._hold.velocity(self.config, readings)
         else:
             self._hold.release()
-        wish.spread = spread
-        wish.pitch_trim, wish.roll_trim = trims[0], trims[1]
+        commanded.spread = spread
+        commanded.pitch_trim, commanded.roll_trim = trims[0], trims[1]
         self._turn(readings.yaw, yaw_rate)
         ended = timing.advance(readings)
         if ended:
             mean_velocity = timing.end_step()
             self._sideways = mean_velocity[1]
-            self._placement.touchdown(mean_velocity, timing.velocity, wish)
+            self._placement.touchdown(mean_velocity, timing.velocity, commanded)
             self._begin_step(readings)
         self._find_slope(readings, ended)
         self._look_ahead(readings, yaw_rate)
@@ -231,7 +231,7 @@ class WalkingController:
         """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
         timing, ahead = self.timing, self._ahead
         stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
-        end = self._placement.swing_end(readings, stance, swing, self._wish, ahead)
+        end = self._placement.swing_end(readings, stance, swing, self._commanded, ahead)
         timing.plan(end.remaining)
         drive(
             self._figures,

@@ -1,4 +1,4 @@
-"""Decides the robot's mode and what of the operator's wishes the controller gets."""
+"""Decides the robot's mode and what of the operator's commands the controller gets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cassie_control.supervisor.set_points import (
     riding,
     stepping,
     upright,
-    wishes,
+    within_limits,
 )
 from cassie_control.supervisor.status import SupervisorStatus, faults
 from cassie_gaits import robot
@@ -36,7 +36,7 @@ _TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it 
 
 
 class ModeSupervisor:
-    """Stand, walk, damp or off, from the robot's state and the operator's wish.
+    """Stand, walk, damp or off, from the robot's state and the operator's command.
 
     - Without power: off. After a fall, or while the controller is lost: damp, until the torso has
       been upright for `upright_time` (hung up, or set on its feet).
@@ -72,7 +72,7 @@ class ModeSupervisor:
         """Back to off."""
         self.status = SupervisorStatus()
         self._set_points = SetPoints()
-        self._wish = SetPoints()
+        self._commanded = SetPoints()
         self._asked: tuple[bytes, int, SupervisorConfig] | None = None  # what was heard last
         self._refused = ""  # why that was
         self._requested = RobotMode.STAND
@@ -161,12 +161,12 @@ class ModeSupervisor:
         return self._answer(state)
 
     def _hear(self, operator: OperatorCommand | None) -> str:
-        """Take in the operator's wish; says why it is refused, if it is."""
+        """Take in the operator's command; says why it is refused, if it is."""
         if operator is None:
             self._asked = None
             low = self._battery.empty and self._current is RobotMode.STAND
             height = self.config.height_low if low else self._set_points.height
-            self._wish = SetPoints(height=height)
+            self._commanded = SetPoints(height=height)
             self._requested = RobotMode.STAND
             return ""
         asked = (operator.floats.tobytes(), int(operator.mode), self.config)
@@ -174,9 +174,9 @@ class ModeSupervisor:
             return self._refused  # operators say the same again and again
         self._asked, self._refused = asked, refusal(operator)
         if self._refused:
-            self._wish = replace(self._wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+            self._commanded = replace(self._commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
         else:
-            self._wish = wishes(operator, self.config)
+            self._commanded = within_limits(operator, self.config)
             self._requested = requested_mode(operator)
         return self._refused
 
@@ -279,27 +279,31 @@ class ModeSupervisor:
         return self._current if reasons[self._requested] else self._requested
 
     def _limit(self) -> None:
-        """Move the set-points towards what the mode in force permits of the wish."""
-        c, wish, requested = self.config, self._wish, self._requested
+        """Move the set-points towards what the mode in force permits of the command."""
+        c, commanded, requested = self.config, self._commanded, self._requested
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             height = max(c.height_low, min(c.height_high, self._posture.height))
-            self._set_points = SetPoints(height=height if self._posture.grounded else wish.height)
+            self._set_points = SetPoints(
+                height=height if self._posture.grounded else commanded.height
+            )
         if self._current is not requested or requested is RobotMode.STAND:
-            wish = replace(wish, vx=0.0, vy=0.0, yaw_rate=0.0)
+            commanded = replace(commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
         if RobotMode.SEGWAY in (requested, self._current):
-            wish = replace(wish, height=min(wish.height, c.ride_height))
+            commanded = replace(commanded, height=min(commanded.height, c.ride_height))
             if self._current is not requested:  # it brakes by itself, or waits for its crouch
-                wish = replace(wish, com_x=0.0, com_y=0.0)
+                commanded = replace(commanded, com_x=0.0, com_y=0.0)
         if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
-            wish = upright(wish, c.walk_height)
+            commanded = upright(commanded, c.walk_height)
         if self._current is RobotMode.SEGWAY:  # also while another mode is asked for
-            wish = crouched(wish, c)
+            commanded = crouched(commanded, c)
             c = riding(c)
         elif RobotMode.WALK in (requested, self._current):
-            wish = replace(stepping(wish, c), height=c.walk_height)
+            commanded = replace(stepping(commanded, c), height=c.walk_height)
         elif self._posture.stepping:
-            wish = replace(stepping(wish, c), com_x=wish.com_x, com_y=wish.com_y)
-        approach(self._set_points, wish, c, self._period)
+            commanded = replace(
+                stepping(commanded, c), com_x=commanded.com_x, com_y=commanded.com_y
+            )
+        approach(self._set_points, commanded, c, self._period)
         if self._current is RobotMode.SEGWAY is not requested:
             self._set_points.vx = 0.0  # at once: it brakes as hard as it can
         slow = (

@@ -1,4 +1,4 @@
-"""The operator's wishes, kept within limits and changed at limited rates."""
+"""The operator's commands, kept within limits and changed at limited rates."""
 
 from __future__ import annotations
 
@@ -56,18 +56,18 @@ def refusal(command: OperatorCommand) -> str:
 
 
 def requested_mode(command: OperatorCommand) -> RobotMode:
-    """The mode that an operator wishes for; standing if it is none to wish for."""
-    wished = int(command.mode)
+    """The mode that an operator asks for; standing if it is none to ask for."""
+    asked = int(command.mode)
     permitted = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
-    return RobotMode(wished) if wished in permitted else RobotMode.STAND
+    return RobotMode(asked) if asked in permitted else RobotMode.STAND
 
 
-def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
+def within_limits(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
     """An operator's command within the limits."""
     c = riding(config) if int(command.mode) == RobotMode.SEGWAY else config
     vx, vy, yaw_rate = _walkable(float(command.vx), float(command.vy), float(command.yaw_rate), c)
     sagittal, lateral, pitch, roll = command.trims.tolist()
-    wish = SetPoints(
+    commanded = SetPoints(
         vx=vx,
         vy=vy,
         yaw_rate=yaw_rate,
@@ -78,7 +78,7 @@ def wishes(command: OperatorCommand, config: SupervisorConfig) -> SetPoints:
         pitch=float(command.pitch),
         trims=(sagittal, lateral, pitch, roll),
     )
-    return _tilted(wish, c.tilt_limit, c.tilt_limit, c.trim_limit)
+    return _tilted(commanded, c.tilt_limit, c.tilt_limit, c.trim_limit)
 
 
 @functools.cache
@@ -101,26 +101,26 @@ def riding(config: SupervisorConfig) -> SupervisorConfig:
     )
 
 
-def crouched(wish: SetPoints, config: SupervisorConfig) -> SetPoints:
-    """A wish made on foot, with the height and tilt that riding permits."""
+def crouched(commanded: SetPoints, config: SupervisorConfig) -> SetPoints:
+    """A command made on foot, with the height and tilt that riding permits."""
     c = riding(config)
-    wish = replace(wish, height=_bounded(wish.height, c.height_low, c.height_high))
-    return _tilted(wish, c.tilt_limit, c.tilt_limit, c.trim_limit)
+    commanded = replace(commanded, height=_bounded(commanded.height, c.height_low, c.height_high))
+    return _tilted(commanded, c.tilt_limit, c.tilt_limit, c.trim_limit)
 
 
-def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: float) -> None:
-    """Move set-points towards a wish by one period, in s, each no faster than permitted."""
+def approach(now: SetPoints, commanded: SetPoints, config: SupervisorConfig, period: float) -> None:
+    """Move set-points towards a command by one period, in s, each no faster than permitted."""
     c = config
-    now.vx = _towards(now.vx, wish.vx, c.acceleration * period)
-    now.vy = _towards(now.vy, wish.vy, c.acceleration * period)
-    now.yaw_rate = _towards(now.yaw_rate, wish.yaw_rate, c.turn_acceleration * period)
-    now.height = _towards(now.height, wish.height, c.height_rate * period)
-    now.com_x = _towards(now.com_x, wish.com_x, c.shift_rate * period)
-    now.com_y = _towards(now.com_y, wish.com_y, c.shift_rate * period)
-    now.roll = _towards(now.roll, wish.roll, c.tilt_rate * period)
-    now.pitch = _towards(now.pitch, wish.pitch, c.tilt_rate * period)
+    now.vx = _towards(now.vx, commanded.vx, c.acceleration * period)
+    now.vy = _towards(now.vy, commanded.vy, c.acceleration * period)
+    now.yaw_rate = _towards(now.yaw_rate, commanded.yaw_rate, c.turn_acceleration * period)
+    now.height = _towards(now.height, commanded.height, c.height_rate * period)
+    now.com_x = _towards(now.com_x, commanded.com_x, c.shift_rate * period)
+    now.com_y = _towards(now.com_y, commanded.com_y, c.shift_rate * period)
+    now.roll = _towards(now.roll, commanded.roll, c.tilt_rate * period)
+    now.pitch = _towards(now.pitch, commanded.pitch, c.tilt_rate * period)
     step = c.tilt_rate * period
-    a, b = now.trims, wish.trims
+    a, b = now.trims, commanded.trims
     now.trims = (
         _towards(a[0], b[0], step),
         _towards(a[1], b[1], step),
@@ -129,11 +129,11 @@ def approach(now: SetPoints, wish: SetPoints, config: SupervisorConfig, period: 
     )
 
 
-def stepping(wish: SetPoints, config: SupervisorConfig) -> SetPoints:
-    """A wish with what a robot bears of it that steps."""
+def stepping(commanded: SetPoints, config: SupervisorConfig) -> SetPoints:
+    """A command with what a robot bears of it that steps."""
     c = config
-    wish = replace(wish, com_x=0.0, com_y=0.0)
-    return _tilted(wish, c.walk_roll, c.walk_pitch, c.walk_trim)
+    commanded = replace(commanded, com_x=0.0, com_y=0.0)
+    return _tilted(commanded, c.walk_roll, c.walk_pitch, c.walk_trim)
 
 
 def agree(now: SetPoints, least: SetPoints) -> bool:
@@ -148,13 +148,15 @@ def agree(now: SetPoints, least: SetPoints) -> bool:
     return all(abs(now_ - least_) < _NEAR for now_, least_ in pairs)
 
 
-def upright(wish: SetPoints, walk_height: float) -> SetPoints:
-    """A wish without tilt, at the height of walking: with that, standing takes over from walking.
+def upright(commanded: SetPoints, walk_height: float) -> SetPoints:
+    """A command without tilt, at the height of walking: standing takes over from walking with it.
 
     With a tilted torso the legs give way meanwhile.
     """
-    trims = (*wish.trims[:2], 0.0, 0.0)
-    return replace(wish, roll=0.0, pitch=0.0, trims=trims, height=walk_height, com_x=0.0, com_y=0.0)
+    trims = (*commanded.trims[:2], 0.0, 0.0)
+    return replace(
+        commanded, roll=0.0, pitch=0.0, trims=trims, height=walk_height, com_x=0.0, com_y=0.0
+    )
 
 
 def is_upright(now: SetPoints) -> bool:
@@ -162,15 +164,15 @@ def is_upright(now: SetPoints) -> bool:
     return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < _NEAR
 
 
-def _tilted(wish: SetPoints, roll: float, pitch: float, trim: float) -> SetPoints:
-    """A wish whose torso tilts no further than roll and pitch, trims included. All in rad."""
-    sagittal, lateral, pitch_trim, roll_trim = wish.trims
+def _tilted(commanded: SetPoints, roll: float, pitch: float, trim: float) -> SetPoints:
+    """A command whose torso tilts no further than roll and pitch, trims included. All in rad."""
+    sagittal, lateral, pitch_trim, roll_trim = commanded.trims
     pitch_trim = _bounded(pitch_trim, -min(trim, pitch), min(trim, pitch))
     roll_trim = _bounded(roll_trim, -min(trim, roll), min(trim, roll))
     return replace(
-        wish,
-        roll=_bounded(wish.roll, -roll - roll_trim, roll - roll_trim),
-        pitch=_bounded(wish.pitch, -pitch - pitch_trim, pitch - pitch_trim),
+        commanded,
+        roll=_bounded(commanded.roll, -roll - roll_trim, roll - roll_trim),
+        pitch=_bounded(commanded.pitch, -pitch - pitch_trim, pitch - pitch_trim),
         trims=(
             _bounded(sagittal, -trim, trim),
             _bounded(lateral, -trim, trim),
@@ -208,5 +210,5 @@ def _bounded(value: float, low: float, high: float) -> float:
     return max(low, min(high, value))
 
 
-def _towards(now: float, wish: float, step: float) -> float:
-    return now + max(-step, min(step, wish - now))
+def _towards(now: float, commanded: float, step: float) -> float:
+    return now + max(-step, min(step, commanded - now))

@@ -77,9 +77,9 @@ class CmdVel(Node):
 
     def close(self) -> None:
         """Send exactly one stop."""
-        wish = self._commands.wish(time.monotonic())
-        if wish is not None:
-            self._sender.send_last(without_link(wish))
+        request = self._commands.request(time.monotonic())
+        if request is not None:
+            self._sender.send_last(without_link(request))
 
     def _configure(self, config: Config) -> None:
         self._config = config
@@ -131,9 +131,9 @@ class CmdVel(Node):
 
     def _send(self) -> None:
         now = self._sent = time.monotonic()
-        wish = self._commands.wish(now)
-        if wish is not None:
-            self._sender.send(wish)
+        request = self._commands.request(now)
+        if request is not None:
+            self._sender.send(request)
 
 
 ABOUT = About(

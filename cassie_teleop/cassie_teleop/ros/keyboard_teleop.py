@@ -99,14 +99,14 @@ class KeyboardTeleop(Node):
     def close(self) -> None:
         """Put the terminal back and send exactly one stop."""
         self._terminal.close()
-        if self._keyboard.wish is not None:
-            self._sender.send_last(without_link(self._keyboard.wish))
+        if self._keyboard.request is not None:
+            self._sender.send_last(without_link(self._keyboard.request))
 
     def _send(self) -> None:
         keyboard = self._keyboard
-        if keyboard.wish is not None:
+        if keyboard.request is not None:
             keyboard.asks = time.monotonic() - self._asked < _ASKING
-            self._sender.send(replace_checked(keyboard.wish, take_over=keyboard.asks))
+            self._sender.send(replace_checked(keyboard.request, take_over=keyboard.asks))
 
     def _order(self) -> None:
         """Call services, and show what they answered."""
@@ -118,7 +118,7 @@ class KeyboardTeleop(Node):
     def _show(self) -> None:
         self._shown = time.monotonic()
         width = min(80, self._terminal.width - 1)
-        lines = status_lines(self._keyboard.wish, self._status_now(), self._motion(), width)
+        lines = status_lines(self._keyboard.request, self._status_now(), self._motion(), width)
         self._terminal.show(lines)
 
     def _motion(self) -> Motion:

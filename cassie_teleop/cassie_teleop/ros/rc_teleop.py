@@ -69,9 +69,9 @@ class RcTeleop(Node):
 
     def close(self) -> None:
         """Send exactly one stop."""
-        wish = self._receiver.wish(time.monotonic())
-        if wish is not None:
-            self._sender.send_last(without_link(wish))
+        request = self._receiver.request(time.monotonic())
+        if request is not None:
+            self._sender.send_last(without_link(request))
 
     def _configure(self, config: Config) -> None:
         self._config = config
@@ -89,9 +89,9 @@ class RcTeleop(Node):
         problem = self._receiver.problem(now)
         level = diagnostics.WARN if problem else diagnostics.OK
         self._diagnostics.set("radio", level, problem or "link good", device=self._config.device)
-        wish = self._receiver.wish(now)
-        if wish is not None:
-            self._sender.send(wish)
+        request = self._receiver.request(now)
+        if request is not None:
+            self._sender.send(request)
 
 
 def device_path(name: str) -> Path:

@@ -1,4 +1,4 @@
-"""Sends a person's wishes: stamped with the wall clock, with seq and episode 0."""
+"""Sends a person's requests: stamped with the wall clock, with seq and episode 0."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rclpy.node import Node
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import write_sender
 from cassie_msgs.ros.fast_lane import LanePublisher
-from cassie_teleop.wish import Wish, write
+from cassie_teleop.request import Request, write
 
 _FLUSH = 1.0  # s
 
@@ -29,13 +29,13 @@ class Sender:
         self.name = f"{node.get_name()}-{os.getpid()}"
         write_sender(self._command, self.name)
 
-    def send(self, wish: Wish) -> None:
-        """Send the wishes as of now."""
-        write(wish, self._command)
+    def send(self, request: Request) -> None:
+        """Send the requests as of now."""
+        write(request, self._command)
         self._command.stamp_ns = time.time_ns()
         self._publisher.publish(self._command)
 
-    def send_last(self, wish: Wish) -> None:
-        """Send the wishes and wait until they have arrived, at most a second."""
-        self.send(wish)
+    def send_last(self, request: Request) -> None:
+        """Send the requests and wait until they have arrived, at most a second."""
+        self.send(request)
         self._publisher.flush(_FLUSH)

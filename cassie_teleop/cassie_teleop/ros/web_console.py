@@ -22,12 +22,12 @@ from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.console import LINK_AGE, Console, Reach
 from cassie_teleop.page_messages import RECORD, Beat, Press, Slide
 from cassie_teleop.page_server import PageServer, is_loopback
+from cassie_teleop.request import Request
 from cassie_teleop.robot_description import RobotDescription
 from cassie_teleop.ros.console_topics import ConsoleTopics
 from cassie_teleop.ros.recorder import Recorder
 from cassie_teleop.ros.sender import Sender
 from cassie_teleop.ros.simulator_services import SimulatorServices
-from cassie_teleop.wish import Wish
 
 _SHORTEST_TOKEN = 8  # characters
 _LOOK = 1.0  # s between two looks at the ROS graph
@@ -83,7 +83,7 @@ class WebConsole(Node):
         self._graph: dict[str, Any] = {"orders": [], "heard": False}
         self._sent_at = 0.0
         self._ending = False
-        self._last: Wish | None = None
+        self._last: Request | None = None
         token = _token(self._config)
         self._server = PageServer(self._config.host, self._config.port, token, self)
         address = _address(self._config.host, self._server.port, token)
@@ -168,7 +168,7 @@ class WebConsole(Node):
             works = (ended.wait(), self._send_commands(), self._send_frames(), self._look_around())
             tasks = [asyncio.create_task(work) for work in works]
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            self._last = self._console.last_wish()
+            self._last = self._console.last_request()
             self._ending = True  # pages that close now say nothing any more
             for task in tasks:
                 task.cancel()
@@ -184,11 +184,11 @@ class WebConsole(Node):
     def _send(self) -> bool:
         """Send a command if there is something to say; says whether there was."""
         now = time.monotonic()
-        wish = None if self._ending else self._console.wish(now)
-        if wish is not None:
-            self._sender.send(wish)
+        request = None if self._ending else self._console.request(now)
+        if request is not None:
+            self._sender.send(request)
             self._sent_at = now
-        return wish is not None
+        return request is not None
 
     async def _send_frames(self) -> None:
         due = 0.0

@@ -74,19 +74,19 @@ def reached_at(speed: float) -> float:
     return COMMAND_AT + abs(speed) / _LIMITS.acceleration
 
 
-def walk(budget: Budget, seed: int, window: tuple[float, float], **wish: Any) -> Trial:
-    """Walking as wished from `COMMAND_AT` to the end of the window.
+def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: Any) -> Trial:
+    """Walking as commanded from `COMMAND_AT` to the end of the window.
 
     Args:
         budget: How much to run.
         seed: Robot.
         window: Part to measure. In s.
-        wish: vx, vy, yaw_rate of the operator; other words are sections of the experiment,
+        command: vx, vy, yaw_rate of the operator; other words are sections of the experiment,
             `ahead` is the trial's.
     """
-    ahead = wish.pop("ahead", None)
+    ahead = commanded.pop("ahead", None)
     command: dict[str, float] = {
-        key: wish.pop(key) for key in ("vx", "vy", "yaw_rate") if key in wish
+        key: commanded.pop(key) for key in ("vx", "vy", "yaw_rate") if key in commanded
     }
     operator: list[dict[str, Any]] = [
         {"t": 0.0, "power": True, "mode": "stand", "height": _LIMITS.walk_height},
@@ -94,13 +94,13 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **wish: Any) ->
     ]
     if command:
         operator.append({"t": COMMAND_AT, **command})
-    operator += wish.pop("then", [])
+    operator += commanded.pop("then", [])
     content: dict[str, Any] = {
         "start": "standing",
         "duration": window[1],
         "operator": operator,
         "supervisor": opened_limits(command),
-        **wish,
+        **commanded,
     }
     return Trial(content, seed, window, ahead, budget.changes)
 

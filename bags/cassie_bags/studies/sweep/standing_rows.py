@@ -72,8 +72,8 @@ def _recoveries() -> list[Row]:
 def _heights() -> list[Row]:
     def trials(way: tuple[float, float], budget: Budget, _: float) -> list[Trial]:
         first, then = way
-        wish = [{"t": SETTLED, "height": then}]
-        return stand(budget, SETTLED + 5.0, 3.0, height=first, then=wish)
+        commanded = [{"t": SETTLED, "height": then}]
+        return stand(budget, SETTLED + 5.0, 3.0, height=first, then=commanded)
 
     return [
         Row(
@@ -112,8 +112,8 @@ def _ways_in() -> list[Row]:
         return stand(budget, 12.0, gantry=moves, then=power)
 
     def stepped(budget: Budget, _: float) -> list[Trial]:
-        wishes = [{"t": SETTLED, "mode": "walk"}, {"t": SETTLED + 5.0, "mode": "stand"}]
-        return stand(budget, SETTLED + 14.0, height=0.95, then=wishes)
+        within_limits = [{"t": SETTLED, "mode": "walk"}, {"t": SETTLED + 5.0, "mode": "stand"}]
+        return stand(budget, SETTLED + 14.0, height=0.95, then=within_limits)
 
     falls = [0.02, 0.05, 0.1, 0.15, 0.2]
     counted = (
@@ -151,13 +151,13 @@ def _random() -> Row:
         end = SETTLED + _LASTS * budget.seconds
         runs = []
         for seed, trial in zip(budget.each_seed(), stand(budget, end), strict=True):
-            operator = [*trial.content["operator"], *random_wishes(seed, SETTLED, end)]
+            operator = [*trial.content["operator"], *random_commands(seed, SETTLED, end)]
             content = {**trial.content, "operator": operator}
             runs.append(Trial(content, seed, trial.window, None, budget.changes))
         return runs
 
     return Row(
-        "stand_random.wishes",
+        "stand_random.commands",
         "bears heights, CoM shifts and leans at random for 5 min",
         "%",
         100.0,
@@ -167,7 +167,7 @@ def _random() -> Row:
     )
 
 
-def random_wishes(seed: int, begin: float, end: float) -> list[dict[str, float]]:
+def random_commands(seed: int, begin: float, end: float) -> list[dict[str, float]]:
     """Steps of an operator who moves sliders and sticks of standing at random, times in s."""
     draw = Stream.STANDING_COMMANDS.rng(seed)
     steps = []

@@ -92,19 +92,19 @@ class Objective:
             angle = float(there.push.get("angle_deg", rng.uniform(-180.0, 180.0)))
             at = begin + 1.0 + float(rng.uniform(0.0, 2.0 * step_time(course.vx)))
             sections["pushes"] = [push(at, float(there.push["impulse"]), angle)]
-        wish = {"vx": course.vx, "vy": course.vy, "yaw_rate": course.yaw_rate}
+        commanded = {"vx": course.vx, "vy": course.vy, "yaw_rate": course.yaw_rate}
         window = (begin, begin + course.seconds)
-        return walk(Budget(changes=words), seed, window, **wish, **sections)
+        return walk(Budget(changes=words), seed, window, **commanded, **sections)
 
     def cost_of(self, trial: Trial, figures: Figures) -> float:
         """Points of one run; a fall is dearer the earlier it comes."""
         if figures["fell"]:
             early = 1.0 - min(1.0, figures["end"] / float(trial.content["duration"]))
             return self.cost.fall * (1.0 + early)
-        wish = trial.content["operator"][-1]
+        commanded = trial.content["operator"][-1]
         points = figures["tracking"] / self.cost.tracking
         for name in ("vx", "vy", "yaw_rate"):
-            points += abs(figures[name] - wish[name]) / getattr(self.cost, name)
+            points += abs(figures[name] - commanded[name]) / getattr(self.cost, name)
         return float(points) if math.isfinite(points) else self.cost.fall
 
 

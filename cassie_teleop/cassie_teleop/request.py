@@ -13,8 +13,8 @@ _NUMBERS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch",
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
-    """One set of wishes; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
+class Request:
+    """One set of requests; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
 
     mode: str = tunable("stand", choices=MODES, description="Mode asked for")
     vx: float = tunable(0.0, "m/s", -1.0, 4.5, "Speed forward; beyond 2 on a Segway")
@@ -42,12 +42,12 @@ class Wish:
     )
 
 
-def write(wish: Wish, command: OperatorCommand) -> None:
+def write(request: Request, command: OperatorCommand) -> None:
     """Fill the fields of a command; its header is left alone."""
     for name in _NUMBERS:
-        getattr(command, name)[...] = getattr(wish, name)
-    command.mode[...] = _MODE_NUMBERS[wish.mode]
-    command.power[...] = wish.power
-    command.link[...] = wish.link
-    command.emergency_stop[...] = wish.emergency_stop
-    command.take_over[...] = wish.take_over
+        getattr(command, name)[...] = getattr(request, name)
+    command.mode[...] = _MODE_NUMBERS[request.mode]
+    command.power[...] = request.power
+    command.link[...] = request.link
+    command.emergency_stop[...] = request.emergency_stop
+    command.take_over[...] = request.take_over
