@@ -34,7 +34,7 @@ pushes:
   - {t: 6.0, duration: 0.1, force: [50.0, 0.0, 0.0], body: pelvis}
 delays: {torque: 0.001}
 model: {mass: 1.1}
-simulator: {pacing: fixed_lag}
+simulator: {pacing: lockstep, max_rate: 2.0}
 controller: {walk: {joints: {kp_knee: 300.0}}, walk.law: paper}
 expect:
   fell: false

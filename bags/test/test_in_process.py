@@ -81,13 +81,6 @@ def test_modes_and_commands_hold_ten_ticks_later(recording: Recording):
     assert RobotMode.STAND in recording.rows(Mode)["mode"]
 
 
-def test_fixed_lag_is_deterministic_and_not_the_same_as_lockstep(recording: Recording):
-    lagging = read(TEXT + "simulator: {pacing: fixed_lag}\n")
-    one, other = record(lagging), record(lagging)
-    assert differences(one, other, RECORDED_TOPICS) == []
-    assert differences(one, recording, RECORDED_TOPICS) != []
-
-
 def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: Recording):
     paths = [tmp_path / "one.mcap", tmp_path / "other.mcap"]
     for path in paths:

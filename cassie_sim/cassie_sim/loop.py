@@ -30,9 +30,9 @@ _BROKEN_PERIOD = 0.1
 class Loop:
     """Runs a plant tick by tick.
 
-    lockstep: sample k, command k, step. fixed_lag: sample k, step with command k - 1 while
-    command k is computed. realtime: a tick lasts a tick of wall time and takes the newest
-    command that has come.
+    lockstep: sample k, command k, step; the physics that no command acts on yet is made while
+    command k is computed. realtime: a tick lasts a tick of wall time and takes the newest command
+    that has come.
 
     Attributes:
         plant: The plant; requests may replace it.
@@ -79,7 +79,6 @@ class Loop:
         self._announced = 0.0
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
-        self._lagging: MotorCommand | None = None
         self.timing = TickTiming(self._tick_s)
         lane.on_operator = self._on_operator
 
@@ -88,7 +87,6 @@ class Loop:
         self.begin_episode(self.plant)
         tick = {
             "lockstep": self._lockstep_tick,
-            "fixed_lag": self._fixed_lag_tick,
             "realtime": self._realtime_tick,
         }[self.config.pacing]
         while not self.stopping and not 0 < self._end <= self.plant.seq:
@@ -111,7 +109,6 @@ class Loop:
         if self.broken:
             self.broken = False
             self._report("lockstep", None)
-        self._lagging = None
         self._watch.restart()
         self.timing.restart()
         self._restart = True
@@ -128,19 +125,6 @@ class Loop:
         if not self._interrupted:
             self._advance(self._lane.command if answered else None)
             self._keep_pace()
-
-    def _fixed_lag_tick(self) -> None:
-        seq = self._announce()
-        self._hold(seq)
-        if self._interrupted:
-            return
-        self._advance(self._lagging)
-        if self._await_answer(seq):
-            self._lagging = self._lagging or MotorCommand()
-            self._lagging.copy_from(self._lane.command)
-        else:
-            self._lagging = None
-        self._keep_pace()
 
     def _realtime_tick(self) -> None:
         seq = self._announce()

@@ -12,7 +12,7 @@ from cassie_msgs.tunables import ParameterError, tunable, unknown_name
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.scenario import STARTS, Draw, Scenario, gantry_order
 
-PACINGS = ("lockstep", "realtime", "fixed_lag")
+PACINGS = ("lockstep", "realtime")
 
 _SCENARIO_KEYS = tuple(entry.name for entry in fields(Scenario))
 _OTHER_KEYS = (
@@ -57,7 +57,7 @@ class SimulatorConfig(PlantConfig):
     pacing: str = tunable(
         "lockstep",
         choices=PACINGS,
-        description="Who sets the pace: the commands (lockstep, fixed_lag) or the wall clock",
+        description="Who sets the pace: the commands (lockstep) or the wall clock",
         live=False,
     )
     max_rate: float = tunable(

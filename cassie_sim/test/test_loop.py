@@ -71,12 +71,6 @@ def test_a_request_finds_the_plant_as_it_was_at_the_sample() -> None:
     assert [tick for tick, ahead in enumerate(plant.started_ahead) if not ahead] == [5]
 
 
-def test_fixed_lag_applies_command_k_minus_1_to_tick_k() -> None:
-    loop, plant, _ = make(pacing="fixed_lag")
-    loop.run()
-    assert plant.applied == [None, *range(19)]
-
-
 def test_realtime_keeps_wall_time_and_takes_the_newest_command() -> None:
     loop, plant, world = make(pacing="realtime")
     world.delay = 0.0031  # answers take longer than a tick

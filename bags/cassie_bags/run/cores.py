@@ -115,7 +115,6 @@ class Cores:
     controller: GaitController
     supervisor: ModeSupervisor
     operator: ScriptedOperator
-    fixed_lag: bool
 
 
 def make_cores(experiment: Experiment) -> Cores:
@@ -138,7 +137,6 @@ def make_cores(experiment: Experiment) -> Cores:
         ),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
         ScriptedOperator(experiment.operator, experiment.rider),
-        config.pacing == "fixed_lag",
     )
 
 
@@ -154,8 +152,7 @@ def make_loop(experiment: Experiment, observer: Observer) -> Loop:
     """
     if simulator_config(experiment).pacing == "realtime":
         raise ExperimentError(
-            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep or "
-            "fixed_lag"
+            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
         )
     return connect(make_cores(experiment), observer)
 
@@ -169,7 +166,6 @@ def connect(cores: Cores, observer: Observer) -> Loop:
         cores.supervisor,
         cores.operator,
         observer,
-        fixed_lag=cores.fixed_lag,
     )
 
 

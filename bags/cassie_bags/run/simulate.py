@@ -35,8 +35,7 @@ class Loop:
 
     On tick k: sample k, state k; on every 10th the operator's command and the supervisor's
     mode, which hold from tick k + 10; command k from the mode in force; power as the operator
-    had it set for this tick; then the plant steps, with command k, or with command k - 1 if
-    `fixed_lag`.
+    had it set for this tick; then the plant steps.
 
     Args:
         plant: At tick 0.
@@ -45,7 +44,6 @@ class Loop:
         supervisor: Reset.
         operator: The scripted operator.
         observer: Gets each message.
-        fixed_lag: Whether the plant steps with the command before.
     """
 
     def __init__(
@@ -56,19 +54,14 @@ class Loop:
         supervisor: Supervisor,
         operator: ScriptedOperator,
         observer: Observer,
-        *,
-        fixed_lag: bool = False,
     ) -> None:
         self._plant, self._operator, self._observer = plant, operator, observer
         self._estimator = GuardedEstimator(estimator)
         self._controller = GuardedController(controller)
         self._supervisor = GuardedSupervisor(supervisor)
-        self._fixed_lag = fixed_lag
         self._truth, self._segway = ground_truth.GroundTruth(), SegwayTruth()
         self._mode, self._next_mode = Mode(), Mode()
-        self._lagging = MotorCommand()
         self._power = self._next_power = False
-        self._has_lagging = False
         self.problems: dict[str, tuple[str, float]] = {}
         """What first went wrong with a core, by its node, and at what robot time. In s."""
 
@@ -109,16 +102,10 @@ class Loop:
         self._next_mode.copy_from(mode)
 
     def _step_plant(self, command: MotorCommand) -> None:
-        applied: MotorCommand | None = command
-        if self._fixed_lag:
-            applied = self._lagging if self._has_lagging else None
         try:
-            self._plant.step(applied)
+            self._plant.step(command)
         except CommandError as error:
             self._note("simulator", str(error), self._plant.seq * self._plant.tick_ns)
-        if self._fixed_lag:
-            self._lagging.copy_from(command)
-            self._has_lagging = True
 
     def _note(self, node: str, problem: str, stamp: int) -> None:
         if problem and node not in self.problems:

@@ -133,11 +133,11 @@ class SensorMonitor:
     - A value that is no number or that the robot cannot have, such as a torque beyond the drive's
       limit, a position that jumps: at once. Of a torque this is all.
     - A channel whose bits stay the same while its partner moves: stuck, or off.
-    - Velocities, or accelerations, of one tick out of the line of their neighbours: spikes.
+    - A velocity of one tick off its neighbours' curve, an acceleration off their line: spikes.
     - Position and integrated velocity do not go together: the one that moves now as the other did
       20 to 100 ms ago is late. With other delays they grow apart, and the sign of their difference
-      by the velocity tells which of them it is. What the velocity filter of shin, tarsus and toe
-      adds is expected. The IMU's orientation and gyro are such a pair.
+      by the velocity tells which of them it is. What the velocity filters of drives and joints
+      answer is expected. The IMU's orientation and gyro are such a pair.
     - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20, 30 or
       40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
       not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
