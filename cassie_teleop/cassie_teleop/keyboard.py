@@ -99,8 +99,12 @@ class Keyboard:
     def _order(self, order: str) -> None:
         if order == "let_go_bar":
             order = "let_go_bar" if self._bar_held else "hold_bar"
-            self._bar_held = not self._bar_held
         self.orders.append(order)
+
+    def obeyed(self, order: str) -> None:
+        """The simulator has done as it was told; what it refuses changes nothing."""
+        if order in ("let_go_bar", "hold_bar"):
+            self._bar_held = order == "hold_bar"
 
 
 def stopped(request: Request) -> Request:

@@ -69,9 +69,17 @@ def test_arrows_do_what_letters_do():
 
 
 def test_keys_of_the_simulator_work_without_power_and_the_bar_alternates():
-    keyboard = typed("nbbuz")
+    keyboard = typed("nb")
+    keyboard.obeyed("let_go_bar")
+    for key in "buz":
+        keyboard.press(key)
     assert keyboard.request is None
     assert keyboard.orders == ["lower", "let_go_bar", "hold_bar", "hang_up", "reset"]
+
+
+def test_a_bar_that_the_simulator_did_not_let_go_of_is_still_to_be_let_go():
+    keyboard = typed("bb")
+    assert keyboard.orders == ["let_go_bar", "let_go_bar"]
 
 
 def test_lines_tell_mode_reason_faults_age_and_fit():

@@ -57,7 +57,7 @@ class KeyboardTeleop(Node):
         self._heard = 0.0
         self._asked = -_ASKING
         self._sender = Sender(self)
-        self._simulator = SimulatorServices(self, self._told)
+        self._simulator = SimulatorServices(self, self._told, self._keyboard.obeyed)
         self._answers: deque[str] = deque()
         self._states, self._modes = LaneSubscription(self, RobotState), LaneSubscription(self, Mode)
         self._state, self._mode = RobotState(), Mode()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -36,10 +37,16 @@ class SimulatorServices:
     Args:
         node: Node that calls.
         tell: Called with what a service has answered, on the executor's thread.
+        done: Called with an order that was obeyed, there too.
     """
 
-    def __init__(self, node: Node, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(
+        self,
+        node: Node,
+        tell: Callable[[str], None],
+        done: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._tell, self._done = tell, done
         self._clients = {
             name: node.create_client(kind, f"/cassie/{name}") for name, kind in _SERVICES.items()
         }
@@ -61,11 +68,14 @@ class SimulatorServices:
             self._tell(f"nobody offers {client.srv_name}")
             return
         lowered = _PUT_ON if self._clients["hold_bar"].service_is_ready() else _LOWERED
-        client.call_async(_request(order, yaw, lowered)).add_done_callback(self._answered)
+        future = client.call_async(_request(order, yaw, lowered))
+        future.add_done_callback(functools.partial(self._answered, order))
 
-    def _answered(self, future: Any) -> None:
+    def _answered(self, order: str, future: Any) -> None:
         answer = future.result()
         if answer is not None:
+            if answer.success:
+                self._done(order)
             self._tell(answer.message)
 
 
