@@ -33,18 +33,22 @@ class LateGains:
     standing_from: float = tunable(
         0.02, "s", 0.0, 0.1, "Latency at which standing begins to go over"
     )
-    latency_span: float = tunable(0.006, "s", 0.001, 0.1, "Further latency until it has gone over")
+    latency_span: float = tunable(
+        0.006, "s", 0.001, 0.1, "Further latency until walking or standing has gone over"
+    )
     handover: float = tunable(
         0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
     )
-    thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` then")
-    thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` then")
-    thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` then")
+    thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
+    thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` with late drives")
+    thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` with late drives")
     far_within: float = tunable(
         0.01, "s", 0.001, 0.1, "Latency from which `walk.far_share` counts no more"
     )
-    roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` then")
-    roll_rate_length: float = tunable(0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` then")
+    roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
+    roll_rate_length: float = tunable(
+        0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
+    )
 
     def walking_share(self, latency: float) -> float:
         """How far walking has gone over to these at a latency (s), 0..1."""
@@ -74,11 +78,15 @@ class WalkConfig:
     kp_torso_pitch: float = tunable(
         285.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
     )
-    kd_torso_pitch: float = tunable(13.5, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_pitch: float = tunable(
+        13.5, "Nms/rad", 0.0, 200.0, "Damping of torso pitch through the stance hip"
+    )
     kp_torso_roll: float = tunable(
         446.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
     )
-    kd_torso_roll: float = tunable(20.2, "Nms/rad", 0.0, 200.0, "Its damping")
+    kd_torso_roll: float = tunable(
+        20.2, "Nms/rad", 0.0, 200.0, "Damping of torso roll through the stance hip"
+    )
     late: LateGains = field(default_factory=LateGains)
     law: str = tunable(
         "pendulum",
@@ -108,12 +116,14 @@ class WalkConfig:
     late_reach: float = tunable(
         0.12, "m", 0.0, 0.2, "How far the swing leg grows while the ground is late"
     )
-    late_speed: float = tunable(1.0, "m/s", 0.05, 2.0, "How fast it grows")
+    late_speed: float = tunable(
+        1.0, "m/s", 0.05, 2.0, "How fast the swing leg grows while the ground is late"
+    )
     level: float = tunable(
         1.0, "", 0.0, 1.0, "From the gait's stance leg length, 0, to a hip that travels level, 1"
     )
     level_back: float = tunable(
-        0.5, "", 0.0, 1.0, "Share of that which is left while it walks backward"
+        0.5, "", 0.0, 1.0, "Share of `level` that counts while walking backward"
     )
     swing_inertia: float = tunable(
         1.0, "", 0.0, 1.5, "Share of the swing leg's inertia carried by feed-forward"
@@ -154,30 +164,42 @@ class WalkConfig:
         0.04, "s", 0.0, 0.1, "From the swing foot's first contact to the end of the step"
     )
     contact_lead_speed: float = tunable(
-        0.03, "s/(m/s)", 0.0, 0.1, "By how much longer that is with speed fore or aft, to 1.5 m/s"
+        0.03,
+        "s/(m/s)",
+        0.0,
+        0.1,
+        "Increase of `contact_lead` with speed fore or aft, up to 1.5 m/s",
     )
     pendulum_gain_x: float = tunable(
         0.939, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
     )
-    pendulum_gain_back: float = tunable(0.795, "", 0.0, 1.5, "The same while it moves backward")
+    pendulum_gain_back: float = tunable(
+        0.795, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, backward"
+    )
     pendulum_gain_y: float = tunable(
         1.02, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
     )
     pendulum_fade_x: float = tunable(
         0.3, "1/(m/s)", 0.0, 0.6, "Share by which sagittal gains fall with speed"
     )
-    pendulum_fade_y: float = tunable(0.12, "1/(m/s)", 0.0, 0.6, "The same of the lateral gain")
+    pendulum_fade_y: float = tunable(
+        0.12, "1/(m/s)", 0.0, 0.6, "Share by which the lateral gain falls with speed"
+    )
     pendulum_gain_still: float = tunable(
-        0.18, "", 0.0, 0.8, "Added to these gains in place; half of it at half `still_speed`"
+        0.18, "", 0.0, 0.8, "Added to the three gains in place; half of it at half `still_speed`"
     )
     sidestep: float = tunable(
         0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
     )
     step_ahead: float = tunable(
-        0.03, "s", 0.0, 0.2, "The same ahead, by the commanded speed, forward or back"
+        0.03,
+        "s",
+        0.0,
+        0.2,
+        "How much farther ahead the feet go, by commanded speed forward or back",
     )
     step_ahead_fast: float = tunable(
-        0.03, "s/(m/s)", 0.0, 0.2, "By how much less that is for each m/s"
+        0.03, "s/(m/s)", 0.0, 0.2, "Decrease of `step_ahead` with commanded speed"
     )
     still_speed: float = tunable(
         0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
@@ -185,13 +207,19 @@ class WalkConfig:
     integral_x: float = tunable(
         0.0299, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
     )
-    integral_y: float = tunable(0.0265, "m/(m/s)", 0.0, 0.2, "The same sideways")
-    integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of that sum")
+    integral_y: float = tunable(
+        0.0265,
+        "m/(m/s)",
+        0.0,
+        0.2,
+        "Foot placement by the mean lateral speed error of each step, summed",
+    )
+    integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of the summed foot placement")
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
     )
     slope_rise_time: float = tunable(
-        1.0, "s", 0.1, 5.0, "The same where the foot finds more of a rise than was believed"
+        1.0, "s", 0.1, 5.0, "`slope_time` where the foot finds more of a rise than was believed"
     )
     slope_share: float = tunable(
         0.2, "", 0.0, 1.0, "Share of the slope to the side that one touchdown corrects"
@@ -199,7 +227,9 @@ class WalkConfig:
     hold_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"
     )
-    hold_speed: float = tunable(0.1, "m/s", 0.0, 0.3, "Bound of that speed")
+    hold_speed: float = tunable(
+        0.1, "m/s", 0.0, 0.3, "Bound of the speed back to the place where it steps"
+    )
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
@@ -214,16 +244,24 @@ class WalkConfig:
     yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
     bounce_damping: float = tunable(
-        75.0, "Ns/m", 0.0, 300.0, "How much less of it while the CoM rises, more while it sinks"
+        75.0, "Ns/m", 0.0, 300.0, "Force added to the carried weight by downward CoM velocity"
     )
     thigh_track: float = tunable(
         6.0, "Hz", 0.5, 30.0, "Bandwidth at which the torso's set-points follow the leg"
     )
     thigh_angle: float = tunable(
-        0.5, "", 0.0, 1.0, "Share of that in their angles, 0: the leg as measured"
+        0.5,
+        "",
+        0.0,
+        1.0,
+        "Share of the followed leg in the torso's angle set-points; 0: the leg as measured",
     )
     thigh_rate: float = tunable(
-        0.25, "", 0.0, 1.0, "The same in their rates; more bears later set-points, but not torques"
+        0.25,
+        "",
+        0.0,
+        1.0,
+        "Share of it in their rates; more bears late set-points, but not late torques",
     )
 
 

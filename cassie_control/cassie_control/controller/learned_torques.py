@@ -94,7 +94,9 @@ class LearnedTorques:
         largest = np.abs(torques).max(axis=(0, 2))
         for joint, value, bound in zip(JOINTS, largest, limits, strict=True):
             if value > bound:
-                raise LearnedTorquesError(f"{joint} gets {value:g} Nm, at most {bound:g} Nm are it")
+                raise LearnedTorquesError(
+                    f"{joint} gets {value:g} Nm, at most {bound:g} Nm are permitted"
+                )
 
 
 def nothing_learned(speeds: tuple[float, ...] = SPEEDS) -> LearnedTorques:

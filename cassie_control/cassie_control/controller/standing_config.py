@@ -23,15 +23,21 @@ class StandConfig:
     kp_com_x: float = tunable(
         600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
-    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
     settled_kd_com_x: float = tunable(
-        500.0, "Ns/m", 0.0, 1000.0, "The same once it has settled, to meet a push at once"
+        500.0,
+        "Ns/m",
+        0.0,
+        1000.0,
+        "Force fore and aft by CoM x velocity once it has settled, to meet a push at once",
     )
     kp_com_y: float = tunable(
         250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
-    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
-    settled_kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "The same once it has settled")
+    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
+    settled_kd_com_y: float = tunable(
+        700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity once it has settled"
+    )
     settled_kp_hip_roll: float = tunable(
         700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
     )
@@ -56,13 +62,13 @@ class StandConfig:
     bend_gain: float = tunable(
         8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
     )
-    bend_torque: float = tunable(40.0, "Nm", 0.0, 200.0, "Bound of that torque")
-    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend at which it ends")
+    bend_torque: float = tunable(40.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
+    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     roll_gain: float = tunable(
         2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
     )
     roll_torque: float = tunable(
-        120.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
+        120.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
     )
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
@@ -71,13 +77,21 @@ class StandConfig:
         0.1, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
     roll_back: float = tunable(
-        1.0, "s", 0.001, 5.0, "In which the hip roll stiffness comes back after it has given way"
+        1.0,
+        "s",
+        0.001,
+        5.0,
+        "Time in which the hip roll stiffness comes back after it has given way",
     )
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
     )
     settled_bandwidth: float = tunable(
-        160.0, "1/s", 5.0, 1000.0, "The same once it has settled and nothing bounces"
+        160.0,
+        "1/s",
+        5.0,
+        1000.0,
+        "Low-pass of the CoM velocity once it has settled and nothing bounces",
     )
     settle_time: float = tunable(
         1.0, "s", 0.1, 10.0, "Both feet down and hardly any vertical speed for so long: settled"
@@ -86,11 +100,15 @@ class StandConfig:
         1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
     )
     leg_stiffness: float = tunable(
-        8000.0, "N/m", 1000.0, 100000.0, "Of a leg's springs: shifted weight lengthens its leg"
+        8000.0,
+        "N/m",
+        1000.0,
+        100000.0,
+        "Stiffness of a leg's springs: shifted weight lengthens its leg",
     )
     height_rate: float = tunable(0.5, "m/s", 0.01, 2.0, "Greatest rate of the pelvis height")
     height_acceleration: float = tunable(
-        1.5, "m/s^2", 0.1, 10.0, "Greatest change of that rate, whatever is commanded"
+        1.5, "m/s^2", 0.1, 10.0, "Greatest change of the height's rate, whatever is commanded"
     )
     height_integral: float = tunable(3.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
     height_damping: float = tunable(
@@ -99,10 +117,16 @@ class StandConfig:
     rise: float = tunable(
         0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings it to the edge"
     )
-    rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate of that")
-    rise_acceleration: float = tunable(6.0, "m/s^2", 0.5, 20.0, "Change of that rate")
+    rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate at which the legs push up")
+    rise_acceleration: float = tunable(
+        6.0, "m/s^2", 0.5, 20.0, "Change of the rate at which the legs push up"
+    )
     rise_margin: float = tunable(
-        0.04, "m", 0.0, 0.1, "How far inside the toes the capture point then is"
+        0.04,
+        "m",
+        0.0,
+        0.1,
+        "Distance of the capture point inside the toes at which the legs push up",
     )
     gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
 
@@ -114,11 +138,11 @@ class SegwayConfig(StandConfig):
     kp_com_x: float = tunable(
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
-    kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "The same by CoM x velocity")
+    kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
     kp_com_y: float = tunable(
         125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
-    kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same by CoM y velocity")
+    kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
@@ -128,8 +152,12 @@ class SegwayConfig(StandConfig):
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    settled_kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "CoM x once it has settled")
-    settled_kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "The same sideways")
+    settled_kd_com_x: float = tunable(
+        80.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity once it has settled"
+    )
+    settled_kd_com_y: float = tunable(
+        200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity once it has settled"
+    )
     settled_kp_hip_roll: float = tunable(
         400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
     )
@@ -160,9 +188,19 @@ class SegwayConfig(StandConfig):
     press_more: float = tunable(
         0.02, "m", 0.0, 0.05, "So much farther once the ground goes along with the lean"
     )
-    press_limit_y: float = tunable(0.08, "m", 0.01, 0.12, "The same sideways")
+    press_limit_y: float = tunable(
+        0.08,
+        "m",
+        0.01,
+        0.12,
+        "How far to the side of the middle of the feet they may press for long",
+    )
     press_distance: float = tunable(
-        0.29, "m", 0.1, 0.4, "Distance of the feet from which on that holds; nearer, it is less"
+        0.29,
+        "m",
+        0.1,
+        0.4,
+        "Distance of the feet from which `press_limit_y` holds; nearer, it is less",
     )
     kp_speed: float = tunable(
         0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie itself estimates"

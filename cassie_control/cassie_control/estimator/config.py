@@ -28,7 +28,11 @@ class FilterConfig:
         0.002, "m/sqrt(s)", 1e-5, 1.0, "How fast the point wanders on which a loaded foot stands"
     )
     swing_noise: float = tunable(
-        3.0, "m/sqrt(s)", 0.1, 100.0, "The same of a foot in the air, or of one that slips"
+        3.0,
+        "m/sqrt(s)",
+        0.1,
+        100.0,
+        "How fast the point of a foot wanders that is in the air or slips",
     )
     kinematics_noise: float = tunable(
         0.0003, "m", 1e-5, 0.1, "Error of a foot's position from the encoders"
@@ -36,8 +40,10 @@ class FilterConfig:
     tilt_error: float = tunable(
         0.006, "rad", 1e-4, 0.5, "Error of the IMU's own roll and pitch, of which little is new"
     )
-    heading_error: float = tunable(0.02, "rad", 1e-4, 3.0, "Error of its yaw")
-    error_time: float = tunable(10.0, "s", 0.01, 1000.0, "Time over which these errors persist")
+    heading_error: float = tunable(0.02, "rad", 1e-4, 3.0, "Error of the IMU's own yaw")
+    error_time: float = tunable(
+        10.0, "s", 0.01, 1000.0, "Time over which errors of the IMU's own attitude persist"
+    )
     attitude_delay: float = tunable(0.002, "s", 0.0, 0.05, "Delay of the IMU's orientation")
     slip_gate: float = tunable(
         3.0,

@@ -28,33 +28,43 @@ class SupervisorConfig:
     shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
     tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
 
-    walk_roll: float = tunable(0.0, "rad", 0.0, 0.4, "The same of the roll while walking")
-    walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "The same of the pitch")
+    walk_roll: float = tunable(0.0, "rad", 0.0, 0.4, "Largest torso roll while walking")
+    walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "Largest torso pitch while walking")
     walk_trim: float = tunable(0.02, "rad", 0.0, 0.2, "Largest trim while walking")
     walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Height from which walking begins")
-    height_tolerance: float = tunable(0.03, "m", 0.005, 0.1, "How near to it")
+    height_tolerance: float = tunable(
+        0.03, "m", 0.005, 0.1, "Distance from `walk_height` within which walking begins"
+    )
     stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
     still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
     ride_forward: float = tunable(4.2, "m/s", 0.0, 4.5, "Largest speed forward on a Segway")
-    ride_backward: float = tunable(1.0, "m/s", 0.0, 2.0, "The same backward")
+    ride_backward: float = tunable(1.0, "m/s", 0.0, 2.0, "Largest speed backward on a Segway")
     ride_yaw_rate: float = tunable(1.0, "rad/s", 0.0, 2.0, "Largest turn rate on a Segway")
     ride_acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "Change of the speed of a Segway")
     ride_com_x: float = tunable(0.095, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
-    ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "The same sideways")
-    ride_shift_rate: float = tunable(0.25, "m/s", 0.01, 0.5, "Change of these shifts")
+    ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "Largest CoM shift sideways on a Segway")
+    ride_shift_rate: float = tunable(0.25, "m/s", 0.01, 0.5, "Change of CoM shifts on a Segway")
     ride_height: float = tunable(0.67, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
     ride_height_low: float = tunable(
-        0.6, "m", 0.4, 0.9, "Lowest one: the knees stay at the pads of the bar"
+        0.6,
+        "m",
+        0.4,
+        0.9,
+        "Lowest pelvis height on a Segway: the knees stay at the pads of the bar",
     )
     ride_height_rate: float = tunable(0.05, "m/s", 0.01, 1.0, "Change of the height on a Segway")
     ride_tilt: float = tunable(
         0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway, with trims"
     )
     ride_stop_time: float = tunable(
-        6.0, "s", 0.0, 60.0, "So long it brakes before riding may be left"
+        6.0, "s", 0.0, 60.0, "Time for which it brakes before riding may be left"
     )
     ride_confirm_time: float = tunable(
-        2.0, "s", 0.2, 20.0, "In which the operator asks for stand again to leave it"
+        2.0,
+        "s",
+        0.2,
+        20.0,
+        "Time within which the operator asks for stand again to leave the Segway",
     )
     weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
     stop_speed: float = tunable(0.15, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
