@@ -90,23 +90,33 @@ def wait_until(condition: Callable[[], bool]) -> None:
 def test_ctrl_c_ends_a_recording_beside_a_robot_that_goes_on(
     node: Node, processes: Processes, tmp_path: Path
 ) -> None:
-    topic = "/cassie/state"
-    publisher = node.create_publisher(message_class(TYPES[topic]), topic, WRITER)
+    """And nothing in the bag lacks what it answers."""
+    topics = ["/cassie/sensors", "/cassie/state", "/cassie/motor_command"]
+    publishers = {
+        topic: node.create_publisher(message_class(TYPES[topic]), topic, WRITER) for topic in topics
+    }
     bag = tmp_path / "bag.mcap"
     processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    raw = glide_messages(1)[topic][0]
-
-    def goes_on(condition: Callable[[], bool]) -> bool:
-        publisher.publish(raw)
-        time.sleep(0.04)  # so that it mostly waits for the next one
-        return condition()
-
+    wait_until(lambda: all(each.get_subscription_count() for each in publishers.values()))
+    messages = glide_messages(30.0)
     began = time.monotonic()
-    wait_until(lambda: goes_on(lambda: time.monotonic() > began + 1.0))
-    processes.signal("record", signal.SIGINT)
-    wait_until(lambda: goes_on(lambda: not processes.running("record")))
+    ended = False
+    for tick in range(len(messages[topics[0]])):
+        for topic in topics:
+            publishers[topic].publish(messages[topic][tick])
+        time.sleep(0.0003)
+        if not ended and time.monotonic() > began + 1.0:
+            processes.signal("record", signal.SIGINT)
+            ended = True
+        if not processes.running("record"):
+            break
+    assert not processes.running("record")
     assert "recorded" in (tmp_path / "log" / "record.log").read_text()
+    sensors, states, commands = (
+        set(read_recording(bag).lane[topic]["seq"].tolist()) for topic in topics
+    )
+    assert len(commands) > 100
+    assert commands <= states <= sensors
 
 
 def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[], bool]) -> None:

@@ -139,6 +139,15 @@ class Robot:
         self.commands.clear()
         return self.until(lambda: next((c for c in self.commands if condition(c)), None))
 
+    def moving(self, condition=lambda command: command.vx > 0.0):
+        """As `command`, of one that moves it; fails at once where the link is lost meanwhile."""
+        self.commands.clear()
+        found = self.until(
+            lambda: self.lost or next((c for c in self.commands if condition(c)), None)
+        )
+        assert found is not True, "the page's link was lost"
+        return found
+
     def _live(self):
         if time.monotonic() - self._said > 0.02:
             self._said = time.monotonic()
@@ -154,7 +163,7 @@ class Robot:
 
 
 def again_after_a_lost_link(test):
-    """Try a test of the page twice more where it failed and the page's link had been lost.
+    """Try a test of the page twice more where it failed and its link had been lost.
 
     A link that is late by 0.3 s is lost, and on a busy machine that may happen at any moment. The
     robot then stops, and keys that are held count no more, which is right.

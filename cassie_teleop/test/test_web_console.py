@@ -43,7 +43,7 @@ def test_a_page_drives_and_its_sticks_are_let_go(robot, console):
     with Page(console.address) as page:
         drive(robot, page)
         page.sticks["forward"] = 1.0
-        command = robot.command(lambda c: c.vx > 0.0)
+        command = robot.moving()
         assert (float(command.vx), bool(command.link), bool(command.power)) == (0.8, True, True)
         assert sender_of(command) == console.name == page.hello["own"]
         assert (command.seq, command.episode, bool(command.scripted)) == (0, 0, False)
@@ -56,7 +56,7 @@ def test_a_page_that_is_asleep_hidden_or_closed_moves_nothing(robot, console, ho
     with Page(console.address) as page:
         drive(robot, page)
         page.sticks["forward"] = 1.0
-        robot.command(lambda c: c.vx > 0.0)
+        robot.moving()
         if how == "asleep":
             page.awake = False
         elif how == "hidden":
@@ -108,7 +108,7 @@ def test_ctrl_c_leaves_exactly_one_stop_while_the_page_drives_on(robot, console)
     with Page(console.address) as page:
         drive(robot, page)
         page.sticks["forward"] = 1.0
-        robot.command(lambda c: c.vx > 0.0)
+        robot.moving()
         robot.commands.clear()
         console.process.send_signal(signal.SIGINT)
         robot.until(lambda: console.process.poll() is not None)

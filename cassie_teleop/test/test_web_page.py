@@ -65,11 +65,15 @@ class Driver:
         self.robot.until(lambda: self.text("power") == "power is on")
         wanted = RobotMode[mode.upper()]
         self.press(mode, lambda: self.robot.commands and self.robot.commands[-1].mode == wanted)
-        self.ready()
+        self.ready(mode)
 
-    def ready(self):
-        """Wait until the sticks count."""
-        self.robot.until(lambda: self.text("driver") == "you drive")
+    def ready(self, mode):
+        """Wait until the page shows that a mode is asked for and that the sticks count."""
+        asked = self.page.locator(f"[data-mode={mode}]")
+        self.robot.until(
+            lambda: re.search(r"\b(on|asked)\b", asked.get_attribute("class") or "")
+            and self.text("driver") == "you drive"
+        )
 
 
 @pytest.fixture
@@ -154,7 +158,7 @@ def test_keys_drive_while_they_are_held_and_a_lost_focus_lets_go(browser, robot,
         driver.drive()
         keyboard = driver.page.keyboard
         keyboard.down("w")
-        assert robot.command(lambda c: c.vx > 0.0).vx == pytest.approx(0.4)
+        assert robot.moving().vx == pytest.approx(0.4)
         keyboard.down("Shift")
         keyboard.down("ArrowLeft")
         command = robot.command(lambda c: c.yaw_rate > 0.0)
@@ -174,7 +178,7 @@ def test_a_gamepad_drives_and_its_button_stops(browser, robot, console):
         driver.page.evaluate("pad([0, 0, 0, 0], 3)")  # Y
         robot.command(lambda c: c.mode == RobotMode.WALK)
         driver.page.evaluate("pad([0, 0, 0, 0], -1)")
-        driver.ready()
+        driver.ready("walk")
         driver.page.evaluate("pad([0.05, -1, 1, 0], -1)")
         command = robot.command(lambda c: c.vx > 0.7)
         assert command.vy == 0.0 and command.yaw_rate < -0.5
@@ -207,7 +211,7 @@ def test_a_link_that_is_cut_or_late_a_hidden_and_a_sleeping_page_stop_it(
     ):
         driver.drive()
         driver.page.keyboard.down("w")
-        robot.command(lambda c: c.vx > 0.0)
+        robot.moving()
         if how == "cut":
             wire.cut = True
         elif how == "slow":

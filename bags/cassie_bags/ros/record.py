@@ -33,6 +33,7 @@ from cassie_bags.ros.kept_parameters import RECORD, KeptParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
+from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 
@@ -64,6 +65,7 @@ _BATCH = 0.01  # s between two looks at the queues
 _GRAPH = 0.2  # s between two looks for new topics
 _QUIET = 0.1  # s without a message after which nothing more comes
 _AFTERWARDS = 1.0  # s after Ctrl-C in which what is on its way is recorded, where others go on
+_SETTLE = 0.02  # s between two topics of the control lane, when the recording ends
 _WITHOUT_ROBOT = (
     5_000_000_000  # ns of wall time after which nobody is waited for to tell robot time
 )
@@ -73,6 +75,8 @@ _LARGEST_FILE = 16 * _MIB  # that is kept beside the messages
 _Message = tuple[int | None, RecordedTopic, bytes, int]
 """Log time, if it is known, topic, content and time of receipt of a message."""
 
+_ANSWERS_FIRST = (MotorCommand, ControllerStatus, Mode, RobotState)
+_STREAM = {kind.TOPIC: place for place, kind in enumerate(_ANSWERS_FIRST)}
 _NEEDED = frozenset(TYPES) - {"/cassie/controller_status", SEGWAY_TRUTH_TOPIC, SEGWAY_IMU_TOPIC}
 
 
@@ -229,6 +233,7 @@ class Session:
         try:
             while (self._drain() or self._waiter.wait(_QUIET)) and time.monotonic() < deadline:
                 pass
+            self._drain(settle=_SETTLE)
             self._release()
             self._bag.add_metadata(LOST_RECORD, {"lost": json.dumps(self._lost())})
         finally:
@@ -267,12 +272,22 @@ class Session:
     def _lost(self) -> dict[str, int]:
         return {topic: each.lost for topic, each in self._subscriptions.items() if each.lost}
 
-    def _drain(self) -> int:
-        """Write all that has come, in order of time; returns the number of messages."""
+    def _drain(self, settle: float = 0.0) -> int:
+        """Write all that has come, in order of time; returns the number of messages.
+
+        Topics are emptied against the stream of the control lane: what a message answers has come
+        before it, so that the last of a recording does not lack it.
+
+        Args:
+            settle: Wait between two topics, for messages that overtook each other. In s.
+        """
         wall = time.time_ns()
         batch = self._held
         waiting = len(batch)
-        for subscription in self._subscriptions.values():
+        for topic in sorted(self._subscriptions, key=_against_the_stream):
+            subscription = self._subscriptions[topic]
+            if settle and (topic in _STREAM or topic == Sensors.TOPIC):
+                time.sleep(settle)
             while (raw := subscription.take_raw()) is not None:
                 batch.append(self._received(subscription, raw, wall))
         come = len(batch) - waiting
@@ -386,6 +401,10 @@ class Session:
             return False
         self._subscriptions[topic] = subscription
         return True
+
+
+def _against_the_stream(topic: str) -> int:
+    return _STREAM.get(topic, len(_STREAM) + (topic == Sensors.TOPIC))
 
 
 def _writer(arguments: argparse.Namespace) -> BagWriter | FolderWriter:

@@ -5,9 +5,10 @@ import { Sticks } from "/web/sticks.js";
 
 const BEAT = 33; // ms
 const SOONEST = 12; // ms between two beats when a stick moves
-const LATE = 80; // ms between two beats, above which pictures are drawn more simply
+const LATE = 80; // ms between two beats, above which pictures are drawn less often
 const AGAIN = 1000; // ms until that may be done once more
-const FAST = 1000 / 30, SLOW = 100; // ms between two pictures
+const PERIOD = { graphics: 1000 / 30, software: 100, longest: 400 }; // ms between two pictures
+const RECOVERY = 0.003; // of the way back to the shortest period, with each beat in time
 const CHARTS = 6; // pictures from one drawing of the charts to the next
 const SILENT = 30; // beats without a frame, after which the page says so and connects anew
 const SMOOTH = 0.15; // of a new figure, in what is shown of the speed achieved
@@ -23,7 +24,7 @@ let status = null;
 let echo = 0;
 let silent = 0; // beats since the last frame
 let beaten = 0; // ms
-let eased = 0; // ms, when drawing was made simpler
+let eased = 0; // ms, when pictures were last made rarer
 let soon = 0; // timer of a beat out of turn
 let described = 0;
 let dragged = null;
@@ -40,8 +41,8 @@ try {
   put("empty", "this browser draws no 3D (WebGL)");
 }
 const charts = new Charts();
-let period = view?.software ? SLOW : FAST;
-if (view?.software) view.simplify();
+const shortest = view?.software ? PERIOD.software : PERIOD.graphics;
+let period = shortest;
 const sticks = new Sticks(beatSoon, press);
 
 function connect() {
@@ -75,16 +76,16 @@ function beat() {
   if (!me || !echo) return;
   const now = performance.now();
   if (beaten && now - beaten > LATE && !document.hidden) ease(now);
+  else period += RECOVERY * (shortest - period);
   beaten = now;
   say({ visible: !document.hidden, ...sticks.values });
 }
 
-/** The heartbeat that drives must not wait for pictures: they are drawn more simply. */
+/** The heartbeat that drives must not wait for pictures: they become rarer. */
 function ease(now) {
   if (now - eased < AGAIN) return;
   eased = now;
-  if (period < SLOW) period = SLOW;
-  else view?.simplify();
+  period = Math.min(2 * period, PERIOD.longest);
 }
 
 function beatSoon() {

@@ -14,8 +14,8 @@ export class RobotView {
     this.canvas = canvas;
     this.software = SOFTWARE.test(rendererName());
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.renderer.shadowMap.enabled = true;
+    this.renderer.setPixelRatio(this.software ? 1 : Math.min(devicePixelRatio, 2));
+    this.renderer.shadowMap.enabled = !this.software;
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0x20272e);
     this.scene.fog = new THREE.Fog(0x20272e, 7, 18);
@@ -36,9 +36,7 @@ export class RobotView {
     Object.assign(this.sun.shadow.camera, { left: -1.5, right: 1.5, top: 1.5, bottom: -1.5, near: 0.5, far: 8 });
     this.scene.add(this.sun, this.sun.target);
 
-    const tiles = chequered(this.renderer.capabilities.getMaxAnisotropy());
-    this.ground = new THREE.Mesh(new THREE.PlaneGeometry(GROUND, GROUND), new THREE.MeshLambertMaterial({ map: tiles }));
-    this.ground.receiveShadow = true;
+    this.ground = this.software ? gridded() : chequered(this.renderer.capabilities.getMaxAnisotropy());
     this.scene.add(this.ground);
 
     this.place = new THREE.Vector3(0, 0, 0); // of the robot on the ground; the camera follows it
@@ -54,16 +52,6 @@ export class RobotView {
   render() {
     this.controls.update();
     this.renderer.render(this.scene, this.camera);
-  }
-
-  /** Draws without shadow; where it does already, with larger pixels. */
-  simplify() {
-    const ratio = this.renderer.getPixelRatio();
-    if (this.sun.castShadow) this.sun.castShadow = false;
-    else if (ratio > 0.5) {
-      this.renderer.setPixelRatio(ratio / 2);
-      this.resize();
-    }
   }
 
   /** Builds the robot anew out of /robot.json. */
@@ -215,7 +203,27 @@ function chequered(anisotropy) {
   texture.repeat.set(GROUND / TILE, GROUND / TILE);
   texture.anisotropy = Math.min(8, anisotropy);
   texture.colorSpace = THREE.SRGBColorSpace;
-  return texture;
+  const ground = new THREE.Mesh(new THREE.PlaneGeometry(GROUND, GROUND), new THREE.MeshLambertMaterial({ map: texture }));
+  ground.receiveShadow = true;
+  return ground;
+}
+
+/** The same of lines, for a processor that draws: half of the work of a picture is the texture. */
+function gridded() {
+  const size = GROUND / 2;
+  const ground = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.MeshBasicMaterial({ color: 0x39424b }));
+  const points = [];
+  // In short pieces: of lines that pass the camera some are not drawn.
+  for (let across = -size / 2; across <= size / 2; across += TILE / 2) {
+    for (let along = -size / 2; along < size / 2; along += TILE) {
+      points.push(along, across, 0, along + TILE, across, 0, across, along, 0, across, along + TILE, 0);
+    }
+  }
+  const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+  const lines = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: 0x56616c }));
+  lines.position.z = 0.003;
+  ground.add(lines);
+  return ground;
 }
 
 async function solid(shape, mesh) {
@@ -227,7 +235,7 @@ async function solid(shape, mesh) {
   else geometry = new THREE.CylinderGeometry(a, a, b, 24).rotateX(Math.PI / 2);
   const [red, green, blue] = shape.colour;
   const colour = new THREE.Color().setRGB(red, green, blue, THREE.SRGBColorSpace);
-  const body = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ color: colour, roughness: 0.7, metalness: 0.1 }));
+  const body = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ color: colour }));
   if (shape.kind === "mesh") body.scale.set(a, b, c);
   body.castShadow = true;
   place(body, shape.pose);
