@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.gait_controller import GaitController
-from cassie_control.controller.learned_kernels import teach
-from cassie_control.controller.learned_torques import nothing_learned
-from cassie_control.controller.pendulum import Fall, fallen
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
+from cassie_control.learning.torques import nothing_learned, teach
+from cassie_control.planner.pendulum import Fall, fallen
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_gaits.link_frames import LinkPoses
 from cassie_msgs.layout import Mode, RobotMode

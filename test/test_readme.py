@@ -16,7 +16,7 @@ from rclpy.context import Context
 from test_layers import FOLDERS
 
 from cassie_bags.studies.sweep.table import all_rows
-from cassie_control.controller.config import ControllerConfig
+from cassie_control.config import ControllerConfig
 from cassie_msgs.tunables import names
 from cassie_sim.camera import PACKAGES
 

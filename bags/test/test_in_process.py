@@ -17,7 +17,7 @@ from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.track import make_track
-from cassie_control.controller.gait_controller import GaitController
+from cassie_control.control.gait_controller import GaitController
 from cassie_msgs.layout import (
     ControllerStatus,
     Mode,

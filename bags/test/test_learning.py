@@ -24,7 +24,7 @@ from cassie_bags.studies.learn import (
 from cassie_bags.studies.learn_torques import table
 from cassie_bags.studies.sweep.course import Budget, walk
 from cassie_bags.studies.trial import TRACKING, experiment_of, run_trial
-from cassie_control.controller.learned_torques import JOINTS, nothing_learned, save_torques
+from cassie_control.learning.torques import JOINTS, nothing_learned, save_torques
 
 
 def outcome(speed: float, torque: float, *, fell: bool = False) -> Outcome:

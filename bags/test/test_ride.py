@@ -35,7 +35,7 @@ from cassie_bags.studies.toe_gains import (
     verdict,
 )
 from cassie_bags.studies.trial import experiment_of, run_trial
-from cassie_control.controller.readings import WEIGHT
+from cassie_gaits.robot import WEIGHT
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 GATES = {"first": 2.0, "spacing": 3.0, "offset": 0.2, "count": 2}

@@ -20,7 +20,7 @@ from cassie_bags.studies.trial import experiment_of
 from cassie_bags.studies.tune.objective import DEFAULT, load_objective
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import Parameter, parameters, values
-from cassie_control.controller.config import ControllerConfig
+from cassie_control.config import ControllerConfig
 from cassie_msgs.tunables import entries
 
 GOAL = np.array([0.4, -0.7, 0.1, 0.9])

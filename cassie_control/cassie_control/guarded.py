@@ -136,7 +136,7 @@ class GuardedController:
 
     def __init__(self, core: Controller) -> None:
         # Here, because it brings the compiler along, which the supervisor can do without.
-        from cassie_control.controller.gait_controller import DAMPING
+        from cassie_control.control.gait_controller import DAMPING
 
         self.core = core
         self.problem = ""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.gait_controller import GaitController
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.controller.kernels import set_tilt, turned
-from cassie_control.controller.readings import WEIGHT, Readings
+from cassie_control.control.robot import Readings, set_tilt, turned
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.leg_chain import LegChain
 from cassie_gaits.names import LEGS
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
 DRIVE_JOINTS = (0, 1, 2, 3, 6)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from robot_states import leg_joints, put, put_ankle, random_state, readings_of, state_of
 
-from cassie_control.controller.angular_momentum import AngularMomentum
+from cassie_control.planner.momentum import AngularMomentum
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 from cassie_gaits.pinocchio_model import build_tree
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cassie_control.controller.approach import approach
+from cassie_control.control.standing import approach
 
 PERIOD = 0.002
 

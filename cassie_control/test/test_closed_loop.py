@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from closed_loop import Robot
 
-from cassie_control.controller.config import ControllerConfig, WalkConfig
+from cassie_control.config import ControllerConfig, WalkConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import GantryMove, Push, Scenario

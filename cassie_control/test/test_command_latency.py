@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.controller.command_latency import CommandLatency
-from cassie_control.controller.figures import figures
+from cassie_control.control.drives import figures
+from cassie_control.control.latency import CommandLatency
 from cassie_msgs.layout import MotorCommand, RobotState
 
 

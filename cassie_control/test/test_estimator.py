@@ -9,10 +9,10 @@ import pytest
 from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
-from cassie_control.controller.readings import WEIGHT
 from cassie_control.errors import SensorError
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import Sensors
 from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.scenario import Scenario

@@ -8,12 +8,11 @@ from dataclasses import replace
 import pytest
 from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
-from cassie_control.controller.config import LateGains, WalkConfig
-from cassie_control.controller.foot_placement import PendulumPlacement, placement
-from cassie_control.controller.leg_aim import HIP_Y
-from cassie_control.controller.pendulum import GRAVITY
-from cassie_control.controller.readings import HIP_TO_PELVIS, HIP_X
-from cassie_control.controller.step_ahead import Commanded, StepAhead
+from cassie_control.config import LateGains, WalkConfig
+from cassie_control.control.robot import HIP_TO_PELVIS, HIP_X, HIP_Y
+from cassie_control.planner.footstep import PendulumPlacement, placement
+from cassie_control.planner.pendulum import GRAVITY
+from cassie_control.planner.plan import Commanded, StepAhead
 
 CONFIG = WalkConfig(
     pendulum_gain_x=1.0,

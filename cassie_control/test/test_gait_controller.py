@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, mode_of, random_state, state_of
 
-from cassie_control.controller.config import ControllerConfig, TransitionConfig
-from cassie_control.controller.gait_controller import DAMPING, Activity, GaitController
-from cassie_control.controller.limits import stops
+from cassie_control.config import ControllerConfig, TransitionConfig
+from cassie_control.control.gait_controller import DAMPING, Activity, GaitController
+from cassie_control.control.limits import stops
 from cassie_control.errors import ControlError
 from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import MotorCommand, RobotMode

@@ -10,7 +10,7 @@ from closed_loop import Robot
 from robot_states import leg_joints, readings_of, state_of
 from walkers import CONFIG
 
-from cassie_control.controller.ground_slope import GroundSlope
+from cassie_control.planner.terrain import GroundSlope
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import Scenario

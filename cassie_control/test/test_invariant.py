@@ -9,7 +9,7 @@ import pytest
 from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
-from cassie_control.controller.config import ControllerConfig, WalkConfig
+from cassie_control.config import ControllerConfig, WalkConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
 from cassie_msgs.layout import RobotMode, RobotState, Sensors

@@ -9,19 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.learned_torques import (
+from cassie_control.config import ControllerConfig
+from cassie_control.learning.torques import (
     JOINTS,
     LearnedTorques,
     LearnedTorquesError,
+    TorqueLearning,
     load_beside,
     load_torques,
     nothing_learned,
     path_beside,
     save_torques,
 )
-from cassie_control.controller.step_timing import LEFT, RIGHT
-from cassie_control.controller.torque_learning import TorqueLearning
+from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits.gait_library import Provenance
 from cassie_gaits.gait_library_file import default_library_path
 from cassie_gaits.names import DRIVE_IN_Q

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.leg_aim import HIP_ROLL_X, HIP_Y, aim_leg
+from cassie_control.control.robot import HIP_ROLL_X, HIP_Y, aim_leg
 from cassie_gaits import virtual_leg
 
 

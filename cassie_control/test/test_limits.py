@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cassie_control.controller.limits import KD_LIMIT, KP_LIMIT, MARGIN, limit, stops
+from cassie_control.control.limits import KD_LIMIT, KP_LIMIT, MARGIN, limit, stops
 from cassie_control.errors import ControlError
 from cassie_gaits.names import DRIVES
 from cassie_msgs.layout import MotorCommand

@@ -11,7 +11,7 @@ from faulty_samples import IN_TIME, LIMITS, reports, samples, spoil
 from supervised import WALK
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator.monitor import velocity_response
+from cassie_control.estimator.faults import velocity_response
 from cassie_gaits.robot import DRIVE_VELOCITY_FILTER, ENCODER_RATE, JOINT_VELOCITY_FILTER
 from cassie_sim.scenario import Scenario
 

@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, random_state, readings_of, state_of
 
-from cassie_control.controller.outputs import (
-    FOOT_SW,
-    LENGTH_ST,
-    LENGTH_SW,
-    PITCH_SW,
-    ROLL_SW,
-    measure,
-)
-from cassie_control.controller.pendulum import HIP_Y
-from cassie_control.controller.readings import HIP_X, HIP_Z
+from cassie_control.control.outputs import FOOT_SW, LENGTH_ST, LENGTH_SW, PITCH_SW, ROLL_SW, measure
+from cassie_control.control.robot import HIP_X, HIP_Y, HIP_Z
 from cassie_gaits.gait_library import OUTPUTS
 
 

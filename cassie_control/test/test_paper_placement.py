@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.paper_placement import PaperPlacement
-from cassie_control.controller.step_ahead import Commanded, StepAhead
+from cassie_control.config import WalkConfig
+from cassie_control.planner.paper import PaperPlacement
+from cassie_control.planner.plan import Commanded, StepAhead
 
 STEP_TIME = 0.4
 LENGTH = 0.8

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cassie_control.controller.foot_law import Aim, Reach, foot
-from cassie_control.controller.pendulum import Fall, fallen, touchdown_time
+from cassie_control.planner.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
 
 RATE = 3.5
 LEFT_SWINGS = Reach(1.0, 0.0, 0.135, 0.4, 0.2, 0.3, 0.12, 0.45, 0.5, 0.3, 0.3)

@@ -7,8 +7,8 @@ import math
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.position_hold import PositionHold
+from cassie_control.config import WalkConfig
+from cassie_control.planner.hold import PositionHold
 
 CONFIG = WalkConfig(hold_gain=0.5, hold_speed=0.1)
 

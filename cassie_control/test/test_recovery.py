@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.recovery import rests
-from cassie_control.controller.transition_config import TransitionConfig
+from cassie_control.config import TransitionConfig
+from cassie_control.control.recovery import rests
 
 
 def rested(vertical=0.0, ahead=0.0, aside=0.0, **state):

@@ -17,11 +17,9 @@ from robot_states import (
     state_of,
 )
 
-from cassie_control.controller.level import Level
-from cassie_control.controller.moving_balance import MovingBalance
-from cassie_control.controller.readings import WEIGHT
-from cassie_control.controller.segway import RidingController
-from cassie_control.controller.standing_config import SegwayConfig
+from cassie_control.config import SegwayConfig
+from cassie_control.control.riding import Level, MovingBalance, RidingController
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 CONFIG = SegwayConfig()

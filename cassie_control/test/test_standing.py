@@ -17,10 +17,11 @@ from robot_states import (
     state_of,
 )
 
-from cassie_control.controller.readings import ANKLE_HEIGHT, HIP_TO_PELVIS, WEIGHT
-from cassie_control.controller.standing import StandingController
-from cassie_control.controller.standing_config import StandConfig
+from cassie_control.config import StandConfig
+from cassie_control.control.robot import ANKLE_HEIGHT, HIP_TO_PELVIS
+from cassie_control.control.standing import StandingController
 from cassie_gaits import virtual_leg
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 CONFIG = StandConfig()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from closed_loop import Robot
 
-from cassie_control.controller.config import ControllerConfig, TransitionConfig
+from cassie_control.config import ControllerConfig, TransitionConfig
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import Draw, Scenario
 

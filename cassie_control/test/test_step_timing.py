@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.step_timing import LEFT, RIGHT, StepTiming
+from cassie_control.config import WalkConfig
+from cassie_control.planner.timing import LEFT, RIGHT, StepTiming
 
 CONFIG = WalkConfig()
 PERIOD = 0.002

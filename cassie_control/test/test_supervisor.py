@@ -7,9 +7,9 @@ import math
 import pytest
 from supervised import CONFIG, DAMP, OFF, PERIOD, STAND, WALK, Scene
 
-from cassie_control.controller.readings import WEIGHT
 from cassie_control.errors import ControlError
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import RobotState
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cassie_control.controller.swing_inertia import swing_torques
+from cassie_control.control.drives import swing_torques
 from cassie_gaits import virtual_leg
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.controller.figures import figures
-from cassie_control.controller.records import ROBOT_TYPE, STEP_TYPE
-from cassie_control.controller.thigh_kernels import steady_hip, track_thighs
+from cassie_control.control.drives import figures, steady_hip, track_thighs
+from cassie_control.control.outputs import STEP_TYPE
+from cassie_control.control.robot import ROBOT_TYPE
 
 PERIOD = 0.002
 LEFT, PITCH = 0, 1

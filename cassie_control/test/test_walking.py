@@ -23,8 +23,8 @@ from robot_states import (
 )
 from walkers import CONFIG, LIBRARY, swinging, walking
 
-from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.outputs import (
+from cassie_control.config import WalkConfig
+from cassie_control.control.outputs import (
     FOOT_SW,
     LENGTH_ST,
     LENGTH_SW,
@@ -33,8 +33,8 @@ from cassie_control.controller.outputs import (
     YAW_ST,
     YAW_SW,
 )
-from cassie_control.controller.step_timing import LEFT, RIGHT
-from cassie_control.controller.walking import WalkingController
+from cassie_control.control.walking import WalkingController
+from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits.gait_library import Gait
 from cassie_msgs.layout import MotorCommand
 

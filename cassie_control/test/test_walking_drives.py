@@ -14,15 +14,9 @@ from robot_states import (
 )
 from walkers import CONFIG, swinging, walking
 
-from cassie_control.controller.outputs import (
-    FOOT_SW,
-    LENGTH_SW,
-    PITCH_SW,
-    ROLL_SW,
-    YAW_SW,
-)
-from cassie_control.controller.readings import WEIGHT
-from cassie_control.controller.step_timing import LEFT, RIGHT
+from cassie_control.control.outputs import FOOT_SW, LENGTH_SW, PITCH_SW, ROLL_SW, YAW_SW
+from cassie_control.planner.timing import LEFT, RIGHT
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 STANCES = pytest.mark.parametrize("stance", [LEFT, RIGHT])

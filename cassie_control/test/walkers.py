@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.controller.config import WalkConfig
-from cassie_control.controller.step_timing import LEFT
-from cassie_control.controller.walking import WalkingController
+from cassie_control.config import WalkConfig
+from cassie_control.control.walking import WalkingController
+from cassie_control.planner.timing import LEFT
 from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import RobotState
 

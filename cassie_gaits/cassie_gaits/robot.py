@@ -264,3 +264,10 @@ def symmetric_pelvis() -> Link:
 def total_mass() -> float:
     """Mass of the robot. In kg."""
     return PELVIS.mass + 2.0 * sum(link.mass for link in LEFT_LEG)
+
+
+GRAVITY = 9.81
+"""In m/s^2."""
+
+WEIGHT = total_mass() * GRAVITY
+"""In N."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cassie_gaits import robot
+from cassie_gaits.robot import WEIGHT
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,7 +20,6 @@ _SWAY_STIFFNESS = 1500.0
 _SWAY_DAMPING = 250.0
 _TILT_STIFFNESS = 400.0
 _TILT_DAMPING = 40.0
-_WEIGHT = robot.total_mass() * 9.81
 
 
 class Gantry:
@@ -93,7 +92,7 @@ class Gantry:
         tension = max(0.0, STIFFNESS * (self.height - z) - _DAMPING * vz)
         if self.height <= z:
             tension = 0.0
-        share = min(1.0, tension / _WEIGHT)
+        share = min(1.0, tension / WEIGHT)
         self.wrench[0] = share * (_SWAY_STIFFNESS * (self._anchor[0] - x) - _SWAY_DAMPING * vx)
         self.wrench[1] = share * (_SWAY_STIFFNESS * (self._anchor[1] - y) - _SWAY_DAMPING * vy)
         self.wrench[2] = tension

@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from cassie_gaits import robot, virtual_leg
+from cassie_gaits import virtual_leg
 from cassie_gaits.leg_chain import LegChain
 from cassie_gaits.names import JOINTS, LEGS
+from cassie_gaits.robot import WEIGHT
 from cassie_sim.poses import lowest_sole, set_drives
 from cassie_sim.scenes import scene_spec
 
 MODEL = scene_spec("flat", {}).compile()
-WEIGHT = robot.total_mass() * 9.81
 SECONDS = 2.0
 
 

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cassie_gaits import robot, virtual_leg
+from cassie_gaits import virtual_leg
 from cassie_gaits.names import LEGS
+from cassie_gaits.robot import WEIGHT
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import soft_contact
 from cassie_sim.plant import Plant, PlantConfig
@@ -15,7 +16,6 @@ from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_spec
 
-WEIGHT = robot.total_mass() * 9.81
 SOFT = {"start": 0.5, "uneven": 0.0}
 LEG_LENGTH = 0.8
 

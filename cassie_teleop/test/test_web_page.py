@@ -71,8 +71,10 @@ class Driver:
         """Wait until the page shows that a mode is asked for and that the sticks count."""
         asked = self.page.locator(f"[data-mode={mode}]")
         self.robot.until(
-            lambda: re.search(r"\b(on|asked)\b", asked.get_attribute("class") or "")
-            and self.text("driver") == "you drive"
+            lambda: (
+                re.search(r"\b(on|asked)\b", asked.get_attribute("class") or "")
+                and self.text("driver") == "you drive"
+            )
         )
 
 

@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import Experiment
 from cassie_bags.run.simulate import Loop, Observer
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.gait_controller import GaitController
-from cassie_control.controller.learned_torques import LearnedTorques, load_beside
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.monitor import MonitoredEstimator
+from cassie_control.estimator.faults import MonitoredEstimator
+from cassie_control.learning.torques import LearnedTorques, load_beside
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary

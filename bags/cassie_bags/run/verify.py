@@ -29,9 +29,8 @@ from cassie_bags.run.cores import library_path, simulator_config
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.provenance import changes_of_environment
 from cassie_bags.run.yaml_file import apply_changes, flat
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.gait_controller import GaitController
-from cassie_control.controller.learned_torques import load_torques, nothing_learned, path_beside
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.guarded import (
@@ -40,6 +39,7 @@ from cassie_control.guarded import (
     GuardedEstimator,
     GuardedSupervisor,
 )
+from cassie_control.learning.torques import load_torques, nothing_learned, path_beside
 from cassie_control.schedule import StopAndStand
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cassie_bags.run.cores import connect, make_cores, tick_count
 from cassie_bags.studies.sweep.course import Budget, steady, walk
 from cassie_bags.studies.trial import TRACKING, Figures, Trial, experiment_of, has_fallen
-from cassie_control.controller.learned_torques import LearnedTorques
+from cassie_control.learning.torques import LearnedTorques
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.segway_rows import GO, LET_GO, ride
 from cassie_bags.studies.trial import Figures, Trial, run_trial
 from cassie_bags.studies.workers import workers
-from cassie_control.controller.readings import WEIGHT
-from cassie_control.controller.standing_config import SegwayConfig
+from cassie_control.config import SegwayConfig
+from cassie_gaits.robot import WEIGHT
 
 LAWS = ("standing", "riding")
 NOMINAL = (600.0, 80.0)

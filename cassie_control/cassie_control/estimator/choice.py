@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.faults import MonitoredEstimator
 from cassie_control.estimator.invariant import InvariantEstimator
 from cassie_control.estimator.kinematic import KinematicEstimator
-from cassie_control.estimator.monitor import MonitoredEstimator
 
 
 def make_monitored(config: EstimatorConfig, period: float) -> MonitoredEstimator:

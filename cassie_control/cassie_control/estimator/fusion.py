@@ -15,7 +15,7 @@ RecordArray = npt.NDArray[np.void]
 
 GRAVITY = 9.81
 SOLE_RADIUS = 0.02
-_VELOCITY, _POSITION, _GYRO_BIAS = 3, 6, 15  # rows of the covariance, see `filter_kernels`
+_VELOCITY, _POSITION, _GYRO_BIAS = 3, 6, 15  # rows of the covariance, see `invariant`
 _HANGING_LEAK = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
 _ACCELERATION_VARIANCE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
 
@@ -179,9 +179,9 @@ def read_pelvis(
     """The pelvis's origin from the filter's IMU; False where the filter has diverged.
 
     Args:
-        filter_state: Of `filter_records.FILTER_TYPE`.
-        noise: Of `filter_records.NOISE_TYPE`.
-        body: Of `body_records.BODY_TYPE`; the height of its ground follows the loaded feet.
+        filter_state: Of `invariant.FILTER_TYPE`.
+        noise: Of `invariant.NOISE_TYPE`.
+        body: Of `base.BODY_TYPE`; the height of its ground follows the loaded feet.
         angular_velocity: Measured. Shape (3,), in rad/s.
         state: Result, of `RobotState.RECORD`: angular velocity less its bias, position with the
             height above that ground, velocity, covariance.

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from cassie_control.estimator.base import LegEstimator
+from cassie_control.estimator.base import LegEstimator, finish_state
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.fusion import fuse_velocity
-from cassie_control.estimator.sample_kernels import finish_state
 from cassie_msgs.layout import Sensors
 
 _ORIENTATION_VARIANCE = (0.01, math.radians(0.35) ** 2, math.radians(0.35) ** 2)

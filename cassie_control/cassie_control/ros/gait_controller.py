@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from cassie_control.controller.config import ControllerConfig
-from cassie_control.controller.gait_controller import GaitController
-from cassie_control.controller.learned_torques import load_beside, path_beside
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
 from cassie_control.guarded import GuardedController
+from cassie_control.learning.torques import load_beside, path_beside
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     SILENT_AFTER,
@@ -41,6 +41,8 @@ from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import STATUS_TICKS
 from cassie_msgs.tunables import tunable
+
+_COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
 
 LATE = 0.01
 """Latency of the drives that is told on /diagnostics. In s."""
@@ -85,8 +87,8 @@ class GaitControllerNode(Node):
         learned = load_beside(gaits, self._lane.learned_torques_file)
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
-        load_kept("cassie_gaits")
-        load_kept("cassie_control.controller")
+        for package in _COMPILED:
+            load_kept(package)
         self._changed: ControllerConfig | None = None
         self._scheduling = Scheduling(self.get_logger().warning)
         on_change(self, lambda: self._config, self._set_config)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cassie_control.controller.readings import WEIGHT
 from cassie_control.supervisor.config import SupervisorConfig
+from cassie_gaits.robot import WEIGHT
 
 _HANGING = 0.25  # of the weight on the feet, below which somebody lifts it
 _HANGING_TIME = 0.5  # s

@@ -25,11 +25,10 @@ from cassie_control.supervisor.set_points import (
     within_limits,
 )
 from cassie_control.supervisor.status import SupervisorStatus, faults
-from cassie_gaits import robot
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS
 
-_WEIGHT = robot.total_mass() * 9.81
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
@@ -257,10 +256,10 @@ class ModeSupervisor:
     def _unloaded(self, state: RobotState) -> str:
         carried = float(state.foot_force.sum())
         if (
-            carried < self.config.weight_share * _WEIGHT
+            carried < self.config.weight_share * WEIGHT
             or float(state.contact_probability.min()) < 0.5
         ):
-            return f"the feet carry {carried:.0f} N of {_WEIGHT:.0f} N: let it down"
+            return f"the feet carry {carried:.0f} N of {WEIGHT:.0f} N: let it down"
         return ""
 
     def _restless(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.errors import ExperimentError
-from cassie_control.controller.config import ControllerConfig
+from cassie_control.config import ControllerConfig
 from cassie_msgs.tunables import entries, unknown_name
 
 FloatArray = npt.NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Set-points of the drives from what is wanted of the robot."""

@@ -1,0 +1,451 @@
+"""Set-points of the drives while walking: eq:IK, eq:hdtilde, and torques that are fed forward.
+
+The hip. The torso hangs on the stance hip: its drive is told the measured hip angle plus the
+torso's error. Where set-points come late by D, the drive's damping is kd (v(t - D) - v(t)): nothing
+at 1 / D, which for 20 ms is near the 42 Hz at which hip and leaf springs ring. So a share of the
+hip's motion is replaced by a smooth track of the leg in space, hip angle less torso angle, which
+follows a steady swing without lag,
+
+    x' = r + 2 w (thigh - x),   r' = w^2 (thigh - x),
+
+and which the drive damps at 2 kHz, late or not. It is a share only: as damping at the drive it
+makes torques that come late by 3 ms ring at the same frequency.
+
+The swing leg. A swinging leg is accelerated as its desired outputs ask for. In its plane it is a
+double pendulum of hip pitch p and knee k, with relaxed springs (the tarsus turns against the knee)
+and the foot kept level; about the hip roll axis a body whose inertia follows the knee:
+
+    u_pitch = A p'' + B k'' + A' p' k' + B' k'^2
+    u_knee  = B p'' + C k'' - A' p'^2 / 2
+    u_roll  = R r'' + R' r' k'
+
+with A, B, C and R of the knee angle, drives' armature included, and ' in A', B', R' by the knee.
+Gravity is left to the position loop: it holds a hanging leg within 0.01 rad.
+
+Source:
+    Cubic polynomials fitted to the mass matrix of `cassie_gaits.dynamics` for knees of -2.4 to
+    -0.75 rad, error below 0.001 kg m^2 (a test holds that).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.config import WalkConfig
+from cassie_control.control.forces import carried_share, damped_weight, holding_torques
+from cassie_control.control.outputs import adjust
+from cassie_control.control.robot import HIP_X, HIP_Z, RecordArray
+from cassie_gaits import bezier, robot, virtual_leg
+from cassie_gaits.compiled import compiled
+from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.robot import WEIGHT
+
+FloatArray = npt.NDArray[np.float64]
+
+FIGURES_TYPE = np.dtype(
+    [
+        # Of the configuration, see `config.WalkConfig`; 0 where the paper's law leaves it out:
+        *((name, float) for name in ("kp_torso_roll", "kd_torso_roll")),
+        *((name, float) for name in ("kp_torso_pitch", "kd_torso_pitch")),
+        *((name, float) for name in ("late_reach", "late_speed")),
+        *((name, float) for name in ("level", "level_back", "swing_inertia", "bounce_damping")),
+        *((name, float) for name in ("heading_gain", "yaw_limit")),
+        ("straight", float),  # 1 where the swing leg's angles go the way of least effort
+        ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
+        ("weight", float),  # that is fed forward, N
+        ("mass", float),  # of the robot, kg
+        *((name, float) for name in ("thigh_track", "thigh_angle", "thigh_rate")),
+        ("period", float),  # of control, s
+        ("latency", float),  # of the drives, that is allowed for, s
+        ("handover", float),  # time in which the weight then goes from leg to leg, s
+        ("kp", float, 5),  # of hip_roll, hip_yaw, hip_pitch, knee, toe
+        ("kd", float, 5),
+        # Of the robot, see `virtual_leg`, `robot` and `swing_torques`:
+        ("hip_x", float),
+        ("hip_z", float),
+        ("thigh", float),
+        ("shin", float),
+        ("knee_offset", float),
+        ("hip_offset", float),
+        ("toe_offset", float),
+        ("neutral_tarsus", float),
+        ("inertia", float, (4, 4)),
+        # From a polynomial's two first and two last coefficients to the two between:
+        ("least_effort", float, (2, 4)),
+    ]
+)
+"""What the walking law takes for granted."""
+
+
+@compiled
+def _thigh(robot: Any, i: int, axis: int) -> tuple[float, float]:
+    """Leg `i` in space, about roll (`axis` 0) or against pitch (1). In rad and rad/s."""
+    if axis == 0:
+        return robot.joints[i, 0] + robot.roll, robot.rates[i, 0] + robot.roll_rate
+    return robot.joints[i, 2] - robot.pitch, robot.rates[i, 2] - robot.pitch_rate
+
+
+@compiled
+def track_thighs(figure: Any, robot: Any, step: Any) -> None:
+    """Bring the tracks of both legs up to date; the first ones begin as measured."""
+    w, dt = 2.0 * math.pi * figure.thigh_track, figure.period
+    for i in range(2):
+        for axis in range(2):
+            angle, rate = _thigh(robot, i, axis)
+            if step.tracked == 0.0:
+                step.thigh[i, axis], step.thigh_rates[i, axis] = angle, rate
+            else:
+                ahead = step.thigh[i, axis] + dt * step.thigh_rates[i, axis]
+                step.thigh[i, axis] = ahead + 2.0 * w * dt * (angle - ahead)
+                step.thigh_rates[i, axis] += w * w * dt * (angle - ahead)
+    step.tracked = 1.0
+
+
+@compiled
+def steady_hip(figure: Any, robot: Any, i: int, axis: int, step: Any) -> tuple[float, float]:
+    """Hip roll (`axis` 0) or pitch (1) of a leg, with its share of the track. In rad, rad/s."""
+    angle, rate = _thigh(robot, i, axis)
+    joint = 2 * axis
+    return (
+        robot.joints[i, joint] + figure.thigh_angle * (step.thigh[i, axis] - angle),
+        robot.rates[i, joint] + figure.thigh_rate * (step.thigh_rates[i, axis] - rate),
+    )
+
+
+ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
+_SHORTEST, _LONGEST = 0.4, 0.97  # m, of the leg lengths that are set
+_SHORTEST_SWING, _LONGEST_SWING = 0.45, 0.95  # m, for the swing leg's inertia
+_LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and until it does not
+
+
+@compiled
+def drive(
+    figures: RecordArray,
+    robots: RecordArray,
+    pairs: RecordArray,
+    steps: RecordArray,
+    commands: RecordArray,
+    rate: float,
+    pitch: float,
+    roll: float,
+    length: float,
+    lead: float,
+    speed: float,
+    torso_roll: float,
+    torso_pitch: float,
+    slope_ahead: float,
+    slope_left: float,
+) -> None:
+    """Desired outputs, adjusted, as set-points of the drives.
+
+    Source: eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
+
+    Args:
+        figures, robots, steps: Figures, the robot now and the step. Shape (1,).
+        pairs: Kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        commands: Result, `MotorCommand.record`. Shape (1,).
+        rate: Of the phase, new. In 1/s.
+        pitch to slope_left: What adjustment answers, and the torso wanted, see `STEP_TYPE`.
+    """
+    figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
+    step.new_rate, step.pitch, step.roll, step.length, step.lead = rate, pitch, roll, length, lead
+    step.speed, step.torso_roll, step.torso_pitch = speed, torso_roll, torso_pitch
+    step.slope_ahead, step.slope_left = slope_ahead, slope_left
+    adjust(figure, robot, step)
+    stance = int(step.stance)
+    track_thighs(figure, robot, step)
+    _drive_stance(figure, robot, stance, step, command)
+    _drive_swing(figure, robot, 1 - stance, step, command)
+    weight = damped_weight(figure, robot, step)
+    for i in range(2):
+        share = carried_share(figure, robot, step, i)
+        _hold_weight(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
+    _push_swing(figure, robot, 1 - stance, step, command)
+
+
+@compiled
+def _drive_stance(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+    """Torso roll and pitch act through the hip, in proportion to the load on the leg.
+
+    q_hip + (desired - measured torso angle) is its set-point, with q_hip of `steady_hip`. The toe
+    gives no torque.
+    """
+    q, v, load, at = robot.joints[i], robot.rates[i], robot.load[i], 5 * i
+    hip_roll, roll_rate = steady_hip(figure, robot, i, 0, step)
+    hip_pitch, pitch_rate = steady_hip(figure, robot, i, 1, step)
+    desired, rates = step.desired, step.desired_rates
+    knee, knee_rate = _knee(figure, desired[LENGTH_ST], rates[LENGTH_ST])
+    command.position[at] = hip_roll - load * (desired[ROLL] - robot.roll)
+    command.position[at + 1] = desired[YAW_ST]
+    command.position[at + 2] = hip_pitch + load * (desired[PITCH] - robot.pitch)
+    command.position[at + 3] = knee
+    command.position[at + 4] = q[6]
+    # An unloaded stance leg keeps its joints in place until it carries the torso.
+    hold = load if load < 1.0 else 1.0
+    command.velocity[at] = (roll_rate + load * robot.roll_rate) * hold
+    command.velocity[at + 1] = rates[YAW_ST]
+    command.velocity[at + 2] = (pitch_rate - load * robot.pitch_rate) * hold
+    command.velocity[at + 3] = knee_rate
+    command.velocity[at + 4] = v[6]
+    for k in range(4):
+        command.kp[at + k], command.kd[at + k] = figure.kp[k], figure.kd[k]
+    command.kp[at], command.kd[at] = figure.kp_torso_roll, figure.kd_torso_roll
+    command.kp[at + 2], command.kd[at + 2] = figure.kp_torso_pitch, figure.kd_torso_pitch
+    command.kp[at + 4] = command.kd[at + 4] = 0.0
+
+
+@compiled
+def _drive_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+    """Every joint tracks, the toe as far as the foot is unloaded.
+
+    As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
+    leg that swings against the ground would throw the torso over.
+    """
+    q, v, at = robot.joints[i], robot.rates[i], 5 * i
+    desired, rates = step.desired, step.desired_rates
+    knee, knee_rate = _knee(figure, desired[LENGTH_SW], rates[LENGTH_SW])
+    sine, cosine = math.sin(knee + figure.knee_offset), math.cos(knee + figure.knee_offset)
+    lean = math.atan2(-figure.shin * sine, figure.shin * cosine + figure.thigh)
+    squares = figure.thigh * figure.thigh + figure.shin * figure.shin
+    share = figure.shin * (figure.shin + figure.thigh * cosine)
+    share /= squares + 2.0 * figure.thigh * figure.shin * cosine
+    toe = desired[FOOT_SW] + robot.pitch - q[2] - figure.neutral_tarsus
+    command.position[at] = desired[ROLL_SW] - robot.roll
+    command.position[at + 1] = desired[YAW_SW]
+    command.position[at + 2] = desired[PITCH_SW] + robot.pitch + lean - figure.hip_offset
+    command.position[at + 3] = knee
+    command.position[at + 4] = toe - figure.toe_offset
+    command.velocity[at] = rates[ROLL_SW] - robot.roll_rate
+    command.velocity[at + 1] = rates[YAW_SW]
+    command.velocity[at + 2] = rates[PITCH_SW] - (share * knee_rate - robot.pitch_rate)
+    command.velocity[at + 3] = knee_rate
+    command.velocity[at + 4] = rates[FOOT_SW] + robot.pitch_rate - v[2]
+    for k in range(5):
+        command.kp[at + k], command.kd[at + k] = figure.kp[k], figure.kd[k]
+    command.kp[at + 4] *= 1.0 - robot.load[i]
+    command.kd[at + 4] *= 1.0 - robot.load[i]
+    own = 1.0 - min(1.0, max(0.0, (robot.force[i] - _LIFTED) / _LIFTING))
+    held = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
+    hip, rate = steady_hip(figure, robot, i, 0, step)
+    law = (figure.kp_torso_roll, hip - desired[ROLL] + robot.roll)
+    _share(command, at, own, held, law, (figure.kd_torso_roll, rate + robot.roll_rate))
+    hip, rate = steady_hip(figure, robot, i, 1, step)
+    law = (figure.kp_torso_pitch, hip + desired[PITCH] - robot.pitch)
+    _share(command, at + 2, own, held, law, (figure.kd_torso_pitch, rate - robot.pitch_rate))
+
+
+@compiled
+def _share(
+    command: Any,
+    drive: int,
+    own: float,
+    share: float,
+    position: tuple[float, float],
+    rate: tuple[float, float],
+) -> None:
+    """Divide a drive between its own law and another: `own` of its torque, `share` of the other's.
+
+    Args:
+        command: With the drive's own gains and set-points; changed in place.
+        drive: Its number.
+        own, share: 0..1.
+        position, rate: Gain and set-point of the other law.
+    """
+    kp, other_kp = own * command.kp[drive], share * position[0]
+    kd, other_kd = own * command.kd[drive], share * rate[0]
+    total_kp, total_kd = max(1e-6, kp + other_kp), max(1e-6, kd + other_kd)
+    aim, speed = command.position[drive], command.velocity[drive]
+    command.kp[drive], command.kd[drive] = total_kp, total_kd
+    command.position[drive] = (kp * aim + other_kp * position[1]) / total_kp
+    command.velocity[drive] = (kd * speed + other_kd * rate[1]) / total_kd
+
+
+@compiled
+def _knee(figure: Any, length: float, length_rate: float) -> tuple[float, float]:
+    """Knee angle and rate of a leg length, see `virtual_leg`; in rad and rad/s."""
+    length = min(_LONGEST, max(_SHORTEST, length))
+    knee = _knee_angle(figure, length)
+    product = 2.0 * figure.thigh * figure.shin
+    turn = 0.5 * product * math.sin(knee + figure.knee_offset)
+    return knee, -length * length_rate / turn
+
+
+@compiled
+def _knee_angle(figure: Any, length: float) -> float:
+    squares = figure.thigh * figure.thigh + figure.shin * figure.shin
+    cosine = (length * length - squares) / (2.0 * figure.thigh * figure.shin)
+    angle: float = -math.acos(min(1.0, max(-1.0, cosine))) - figure.knee_offset
+    return angle
+
+
+@compiled
+def _hold_weight(robot: Any, i: int, weight: float, jacobian: FloatArray, command: Any) -> None:
+    """Torques that hold a weight (N) with a leg, along the line from foot to CoM."""
+    x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
+    z = max(0.4, robot.com[2] - robot.ankle[i, 2])
+    held = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
+    for k in range(4):
+        command.torque[5 * i + k] = held[k]
+    command.torque[5 * i + 4] = 0.0
+
+
+@compiled
+def _push_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+    """Add the torques that accelerate the swing leg, as far as it is off the ground.
+
+    The stance hip takes what they do to the torso to the ground.
+    """
+    share = figure.swing_inertia * (1.0 - robot.load[i])
+    length = min(_LONGEST_SWING, max(_SHORTEST_SWING, step.desired[LENGTH_SW]))
+    v, a = step.desired_rates, step.accelerations
+    roll, pitch, knee = inertia_torques(
+        (v[ROLL_SW], v[PITCH_SW], v[LENGTH_SW]),
+        (a[ROLL_SW], a[PITCH_SW], a[LENGTH_SW]),
+        _knee_angle(figure, length),
+        figure.inertia,
+        (figure.shin, figure.thigh, figure.knee_offset),
+    )
+    command.torque[5 * i] += share * roll
+    command.torque[5 * i + 2] += share * pitch
+    command.torque[5 * i + 3] += share * knee
+    carried = share * robot.load[1 - i]
+    command.torque[5 - 5 * i] -= carried * roll
+    command.torque[7 - 5 * i] -= carried * pitch
+
+
+@compiled
+def inertia_torques(
+    rates: tuple[float, float, float],
+    accelerations: tuple[float, float, float],
+    knee: float,
+    inertia: FloatArray,
+    sides: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """See `swing_inertia.swing_torques`; `sides` are shin, thigh (m) and knee offset (rad)."""
+    shin, thigh, offset = sides
+    bend = knee + offset
+    sine, cosine = math.sin(bend), math.cos(bend)
+    squares, product = shin * shin + thigh * thigh, shin * thigh
+    length = math.sqrt(squares + 2.0 * product * cosine)
+    # length(k) and hip pitch = leg pitch + lean(k), each differentiated twice by time.
+    slope = -product * sine / length
+    bow = (-product * cosine - slope * slope) / length
+    knee_rate = rates[2] / slope
+    knee_acceleration = (accelerations[2] - bow * knee_rate * knee_rate) / slope
+    share = shin * (shin + thigh * cosine) / (length * length)
+    share_slope = (-shin * thigh * sine - 2.0 * share * length * slope) / (length * length)
+    pitch_rate = rates[1] - share * knee_rate
+    pitch_acceleration = accelerations[1] - share * knee_acceleration
+    pitch_acceleration -= share_slope * knee_rate * knee_rate
+    a, a_slope = _cubic(inertia, 0, knee), _cubic_slope(inertia, 0, knee)
+    b, b_slope = _cubic(inertia, 1, knee), _cubic_slope(inertia, 1, knee)
+    c = _cubic(inertia, 2, knee)
+    r, r_slope = _cubic(inertia, 3, knee), _cubic_slope(inertia, 3, knee)
+    pitch = a * pitch_acceleration + b * knee_acceleration
+    pitch += a_slope * pitch_rate * knee_rate + b_slope * knee_rate * knee_rate
+    bending = b * pitch_acceleration + c * knee_acceleration - 0.5 * a_slope * pitch_rate**2
+    return r * accelerations[0] + r_slope * rates[0] * knee_rate, pitch, bending
+
+
+@compiled
+def _cubic(table: FloatArray, row: int, x: float) -> float:
+    value: float = table[row, 0] + x * (table[row, 1] + x * (table[row, 2] + x * table[row, 3]))
+    return value
+
+
+@compiled
+def _cubic_slope(table: FloatArray, row: int, x: float) -> float:
+    value: float = table[row, 1] + x * (2.0 * table[row, 2] + x * 3.0 * table[row, 3])
+    return value
+
+
+INERTIA = np.array(
+    [
+        [1.0411, -0.1591, -0.3106, -0.0599],  # A
+        [0.5699, -0.0817, -0.1565, -0.0302],  # B
+        [0.4899, -0.0042, -0.0024, -0.0004],  # C
+        [1.3723, -0.1943, -0.4381, -0.0809],  # R
+    ]
+)
+"""Coefficients of A, B, C and R by rising power of the knee angle. In kg m^2."""
+
+_SIDES = (virtual_leg.SHIN, virtual_leg.THIGH, virtual_leg.KNEE_OFFSET)
+
+
+def swing_torques(
+    rates: tuple[float, float, float], accelerations: tuple[float, float, float], length: float
+) -> tuple[float, float, float]:
+    """Torques of hip roll, hip pitch and knee.
+
+    Args:
+        rates: Desired rates of leg roll, leg pitch and leg length. In rad/s and m/s.
+        accelerations: The same for accelerations. In rad/s^2 and m/s^2.
+        length: Desired leg length. In m.
+
+    Returns:
+        In Nm.
+    """
+    return inertia_torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA, _SIDES)
+
+
+def _least_effort() -> FloatArray:
+    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
+
+    They give the least integral of the squared second derivative.
+    """
+    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
+    ends = bends[:, (0, 1, 4, 5)]
+    result: FloatArray = -np.linalg.lstsq(bends[:, 2:4], ends, rcond=None)[0]
+    return result
+
+
+_LEAST_EFFORT = _least_effort()
+_BESIDE_THE_PAPER = (
+    *("straight", "share_force", "level", "swing_inertia"),
+    *("bounce_damping", "thigh_angle", "thigh_rate"),
+)
+
+
+def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordArray:
+    """Figures of a configuration, of the control period (s), of the robot, and of its drives.
+
+    They are of `FIGURES_TYPE`. Shape (1,).
+
+    What the walking law has beside the paper's is left out under the paper's own. As far as the
+    drives act late on commands (`latency`, in s), gains go over to those for late ones.
+    """
+    records = np.zeros(1, FIGURES_TYPE)
+    figure = records[0]
+    for name in FIGURES_TYPE.names or ():
+        if hasattr(config, name):
+            figure[name] = getattr(config, name)
+    figure["straight"] = figure["share_force"] = 1.0
+    figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
+    figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
+    if config.law == "paper":
+        for name in _BESIDE_THE_PAPER:
+            figure[name] = 0.0
+    else:
+        _allow_for(figure, config, latency)
+    figure["period"] = period
+    figure["weight"], figure["mass"] = config.gravity * WEIGHT, robot.total_mass()
+    figure["hip_x"], figure["hip_z"] = HIP_X, HIP_Z
+    figure["thigh"], figure["shin"] = virtual_leg.THIGH, virtual_leg.SHIN
+    figure["knee_offset"], figure["hip_offset"] = virtual_leg.KNEE_OFFSET, virtual_leg.HIP_OFFSET
+    figure["toe_offset"], figure["neutral_tarsus"] = virtual_leg.TOE_OFFSET, robot.NEUTRAL_TARSUS
+    figure["inertia"], figure["least_effort"] = INERTIA, _LEAST_EFFORT
+    return records
+
+
+def _allow_for(figure: np.void, config: WalkConfig, latency: float) -> None:
+    """Gains for drives that act late."""
+    late, share = config.late, config.late.walking_share(latency)
+    if share == 0.0:
+        return
+    figure["latency"], figure["handover"] = latency, late.handover
+    for name in ("thigh_track", "thigh_angle", "thigh_rate"):
+        figure[name] += share * (getattr(late, name) - figure[name])

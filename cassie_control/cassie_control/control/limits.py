@@ -1,0 +1,87 @@
+"""What no command may exceed, whatever the law that made it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.errors import ControlError
+from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
+from cassie_gaits.names import LEG_DRIVES, LEGS
+from cassie_msgs.layout import MotorCommand
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@compiled
+def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
+    """Clamp each value in place; the index of the first that is not finite, or -1.
+
+    Args:
+        values, low, high: All of the same shape (n,) and unit.
+    """
+    for i in range(values.size):
+        if not math.isfinite(values[i]):
+            return i
+        values[i] = max(low[i], min(high[i], values[i]))
+    return -1
+
+
+KP_LIMIT = 5000.0
+"""Position gain that a drive accepts. In Nm/rad."""
+
+KD_LIMIT = 500.0
+"""Velocity gain that a drive accepts. In Nms/rad."""
+
+MARGIN = math.radians(0.5)
+"""How far from a joint's stops its set-points stay. In rad."""
+
+_ANY = 1e6  # Nm, rad/s: the motors bound torque and speed
+
+
+def stops() -> tuple[FloatArray, FloatArray]:
+    """Lower and upper stop of each drive's joint.
+
+    The tarsus counts for the knee, which turns it while the springs are relaxed.
+
+    Returns:
+        Two arrays in the order of the drives. Shape (10,), in rad.
+    """
+    low, high = [], []
+    for leg in LEGS:
+        limits = {link.name: link.joint.limits for link in robot.leg_links(leg)}
+        tarsus = limits["tarsus"] or (-math.inf, math.inf)
+        for drive in LEG_DRIVES:
+            ends = limits[drive] or (-math.inf, math.inf)
+            if drive == "knee":
+                neutral = robot.NEUTRAL_TARSUS
+                ends = (max(ends[0], neutral - tarsus[1]), min(ends[1], neutral - tarsus[0]))
+            low.append(ends[0])
+            high.append(ends[1])
+    return np.array(low), np.array(high)
+
+
+def _bounds() -> tuple[FloatArray, FloatArray]:
+    low, high = stops()
+    unit = np.ones(10)
+    lower = (-_ANY * unit, low + MARGIN, -_ANY * unit, 0.0 * unit, 0.0 * unit)
+    upper = (_ANY * unit, high - MARGIN, _ANY * unit, KP_LIMIT * unit, KD_LIMIT * unit)
+    return np.concatenate(lower), np.concatenate(upper)
+
+
+_LOW, _HIGH = _bounds()
+
+
+def limit(command: MotorCommand) -> None:
+    """Keep a command within the drives' gains and `MARGIN` inside the joints' stops.
+
+    Raises:
+        ControlError: if a value is not finite; the message names it.
+    """
+    bad = clamp(command.floats, _LOW, _HIGH)
+    if bad >= 0:
+        field = MotorCommand.LAYOUT[bad // 10][0]
+        raise ControlError(f"command {field}[{bad % 10}] is {command.floats[bad]}: not sent")

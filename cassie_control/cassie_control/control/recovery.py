@@ -1,0 +1,119 @@
+"""Whether a push calls for a step."""
+
+from __future__ import annotations
+
+import math
+
+from cassie_control.config import TransitionConfig
+from cassie_control.control.robot import Readings
+from cassie_control.control.standing import StandingController
+from cassie_control.planner.timing import LEFT, RIGHT
+from cassie_gaits import virtual_leg
+from cassie_gaits.robot import WEIGHT
+from cassie_msgs.layout import MotorCommand
+
+_FOOTED_TIME = 1.5  # s for which it counts that both feet carried it
+_BOTH = 0.6  # share of the weight on the ground that counts as standing
+_GRAVITY = 9.81  # m/s^2
+_CARRIED = 0.4  # share of it below which the robot is in the air
+_CONTACT = 0.7  # probability of contact of each foot that counts as standing
+_REST_X = 0.06  # m, of the capture point from the feet's midpoint from which standing brings rest
+_REST_APART = (0.2, 0.45)  # m, distance of the feet that standing takes over
+_REST_BOUNCE = 0.2  # m/s, vertical speed with which both feet stay on the ground
+_REST_TILT = 0.15  # rad
+_SOLE = 0.065  # m, from its middle to the edge that carries
+
+
+def rests(readings: Readings, config: TransitionConfig) -> bool:
+    """Whether standing, from this touchdown on, brings the robot to rest."""
+    x, y, height = readings.com_from_feet
+    time = math.sqrt(max(0.3, height) / _GRAVITY)
+    vx, vy, _ = readings.com_velocity
+    apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+    within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * apart
+    slow = abs(vx) <= config.stop_vx and abs(vy) <= config.stop_vy
+    calm = abs(readings.velocity[2]) < _REST_BOUNCE
+    upright = max(abs(readings.roll), abs(readings.pitch)) < _REST_TILT
+    return within and slow and calm and upright and _REST_APART[0] < apart < _REST_APART[1]
+
+
+def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) -> None:
+    """Press with the edge of the stance foot's sole that the robot falls over.
+
+    Args:
+        readings: The robot now.
+        stance: Leg that carries it.
+        command: Set-points of walking, whose stance toe gives no torque; torque is added.
+        limit: Bound of it. In Nm.
+    """
+    leg = readings.legs[stance]
+    height = max(0.3, readings.com_from_feet[2])
+    ahead = readings.com[0] + math.sqrt(height / _GRAVITY) * readings.com_velocity[0] - leg.foot[0]
+    pressure = max(-_SOLE, min(_SOLE, ahead)) + leg.foot[0]
+    torque = -leg.contact * max(0.0, leg.force) * (pressure - leg.ankle[0])
+    command.torque[5 * stance + 4] += max(-limit, min(limit, torque))
+
+
+def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None:
+    """Pull up the swing leg, soon, as no lean has taken the weight off it.
+
+    Args:
+        swing: Leg.
+        phase: Of the step, 0..1.
+        command: Set-points of walking; the knee's is changed.
+        height: At most. In m.
+    """
+    knee = 5 * swing + 3
+    length = virtual_leg.length(float(command.position[knee]))
+    length -= height * math.sin(math.pi * math.sqrt(min(1.0, phase)))
+    command.position[knee] = virtual_leg.knee_angle(virtual_leg.clamp_length(length, 0.4, 0.97))
+
+
+class RecoveryStep:
+    """Finds the moment from which standing cannot hold a push any more.
+
+    The capture point, CoM + velocity sqrt(z / g), is where the feet would have to press for it to
+    come to rest. Standing holds it inside the soles, and a little beyond by bending the torso: past
+    `recovery_x` fore and aft or `recovery_y` sideways, measured from the edge of the support, it
+    steps. The foot with less load swings. A robot that hangs, or has just come down, does not step.
+
+    Args:
+        period: Of control. In s.
+
+    Source:
+        Capture point: Pratt et al., "Capture Point: A Step toward Humanoid Push Recovery",
+        Humanoids 2006.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: it has not stood yet."""
+        self._footed = 0.0
+
+    def stance(
+        self, readings: Readings, standing: StandingController, config: TransitionConfig
+    ) -> int | None:
+        """The leg to stand on while the other steps; None while standing holds.
+
+        Args:
+            readings: The robot now.
+            standing: Controller, after its step at this tick.
+            config: Margins.
+        """
+        left, right = readings.legs
+        carried = left.force + right.force
+        if carried < _BOTH * WEIGHT:
+            self._footed = max(0.0, self._footed - self._period)
+        elif min(left.contact, right.contact) > _CONTACT:
+            self._footed = _FOOTED_TIME
+        if not config.recovery_step or self._footed <= 0.0 or carried < _CARRIED * WEIGHT:
+            return None
+        if readings.height < config.recovery_height:
+            return None
+        out_x, out_y = standing.beyond
+        if math.hypot(out_x / config.recovery_x, out_y / config.recovery_y) < 1.0:
+            return None
+        return LEFT if left.force >= right.force else RIGHT

@@ -1,0 +1,490 @@
+"""Riding a Segway: the operator, or Cassie itself, leans to go, to stop and to turn.
+
+`Level` tells which way is up for a robot that is carried off, `MovingBalance` holds the CoM on
+ground that may accelerate, and `RidingController` leans.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from cassie_control.config import SegwayConfig
+from cassie_control.control.balance import Balance
+from cassie_control.control.robot import LegReadings, Readings
+from cassie_control.control.standing import StandingController
+from cassie_gaits import virtual_leg
+from cassie_gaits.robot import SOLE_RADIUS, WEIGHT
+from cassie_msgs.layout import Mode, MotorCommand, RobotState
+
+_CALM = 0.1  # m/s^2
+
+
+class Level:
+    """Roll and pitch by the gyro, with the estimate as their mean over a long time.
+
+    The estimator takes standing feet to be at rest: on a vehicle that accelerates by a it tilts the
+    vertical towards that of a pendulum, by up to a / g. The gyro does not feel that, and over a
+    minute drifts by some milliradians. With w the angular velocity of the torso and t the estimate:
+
+        pitch' = w_y cos(roll) - w_z sin(roll)                      - (pitch - t) / T,
+        roll'  = w_x + tan(pitch) (w_y sin(roll) + w_z cos(roll))   - (roll - t) / T,
+        T      = time (1 + |a|^2 / (0.1 m/s^2)^2).
+
+    The estimated velocity, too, takes the accelerations for the robot's own. That of the CoM seen
+    from the feet is the difference of its positions.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._state = RobotState()
+        self.start(self._state)
+
+    def start(self, state: RobotState) -> None:
+        """Begin with the estimate as it is."""
+        self._pitch, self._roll = state.q[4:6].tolist()
+        self._com: list[float] | None = None
+
+    def corrected(
+        self, state: RobotState, time: float, acceleration: Sequence[float]
+    ) -> RobotState:
+        """The state with another vertical and the CoM's velocity as seen from the feet; reused.
+
+        Args:
+            state: The estimate.
+            time: In which the estimate's own tilt comes in again. In s.
+            acceleration: Of the ground, forward and to the left. In m/s^2.
+        """
+        pitch, roll = state.q[4:6].tolist()
+        wx, wy, wz = state.angular_velocity.tolist()
+        cos, sin = math.cos(self._roll), math.sin(self._roll)
+        share = self._period / (time * (1.0 + (math.hypot(*acceleration) / _CALM) ** 2))
+        pitch_rate = wy * cos - wz * sin
+        roll_rate = wx + math.tan(self._pitch) * (wy * sin + wz * cos)
+        self._pitch += self._period * pitch_rate + share * (pitch - self._pitch)
+        self._roll += self._period * roll_rate + share * (roll - self._roll)
+        self._state.copy_from(state)
+        self._state.q[4], self._state.q[5] = self._pitch, self._roll
+        self._state.v[4], self._state.v[5] = pitch_rate, roll_rate
+        com = self._state.com_position
+        com[0] += (self._pitch - pitch) * com[2]
+        com[1] -= (self._roll - roll) * com[2]
+        now = com.tolist()
+        if self._com is not None:
+            for k in (0, 1):
+                self._state.com_velocity[k] = (now[k] - self._com[k]) / self._period
+        self._com = now
+        return self._state
+
+
+_GRAVITY = 9.81
+_SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
+_PRESS, _SHARE = (
+    0.065,
+    0.4,
+)  # m, and of the feet's distance: farther they press for no command
+_NEAR = 0.015  # m from where the CoM is, which it may be wanted in any case
+_FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
+
+
+class MovingBalance(Balance):
+    """The balance law with the ground's acceleration taken out.
+
+    With c the CoM from the feet, v its velocity seen from them, p the centre of pressure and h the
+    CoM's height, the ground accelerates by
+
+        a = g (c - p) / h - dv/dt,   through a low-pass of `moving_time`,
+
+    which is 0 on plain ground. On ground that accelerates, c rests ahead of p by h a / g, so
+
+        p = c - h a / g + (kp (c - c*) + kd v) / W.
+
+    A Segway accelerates by what the feet press on its platform, W p / (r M): there this law holds c
+    at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
+    stiff, and it needs to know nothing of the vehicle. The error of c is that learnt by who stood
+    before: on ground that moves it cannot be told from an acceleration.
+
+    A platform that rolls on uneven ground presses the steering bar against its knees: it turns by
+    itself, and it is thrown to a side until one foot carries it. Hips that give way at that, as
+    in standing, throw the torso to and fro until a foot slips. So from 2 to 3 m/s the gains go over
+    to `fast_...`: hips that stay stiff and less weight shifted by speed sideways.
+
+    Attributes:
+        acceleration: Of the ground, forward and to the left. In m/s^2.
+        speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
+
+    Args:
+        config: Gains.
+        period: Of control. In s.
+    """
+
+    config: SegwayConfig
+
+    def __init__(self, config: SegwayConfig, period: float) -> None:
+        super().__init__(config, period)
+        self._forget()
+
+    def _forget(self) -> None:
+        self.acceleration = [0.0, 0.0]
+        self.speed = 0.0
+        self._mean = [0.0, 0.0]
+        self._slow = list(self._velocity)
+
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Begin on ground at rest."""
+        super().start(readings, bias)
+        self._forget()
+
+    def rest(self, readings: Readings) -> tuple[float, float]:
+        """How far ahead of the centre of pressure, and to its left, the CoM would rest. In m."""
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        ahead, left = self.acceleration
+        return per_acceleration * ahead, per_acceleration * left
+
+    def near(self, readings: Readings) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Where the CoM may be wanted so that the feet need not press at their edges for it.
+
+        To come back from a lean they press farther out at first. A command that asks for more than
+        they have throws it: the torso bends, and swings back.
+
+        Returns:
+            Least and greatest com_x, the same of com_y. In m.
+        """
+        c = self.config
+        gains = ((c.kp_com_x, c.kd_com_x), (c.kp_com_y, self._damping_y(1.0)))
+        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        rest, bounds = self.rest(readings), []
+        for k, ((kp, kd), most) in enumerate(zip(gains, (_PRESS, _SHARE * apart), strict=True)):
+            com = readings.com_from_feet[k] + self._bias[k]
+            pressed = com - rest[k] + kd * self._velocity[k] / WEIGHT
+            scale = WEIGHT / max(1.0, kp)
+            bounds.append(
+                (
+                    com - max(_NEAR, scale * (most - pressed)),
+                    com + max(_NEAR, scale * (most + pressed)),
+                )
+            )
+        return bounds[0], bounds[1]
+
+    def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
+        """Set the attributes; arguments as `Balance.step`."""
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        self._rest = self.rest(readings)
+        before = self._velocity[0]
+        super().step(readings, mode, com_y, ground)
+        self._observe(readings, min(ground), per_acceleration)
+        self.speed -= self._velocity[0] - before
+
+    def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
+        share = self._period / self.config.moving_time
+        for k, pressed in enumerate((self.pressed, self._carried(readings))):
+            away = readings.com_from_feet[k] + self._bias[k] - pressed
+            falling = both * away / per_acceleration
+            if k == 0:
+                self.speed += self._period * falling
+            self._mean[k] += share * (falling - self._mean[k])
+            self._slow[k] += share * (self._velocity[k] - self._slow[k])
+            rise = (self._velocity[k] - self._slow[k]) / self.config.moving_time
+            self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
+
+    def _com_velocity(self, readings: Readings) -> tuple[float, float]:
+        return readings.com_velocity[0], readings.com_velocity[1]
+
+    def _with_speed(self, slow: float, fast: float) -> float:
+        share = max(0.0, min(1.0, abs(self.speed) - _SLOW))
+        return slow + share * (fast - slow)
+
+    def _damping_y(self, settled: float) -> float:
+        return self._with_speed(super()._damping_y(settled), self.config.fast_kd_com_y)
+
+    def _roll_give(self) -> float:
+        return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
+
+    def _bends(self, k: int, reach: float) -> float:
+        # To the side the torso bends at once: the foot bars are narrow.
+        return super()._bends(k, reach) if k == 0 else 1.0
+
+    def _learn(self, readings: Readings) -> None:
+        return
+
+    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+        """A platform moves: here it counts as settled at once, with gains that know no other."""
+        self.settled = 1.0
+        return self.settled
+
+
+_GOES = 0.3  # m/s^2
+_TILT_TIME = 0.15  # s, low-pass of the platform's tilt
+_TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
+_BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
+_BACKING, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
+_LIFT_TIME = 0.3  # s, low-pass of the share of its weight that the feet do not carry
+_LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
+_NARROW = 0.8  # by which that lean is less where the feet are nearer to each other
+_LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
+_STEADY = 5.0  # s of the same commanded speed, after which it goes at it
+_LEARN_FROM, _LEARN_UP_TO = (
+    0.15,
+    0.5,
+)  # m/s from the wanted speed, where the CoM's neutral place is learnt
+_NEUTRAL = 0.05  # m, bound of that
+_OFF = 0.3  # rad, by which a heading is missed at most before it is given up
+_ERROR = 0.1  # m/s^2, bound of the learnt error of the ground's acceleration
+
+
+class RidingController:
+    """Standing in a crouch on what may drive off.
+
+    The body is held as in standing, with gains of its own and with `MovingBalance`. On top:
+
+        c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
+        c_x* = n + kp_speed (vx - v)               while he does not: Cassie holds vx, and brakes
+        c_y* = kp_yaw_rate (w - r)                 if that is 0, by what it feels itself,
+        w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
+
+    with e the heading's error, v the sum of the ground's acceleration since riding began and r the
+    yaw rate. v drifts, as nothing measures the speed of a vehicle: told to stop, it takes
+    `rest_speed` for rest. A turn tells it, as the ground accelerates to a side by a_y = v r, and
+    the bar presses as well:
+
+        v' = a + r (a_y - r (v + 0.4 m/s)) / (turn_time (r^2 + 0.05 rad^2/s^2)).
+
+    Who leans it sees how fast it goes: once his vx has been the same for a while, it is that,
+
+        v' = a + b + (vx - v) / speed_time,    b' = (vx - v) / (2 speed_time)^2,
+
+    and b, the error of a, is known from then on; so is n, the CoM x by which it neither gains nor
+    loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
+    rest it leans `rest_back` less, so that the Segway stops. c_x*
+    keeps the feet's pressure, c_x* - h a / g, within `press_limit`, and gives way where the
+    platform tilts against it: that is how a Segway says that it will go no faster.
+
+    Args:
+        config: Gains.
+        period: Of control. In s.
+
+    Source:
+        Section "Riding a Segway": speed by CoM x, direction by CoM y against the bar, gains of the
+        feet turned down.
+    """
+
+    def __init__(self, config: SegwayConfig, period: float) -> None:
+        self._period = period
+        self._balance = MovingBalance(config, period)
+        self._stand = StandingController(config, period, self._balance)
+        self._mode = Mode()
+        self._level = Level(period)
+        self._readings = Readings()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._tilt = 0.0
+        self._said = self._since = self._error = 0.0
+        self._neutral = self._went = self._slow = 0.0
+        self._turn = self._lifted = 0.0
+        self._heading = math.nan
+
+    @property
+    def config(self) -> SegwayConfig:
+        """Gains; new ones hold from the next step."""
+        return self._balance.config
+
+    @config.setter
+    def config(self, config: SegwayConfig) -> None:
+        self._stand.config = config
+
+    @property
+    def speed(self) -> float:
+        """Forward, as Cassie estimates it. In m/s."""
+        return self._balance.speed
+
+    @property
+    def lean(self) -> tuple[float, float]:
+        """Where the CoM is wanted after all bounds, forward and to the left of the feet. In m."""
+        return float(self._mode.com_x), float(self._mode.com_y)
+
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Begin at rest, from the present pose.
+
+        Args:
+            readings: The robot now.
+            bias: What standing has learnt of the CoM's error. In m.
+        """
+        self._stand.start(readings, bias)
+        self._level.start(readings.state)
+        self._forget()
+
+    def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
+        """Fill in the set-points.
+
+        Args:
+            readings: The robot now.
+            mode: Set-points for vx, yaw_rate, height, CoM shift, roll and pitch.
+            command: Result.
+        """
+        state = self._level.corrected(
+            readings.state, self.config.level_time, self._balance.acceleration
+        )
+        readings = self._readings
+        readings.update(state)
+        readings.height = height_above_soles(readings)
+        wanted = self._mode
+        wanted.copy_from(mode)
+        self._balance.speed += self._period * self._error
+        self._feel_turn(readings.yaw_rate)
+        if float(mode.com_x) == 0.0 == float(mode.com_y):
+            self._hold(readings, mode, wanted)
+        else:
+            self._heading = math.nan
+            self._hear(float(mode.vx), float(mode.com_x))
+            wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
+        wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
+        wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
+        self._out_of_corner(readings, wanted)
+        self._off_the_bar(readings, wanted)
+        (back, ahead), (right, left) = self._balance.near(readings)
+        wanted.com_x[...] = max(back, min(ahead, float(wanted.com_x)))
+        wanted.com_y[...] = max(right, min(left, float(wanted.com_y)))
+        self._stand.step(readings, wanted, command, 0.0)
+
+    def _bounded_by_speed(self, com_x: float) -> float:
+        """Of a lean (m) what does not add to too high a speed: the Segway's motors give out."""
+        c, speed = self.config, self._balance.speed
+        highest = self._neutral + c.kp_speed * (c.top_speed - speed)
+        lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
+        return max(min(0.0, lowest), min(max(0.0, highest), com_x))
+
+    def _hear(self, vx: float, com_x: float) -> None:
+        """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""
+        self._since = self._since + self._period if vx == self._said else 0.0
+        self._said = vx
+        if vx == 0.0 or self._since < _STEADY:
+            return
+        time, away = self.config.speed_time, vx - self._balance.speed
+        self._balance.speed += self._period / time * away
+        error = self._error + self._period / (2.0 * time) ** 2 * away
+        self._error = max(-_ERROR, min(_ERROR, error))
+        self._learn_neutral(com_x, time)
+
+    def _hold(self, readings: Readings, mode: Mode, wanted: Mode) -> None:
+        """Lean so as to keep the commanded speed and yaw rate."""
+        c, balance = self.config, self._balance
+        vx, yaw_rate = float(mode.vx), float(mode.yaw_rate)
+        away, back = vx - balance.speed, 0.0
+        if vx == 0.0 and abs(balance.speed) < c.rest_speed:
+            balance.speed *= math.exp(-self._period / c.rest_time)
+            self._slow = c.rest_back / 3.0 + (self._slow - c.rest_back / 3.0) * math.exp(
+                -self._period / c.rest_time
+            )
+            back = math.copysign(self._slow, self._went) if self._went else 0.0
+        else:
+            self._went, self._slow = balance.speed, c.rest_back
+        if _LEARN_FROM < abs(away) < _LEARN_UP_TO:
+            self._learn_neutral(self._neutral + c.speed_sum * away, 1.0)
+        wanted.com_x[...] = self._neutral - back + c.kp_speed * away
+        if vx == 0.0 == yaw_rate:
+            self._heading = math.nan
+            return
+        turn = yaw_rate + c.heading_gain * self._off_heading(readings.yaw, yaw_rate)
+        wanted.com_y[...] = c.kp_yaw_rate * (turn - readings.yaw_rate)
+
+    def _off_heading(self, yaw: float, yaw_rate: float) -> float:
+        """How far to the left the heading is that is kept, bounded; all in rad, rad/s."""
+        if math.isnan(self._heading):
+            self._heading = yaw
+        off = math.remainder(self._heading + self._period * yaw_rate - yaw, 2.0 * math.pi)
+        off = max(-_OFF, min(_OFF, off))
+        self._heading = yaw + off
+        return off
+
+    def _learn_neutral(self, com_x: float, time: float) -> None:
+        """Draw the CoM x at which nothing accelerates to a value (m) over a time (s)."""
+        self._neutral += self._period / time * (com_x - self._neutral)
+        self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
+
+    def _bounded(self, readings: Readings, com_x: float) -> float:
+        """Where the CoM may be without pressing too far out, or against the platform's tilt."""
+        c = self.config
+        tilt = 0.5 * sum(sole_tilt(leg, readings.pitch) for leg in readings.legs)
+        self._tilt += self._period / _TILT_TIME * (tilt - self._tilt)
+        against = min(0.0, math.copysign(1.0, com_x) * self._tilt + c.tilt_margin)
+        com_x += math.copysign(1.0, com_x) * c.tilt_gain * against
+        rest = self._balance.rest(readings)[0]
+        # Ground that goes along with the lean is a vehicle, and needs more of it.
+        along = self._balance.acceleration[0] / _GOES
+        ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
+        back = c.press_limit + c.press_more * max(0.0, min(1.0, -along))
+        return max(rest - back, min(rest + ahead, com_x))
+
+    def _bounded_y(self, readings: Readings, com_y: float) -> float:
+        """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
+        c, balance = self.config, self._balance
+        com_y = self._bounded_by_turn(self._turn, com_y)
+        # Backward a lean to a side throws it out. It leans slowly: how fast will it be?
+        soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
+        backward = max(0.0, min(1.0, -soon / _BACKING))
+        aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
+        left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        narrow = max(0.0, c.press_distance - apart)
+        limit = max(_LEAST, c.press_limit_y - _NARROW * narrow)
+        if backward > 0.0:
+            com_y = max(-aside, min(aside, com_y))
+        return max(left - limit, min(left + limit, com_y))
+
+    def _out_of_corner(self, readings: Readings, wanted: Mode) -> None:
+        """Less of a lean back the farther the CoM is to a side, and the other way round.
+
+        Far back and to a side the outer shin catches the pad of the bar: the bar carries the robot
+        instead of the foot, which slips, and as the bar lets go the robot falls.
+        """
+        ahead, left, _ = readings.com_from_feet
+        back = max(_LEAST, self.config.corner - abs(left))
+        aside = max(_LEAST, self.config.corner - max(0.0, -ahead))
+        wanted.com_x[...] = max(-back, float(wanted.com_x))
+        wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
+
+    def _off_the_bar(self, readings: Readings, wanted: Mode) -> None:
+        """Less of a lean while something beside the feet carries it: a shin on the bar's pad.
+
+        What the feet press then tells neither the ground's acceleration nor the speed, and the
+        foot below that shin slips.
+        """
+        feet = float(readings.legs[0].force) + float(readings.legs[1].force)
+        self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
+        least, most = _LIFTED
+        share = max(0.0, min(1.0, (self._lifted - least) / (most - least)))
+        wanted.com_x[...] = (1.0 - share) * float(wanted.com_x)
+        wanted.com_y[...] = (1.0 - share) * float(wanted.com_y)
+
+    def _bounded_by_turn(self, rate: float, com_y: float) -> float:
+        """Of a lean (m) what does not add to too fast a turn; `rate` is the yaw rate, in rad/s."""
+        c = self.config
+        lean = c.turn_lean * (1.0 + 0.5 * abs(self._balance.speed)) * c.turn_limit
+        highest = lean + c.kp_turn * (c.turn_limit - rate)
+        lowest = -lean - c.kp_turn * (c.turn_limit + rate)
+        return max(lowest, min(highest, com_y))
+
+    def _feel_turn(self, rate: float) -> None:
+        """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
+        c, balance = self.config, self._balance
+        # As late as the acceleration.
+        self._turn += self._period / c.moving_time * (rate - self._turn)
+        away = balance.acceleration[1] - self._turn * (balance.speed + _BAR)
+        share = self._period / c.turn_time * self._turn / (self._turn**2 + _TURNS)
+        balance.speed += share * away
+
+
+def height_above_soles(readings: Readings) -> float:
+    """Of the pelvis by the legs alone, as the estimate may drift on a vehicle. In m."""
+    weights = [leg.contact + 0.01 for leg in readings.legs]
+    below = sum(weight * leg.foot[2] for weight, leg in zip(weights, readings.legs, strict=True))
+    return SOLE_RADIUS - below / sum(weights)
+
+
+def sole_tilt(leg: LegReadings, torso_pitch: float) -> float:
+    """How far the sole of a leg is pitched forward, toe down. In rad."""
+    _, _, hip_pitch, knee, shin, tarsus, toe = leg.joints
+    return -virtual_leg.foot_pitch(torso_pitch, hip_pitch, toe, knee + shin + tarsus)

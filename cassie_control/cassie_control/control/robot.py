@@ -1,0 +1,279 @@
+"""The robot as the control laws read it: one record, computed once a tick, with names."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.control.forces import holding_torques
+from cassie_gaits.compiled import compiled
+from cassie_gaits.leg_chain import LegPair
+from cassie_gaits.leg_kernels import both_legs
+from cassie_gaits.names import LEGS
+from cassie_msgs.layout import RobotState
+
+RecordArray = npt.NDArray[np.void]
+FloatArray = npt.NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+HIP_ROLL_X, HIP_Y = 0.021, 0.135
+"""Hip roll axis in the pelvis frame, left; y mirrored. In m."""
+
+HIP_BACK, HIP_DOWN = 0.07, 0.09
+"""From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
+
+
+@compiled
+def aim_leg(
+    x: float, y: float, down: float, hip_yaw: float, torso_pitch: float
+) -> tuple[float, float, float]:
+    """Leg roll, leg pitch and leg length that put the toe joint at a point.
+
+    Args:
+        x, y, down: Of the point from the hip roll joint, heading frame. In m.
+        hip_yaw: Hip yaw angle. In rad.
+        torso_pitch: In rad.
+
+    Returns:
+        Roll and pitch in rad, as the outputs of eq:h0, and length in m.
+    """
+    c, s = math.cos(torso_pitch), math.sin(torso_pitch)
+    forward, low = x * c + down * s + HIP_BACK, down * c - x * s  # pelvis frame, from the yaw axis
+    across = forward * math.tan(hip_yaw)
+    below = math.sqrt(max(0.04, y * y + low * low - across * across))
+    roll = math.atan2(y, low) - math.atan2(across, below)
+    along, depth = forward / math.cos(hip_yaw), below - HIP_DOWN
+    return roll, math.atan2(along, depth) - torso_pitch, math.hypot(along, depth)
+
+
+ROBOT_TYPE = np.dtype(
+    [
+        ("height", float),  # m
+        ("yaw", float),  # rad
+        ("pitch", float),
+        ("roll", float),
+        ("yaw_rate", float),  # rad/s
+        ("pitch_rate", float),
+        ("roll_rate", float),
+        ("com", float, 3),  # from the pelvis origin, m
+        ("com_from_feet", float, 3),  # from the midpoint of the feet, m
+        ("com_velocity", float, 3),  # m/s
+        ("velocity", float, 3),  # of the pelvis origin, m/s
+        ("load", float, 2),  # 0..1
+        ("force", float, 2),  # N
+        ("contact", float, 2),  # 0..1
+        ("joints", float, (2, 7)),  # rad
+        ("ankle", float, (2, 3)),  # toe joint from the pelvis origin, m
+        ("foot", float, (2, 3)),  # middle of the sole from there, m
+        ("rates", float, (2, 7)),  # of the joints, rad/s
+        ("tilt", float, (3, 3)),  # rotation pelvis to heading frame
+        ("angular_velocity", float, 3),  # of the pelvis, pelvis frame, rad/s
+    ]
+)
+"""What the control laws read of the robot, see `Readings`."""
+
+
+@compiled
+def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
+    """Rotation from pelvis to heading frame, from pitch and roll in rad, into `tilt` (3, 3)."""
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    tilt[0, 0], tilt[0, 1], tilt[0, 2] = cp, sp * sr, sp * cr
+    tilt[1, 0], tilt[1, 1], tilt[1, 2] = 0.0, cr, -sr
+    tilt[2, 0], tilt[2, 1], tilt[2, 2] = -sp, cp * sr, cp * cr
+
+
+@compiled
+def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, float]:
+    """rotation (3, 3) times vector (3,)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    return (
+        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
+    )
+
+
+@compiled
+def read_robot(states: RecordArray, pairs: RecordArray, robots: RecordArray) -> None:
+    """What the control laws read of a state estimate.
+
+    Args:
+        states: `RobotState.record`. Shape (1,).
+        pairs: Result, kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        robots: Result, of `ROBOT_TYPE`. Shape (1,).
+    """
+    estimate, pair, robot = states[0], pairs[0], robots[0]
+    q, v = estimate.q, estimate.v
+    both_legs(q[6:].reshape(2, 7), v[6:].reshape(2, 7), (0.0, 0.0), (0.0, 0.0, 1.0), pair)
+    legs = pair.states
+    robot.height, robot.yaw, robot.pitch, robot.roll = q[2], q[3], q[4], q[5]
+    robot.yaw_rate, robot.pitch_rate, robot.roll_rate = v[3], v[4], v[5]
+    set_tilt(q[4], q[5], robot.tilt)
+    for i in range(2):
+        for k in range(7):
+            robot.joints[i, k], robot.rates[i, k] = q[6 + 7 * i + k], v[6 + 7 * i + k]
+        robot.load[i], robot.force[i] = estimate.foot_load[i], estimate.foot_force[i]
+        robot.contact[i] = estimate.contact_probability[i]
+        ankle, foot = turned(robot.tilt, legs[i].ankle), turned(robot.tilt, legs[i].foot)
+        for k in range(3):
+            robot.ankle[i, k], robot.foot[i, k] = ankle[k], foot[k]
+    for k in range(3):
+        robot.angular_velocity[k] = estimate.angular_velocity[k]
+        middle = 0.5 * (robot.foot[0, k] + robot.foot[1, k])
+        robot.com_from_feet[k] = estimate.com_position[k]
+        robot.com[k] = estimate.com_position[k] + middle
+        robot.com_velocity[k] = estimate.com_velocity[k]
+    c, s = math.cos(q[3]), math.sin(q[3])
+    robot.velocity[0] = c * v[0] + s * v[1]
+    robot.velocity[1] = c * v[1] - s * v[0]
+    robot.velocity[2] = v[2]
+
+
+def _places(first: str, last: str = "", leg: int | None = None) -> slice:
+    """Where fields of `ROBOT_TYPE` stand among its figures, all of them or those of a leg."""
+    assert ROBOT_TYPE.fields is not None
+    begin = ROBOT_TYPE.fields[first][1] // 8
+    kind, offset = ROBOT_TYPE.fields[last or first][:2]
+    end = (offset + kind.itemsize) // 8
+    if leg is None:
+        return slice(begin, end)
+    each = (end - begin) // 2
+    return slice(begin + leg * each, begin + (leg + 1) * each)
+
+
+_VALUES = struct.Struct(f"{_places('rates').start}d")
+"""Figures that are looked at every tick: up to the joints' rates."""
+
+_HEIGHT_AND_ANGLES = _places("height", "roll_rate")
+_COM, _COM_FROM_FEET, _COM_VELOCITY, _VELOCITY = (
+    _places(name) for name in ("com", "com_from_feet", "com_velocity", "velocity")
+)
+_LOAD, _FORCE, _CONTACT, _JOINTS, _ANKLE, _FOOT = (
+    [_places(name, leg=leg) for leg in range(2)]
+    for name in ("load", "force", "contact", "joints", "ankle", "foot")
+)
+
+HIP_X = HIP_ROLL_X - HIP_BACK
+HIP_Z = -HIP_DOWN
+"""Hip pitch axis in the pelvis frame with hip roll and yaw at zero; left, y mirrored. In m."""
+
+ANKLE_HEIGHT = 0.0570
+"""Toe joint above the ground with a level sole. In m."""
+
+HIP_TO_PELVIS = -HIP_Z
+
+
+class LegReadings:
+    """One leg: its joints and where its toe joint is.
+
+    Attributes:
+        number: 0 for the left leg, 1 for the right.
+        side: 1 for the left leg, -1 for the right.
+        joints: The seven joints. In rad.
+        ankle: Toe joint from the pelvis origin, heading frame. In m.
+        foot: Middle of the sole from the pelvis origin, heading frame. In m.
+        load: Share of the load threshold it carries, 0..1.
+        force: Vertical force on the foot. In N.
+        contact: Probability that the foot is on the ground, 0..1.
+        hip_y: Sideways offset of the hip. In m.
+    """
+
+    def __init__(self, number: int, rates: FloatArray, ankle_jacobian: FloatArray) -> None:
+        self.number = number
+        self._rates = rates
+        self.side = 1.0 - 2.0 * number
+        self.hip_y = self.side * HIP_Y
+        self._ankle_jacobian = ankle_jacobian
+        self.joints: tuple[float, ...] = (0.0,) * 7
+        self.ankle: Vector = (0.0, 0.0, 0.0)
+        self.foot: Vector = (0.0, 0.0, 0.0)
+        self.load = 0.0
+        self.force = 0.0
+        self.contact = 0.0
+
+    def take(self, values: tuple[Any, ...]) -> None:
+        """Take this leg's out of the figures of `ROBOT_TYPE`."""
+        i = self.number
+        (self.load,), (self.force,) = values[_LOAD[i]], values[_FORCE[i]]
+        (self.contact,) = values[_CONTACT[i]]
+        self.joints, self.ankle, self.foot = values[_JOINTS[i]], values[_ANKLE[i]], values[_FOOT[i]]
+
+    @property
+    def rates(self) -> list[float]:
+        """Of the joints, which are not looked at every tick. In rad/s."""
+        rates: list[float] = self._rates.tolist()
+        return rates
+
+    def weight_torques(
+        self, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+    ) -> tuple[float, float, float, float]:
+        """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
+
+        Args:
+            tilt: Pelvis to heading frame. Shape (3, 3).
+            force: Its vertical part. In N.
+            lean_x, lean_y: Its horizontal parts over the vertical one, heading frame.
+
+        Returns:
+            Torques. In Nm.
+
+        Source:
+            u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
+        """
+        return holding_torques(self._ankle_jacobian, tilt, force, lean_x, lean_y)
+
+
+class Readings:
+    """The robot at one tick.
+
+    Attributes:
+        yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
+        com: Centre of mass from the pelvis origin, heading frame. In m.
+        com_from_feet: The same from the midpoint of the feet. In m.
+        com_velocity: Of the centre of mass, heading frame. In m/s.
+        velocity: Of the pelvis origin, heading frame. In m/s.
+        height: Pelvis origin above the loaded soles. In m.
+        time: Of the state, robot time. In s.
+        legs: Left and right.
+        state: The estimate itself.
+        tilt: Rotation pelvis to heading frame. Shape (3, 3).
+        records: Most of this for compiled functions, of `ROBOT_TYPE`. Shape (1,).
+        pair: Kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+    """
+
+    def __init__(self) -> None:
+        self.records: RecordArray = np.zeros(1, ROBOT_TYPE)
+        self._memory = self.records.view(np.uint8).data
+        pair = LegPair()
+        self.pair = pair.record
+        self.legs = tuple(
+            LegReadings(i, self.records[0]["rates"][i], pair.states[i]["ankle_jacobian"])
+            for i in range(len(LEGS))
+        )
+        self.tilt: FloatArray = self.records[0]["tilt"]
+        self.height = self.time = 0.0
+        self.yaw = self.pitch = self.roll = 0.0
+        self.yaw_rate = self.pitch_rate = self.roll_rate = 0.0
+        self.com: Vector = (0.0, 0.0, 0.0)
+        self.com_from_feet: Vector = (0.0, 0.0, 0.0)
+        self.com_velocity: Vector = (0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)
+        self.state = RobotState()
+
+    def update(self, state: RobotState) -> None:
+        """Take in a state estimate."""
+        self.state = state
+        self.time = state.stamp_ns * 1e-9
+        read_robot(state.record, self.pair, self.records)
+        values = _VALUES.unpack_from(self._memory)
+        self.height, *angles = values[_HEIGHT_AND_ANGLES]
+        self.yaw, self.pitch, self.roll, self.yaw_rate, self.pitch_rate, self.roll_rate = angles
+        self.com, self.com_from_feet = values[_COM], values[_COM_FROM_FEET]
+        self.com_velocity, self.velocity = values[_COM_VELOCITY], values[_VELOCITY]
+        for leg in self.legs:
+            leg.take(values)

@@ -1,0 +1,372 @@
+"""Standing: toe torques hold the CoM over the feet, leg lengths hold height and roll.
+
+Set-points go their way with bounded rate and acceleration (`approach`). A push may make it rise for
+a moment (`Rise`): legs that push up brake more than the weight alone does.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cassie_control.config import StandConfig
+from cassie_control.control.balance import Balance
+from cassie_control.control.robot import (
+    ANKLE_HEIGHT,
+    HIP_TO_PELVIS,
+    HIP_X,
+    HIP_Y,
+    LegReadings,
+    Readings,
+)
+from cassie_gaits import virtual_leg
+from cassie_gaits.robot import WEIGHT
+from cassie_msgs.layout import Mode, MotorCommand
+
+
+def approach(
+    value: float,
+    rate: float,
+    target: float,
+    fastest: float,
+    acceleration: float,
+    period: float,
+    braking: float | None = None,
+) -> tuple[float, float]:
+    """The next value and rate on the way to a target, with bounded rate and acceleration.
+
+    Args:
+        value, rate: Now.
+        target: Where to rest.
+        fastest, acceleration: Bounds.
+        period: In s.
+        braking: Bound of the acceleration towards rest, if it is another one.
+    """
+    away, gain = target - value, acceleration * period
+    loss = gain if braking is None else braking * period
+    # The rate from which the acceleration just brakes, half a tick early as it acts a tick late.
+    brake = math.sqrt(2.0 * loss / period * abs(away) + (0.5 * loss) ** 2) - 0.5 * loss
+    wanted = math.copysign(min(fastest, max(0.0, brake)), away)
+    change = gain if wanted * rate >= 0.0 and abs(wanted) > abs(rate) else loss
+    rate += max(-change, min(change, wanted - rate))
+    if abs(away) <= abs(rate) * period and abs(rate) <= 2.0 * loss:
+        return target, 0.0
+    return value + rate * period, rate
+
+
+_TOP = 1.03  # m, pelvis height above which nothing is gained: the knees are all but straight
+_HOLD = 0.3  # s, for which the height is kept once the capture point is safe again
+_BACK = 0.2  # m/s, at which it is given back, with
+_SETTLE = 1.0  # m/s^2
+_BRAKING = 3.0  # m/s^2, or with the springs' own bounce the feet would leave the ground
+
+
+class Rise:
+    """Height on top of what is commanded, while a push has brought the capture point to the edge.
+
+    With the CoM at x and height z, and the feet pressing at p,
+
+        x'' = (x - p) (g + z'') / z.
+
+    While the CoM is still inside of p, the more the legs push up the more it is braked; when they
+    let go again, it is nearer to p, and less is lost than was gained. By 0.1 m it is worth some
+    6 mm of capture point.
+
+    Attributes:
+        height: On top of what is commanded. In m.
+        rate: Of that. In m/s.
+        acceleration: Of that. In m/s^2.
+
+    Args:
+        period: Of control. In s.
+
+    Source:
+        Koolen, Posa, Tedrake, "Balance control using center of mass height variation: limitations
+        imposed by unilateral contact", Humanoids 2016.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.start()
+
+    def start(self) -> None:
+        """Begin at the height that is commanded."""
+        self.height = self.rate = self.acceleration = 0.0
+        self._hold = 0.0
+
+    def step(self, config: StandConfig, height: float, urgent: bool, footed: bool) -> None:
+        """Move on by a period.
+
+        Args:
+            config: Gains.
+            height: Of the pelvis, as commanded. In m.
+            urgent: Whether the capture point is at the edge of the support.
+            footed: Whether both feet carry: on one foot a push would tip it over.
+        """
+        before = self.rate
+        self._hold = _HOLD if urgent and footed else max(0.0, self._hold - self._period)
+        if urgent and footed:
+            goal = max(self.height, min(config.rise, _TOP - height))
+        else:
+            goal = self.height if self._hold > 0.0 else 0.0
+        fastest, acceleration, braking = config.rise_rate, config.rise_acceleration, _BRAKING
+        if self._hold <= 0.0:
+            fastest, acceleration, braking = _BACK, _SETTLE, _SETTLE
+        self.height, self.rate = approach(
+            self.height, self.rate, goal, fastest, acceleration, self._period, braking
+        )
+        self.acceleration = (self.rate - before) / self._period
+
+
+_NOMINAL_STANCE = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
+_GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
+_HANGS, _STANDS = 0.3, 0.9  # contact of the heavier foot below, of the lighter one above which
+_HEIGHT_SUM = 0.08  # m, bound of the summed height error
+_HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
+_GRAVITY = 9.81  # m/s^2
+_FLAT = 0.05  # m, pressed no farther from its middle a sole lies flat on the ground
+_OVERBENT = 0.15  # rad, beyond the limit of the bend at which the torso is held again
+_TIPS = 0.3  # rad, tilt of a sole that is pressed at its edge from which it tips over
+_FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
+
+
+class StandingController:
+    """Quiet standing on both feet.
+
+    `Balance` says where the feet press, which share each carries and how the force leans:
+
+        toe torque of foot i   = -F_i (centre of pressure - toe joint), with the lean's own moment
+                                 about the toe joint, and against a sole that tips over its edge;
+                                 in the air the toe keeps the sole level,
+        hip pitch              = torso pitch regulated through both hips, and the toe torque, which
+                                 the leg hands on to the torso,
+        hip roll, hip yaw      = held at the angle with which the foot took load,
+        mean leg length        = height, plus the sum of the height error,
+        leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
+
+    The ground's forces are fed forward through the leg Jacobians, and a leg is told to be longer
+    by what its springs give way under its share of the weight. The height follows its set-point
+    with bounded rate and acceleration; a push forward adds `Rise`. `height_damping` takes the
+    bounce out of the leaf springs. A foot that a push has lifted stays beside the one that carries.
+
+    Args:
+        config: Gains.
+        period: Of control. In s.
+        balance: Where the feet press, if not by `Balance`.
+
+    Source:
+        Section "Quiet Standing". Each toe is weighted by its own foot's load, not by the smaller
+        one, so that rocking does not take away the torque of the loaded foot.
+    """
+
+    def __init__(self, config: StandConfig, period: float, balance: Balance | None = None) -> None:
+        self._period = period
+        self._balance = balance or Balance(config, period)
+        self._rise = Rise(period)
+        self._height = (0.0, 0.0)
+        self._height_sum = 0.0
+        self._weight = WEIGHT
+        self._hips = [[0.0, 0.0], [0.0, 0.0]]
+        self._ground = [0.0, 0.0]
+        self._soles = [0.0, 0.0]
+        self._lands = False
+        self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
+
+    @property
+    def config(self) -> StandConfig:
+        """Gains; new ones hold from the next step."""
+        return self._balance.config
+
+    @config.setter
+    def config(self, config: StandConfig) -> None:
+        self._balance.config = config
+
+    @property
+    def beyond(self) -> tuple[float, float]:
+        """How far the capture point is outside the support, forward and sideways. In m."""
+        return self._balance.beyond
+
+    @property
+    def bias(self) -> tuple[float, float]:
+        """What the CoM was found to be farther forward and to the left than estimated. In m."""
+        return self._balance.bias
+
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Begin from the present pose: feet stay where they are, legs keep their length at first.
+
+        Args:
+            readings: The robot now.
+            bias: What is known of the CoM's error. In m.
+        """
+        length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
+        self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
+        self._height_sum = 0.0
+        self._rise.start()
+        self._ground = [leg.contact for leg in readings.legs]
+        self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
+        self._soles = [
+            virtual_leg.foot_pitch(
+                readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
+            )
+            for leg in readings.legs
+        ]
+        self._balance.start(readings, bias)
+
+    def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
+        """Fill in the set-points.
+
+        Args:
+            readings: The robot now.
+            mode: Set-points for height, CoM shift, roll and pitch.
+            command: Result.
+            lean: Roll about the feet on top of what the CoM shift asks for. In rad.
+        """
+        for i, leg in enumerate(readings.legs):
+            # Slower than the legs' bounce, which feed-forward that followed it would feed.
+            self._ground[i] += self._settle * (leg.contact - self._ground[i])
+        both = min(self._ground)
+        if max(self._ground) < _HANGS:
+            self._lands = True
+        elif both > _STANDS:
+            self._lands = False
+        balance = self._balance
+        # The CoM goes to a side as the whole robot leans about the feet.
+        height = max(0.4, readings.height)
+        com_y = float(mode.com_y) - lean * height
+        if lean != 0.0:
+            balance.unsettle()
+        balance.step(readings, mode, com_y, self._ground)
+        roll = float(mode.roll) - com_y / height
+        # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
+        difference = (max(self._ground) if self._lands else both) * (
+            self.config.roll_length * (readings.roll - roll)
+            + self.config.roll_rate_length * readings.roll_rate
+            - self.config.lean_length * roll
+        )
+        length = self._mean_length(readings, float(mode.height), both)
+        self._weight = WEIGHT * (1.0 + self._rise.acceleration / _GRAVITY)
+        for i, leg in enumerate(readings.legs):
+            share = balance.left if i == 0 else 1.0 - balance.left
+            other = self._ground[1 - i]
+            self._leg(
+                i,
+                leg,
+                readings,
+                command,
+                length - 0.5 * leg.side * difference,
+                self._ground[i] * (1.0 - other * (1.0 - share)),
+                mode,
+            )
+
+    def _mean_length(self, readings: Readings, height: float, both: float) -> float:
+        """Leg length that gives the pelvis height, in m; `both` is the lesser contact, 0..1."""
+        c = self.config
+        height, rate = self._height = approach(
+            *self._height, height, c.height_rate, c.height_acceleration, self._period
+        )
+        self._rise.step(c, height, self._balance.urgent, both > 0.7)
+        height, rate = height + self._rise.height, rate + self._rise.rate
+        if both > 0.7:
+            error = height - readings.height
+            self._height_sum += c.height_integral * self._period * error
+            self._height_sum = max(-_HEIGHT_SUM, min(_HEIGHT_SUM, self._height_sum))
+        bounce = both * c.height_damping * (readings.velocity[2] - rate)
+        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum - bounce
+
+    def _leg(
+        self,
+        i: int,
+        leg: LegReadings,
+        readings: Readings,
+        command: MotorCommand,
+        length: float,
+        share: float,
+        mode: Mode,
+    ) -> None:
+        """Set-points of leg `i`, `length` m long, that carries `share` of the weight."""
+        c, balance, base = self.config, self._balance, 5 * i
+        ground, give = self._ground[i], balance.give
+        air = 1.0 - ground
+        length += ground * (share - 0.5) * WEIGHT / c.leg_stiffness
+        length = virtual_leg.clamp_length(length, 0.25, 0.97)
+        hips = self._hips[i]
+        self._release_hips(hips, leg, ground)
+        in_air = self._in_air(i, readings) / max(length, 0.4)
+        command.position[base : base + 5] = (
+            # A lifted leg stays where it was in the world, to come down where it left.
+            hips[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
+            hips[1],
+            virtual_leg.hip_pitch_angle(in_air, self._ground[1 - i] * readings.pitch, length),
+            virtual_leg.knee_angle(length),
+            virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
+        )
+        command.velocity[base : base + 5] = 0.0
+        kp_hip_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
+        kp_hip_roll, kp_hip = kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
+        kd_hip = c.kd_hip_pitch * air + c.kd_leg_pitch * ground
+        command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
+        command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
+        roll, yaw, pitch, knee = leg.weight_torques(
+            readings.tilt, c.gravity * self._weight * share, *balance.lean
+        )
+        toe = self._toe_torque(leg) + ground * self._flat(i, leg, readings)
+        pitch += toe + self._torso(readings, float(mode.pitch), ground)
+        command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
+
+    def _torso(self, readings: Readings, wanted: float, ground: float) -> float:
+        """Torque of one hip, in Nm, that holds the torso's pitch or bends it.
+
+        As a torque: set-points that follow the measured joint would shake when they come late.
+        """
+        c, balance, give = self.config, self._balance, self._balance.give[0]
+        bent = wanted - readings.pitch
+        overbent = beyond(bent, c.bend_limit + _OVERBENT)
+        torso = c.kp_hip_pitch * (give * bent + (1.0 - give) * overbent)
+        torso -= c.kd_hip_pitch * max(0.3, give) * readings.pitch_rate
+        # A leg that stands alone turns the torso for both.
+        alone = 2.0 / max(1.0, sum(self._ground))
+        return alone * ground * (0.5 * balance.moment + torso)
+
+    def _in_air(self, i: int, readings: Readings) -> float:
+        """Where the toe joint of leg `i` is kept in the air, ahead of its hip. In m.
+
+        Below the CoM while it hangs; beside the other foot while that one carries it.
+        """
+        other = readings.legs[1 - i]
+        hanging = readings.com[0] - _FOOT_MIDDLE - HIP_X
+        beside = other.ankle[0] - HIP_X + HIP_TO_PELVIS * readings.pitch
+        return hanging + self._ground[1 - i] * (beside - hanging)
+
+    def _toe_torque(self, leg: LegReadings) -> float:
+        """Torque, in Nm, that puts the foot's centre of pressure where it is wanted on its sole.
+
+        On both soles alike: the edges of feet that stand one ahead of the other are not in line.
+        """
+        balance, limit = self._balance, self.config.toe_torque
+        arm = leg.foot[0] + balance.pressed - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
+        torque = -leg.contact * max(0.0, leg.force) * arm
+        return max(-limit, min(limit, torque))
+
+    def _flat(self, i: int, leg: LegReadings, readings: Readings) -> float:
+        """Toe torque, in Nm, against a sole that tips; how the ground is tilted is learnt."""
+        pitch = virtual_leg.foot_pitch(
+            readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
+        )
+        if self._ground[i] < 0.5:
+            self._soles[i] = pitch
+        elif abs(self._balance.pressed) < _FLAT:
+            self._soles[i] += self._settle * (pitch - self._soles[i])
+        return self.config.kp_sole * beyond(self._soles[i] - pitch, _TIPS)
+
+    def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
+        """Let the hips of a foot in the air go to where the paper stands. In rad."""
+        if ground > 0.1:
+            return
+        nominal = math.atan2(_NOMINAL_STANCE - HIP_Y, 0.8) * leg.side
+        limit = _HIP_RELEASE * self._period
+        hips[0] += max(-limit, min(limit, nominal - hips[0]))
+        hips[1] += max(-limit, min(limit, -hips[1]))
+
+
+def beyond(value: float, limit: float) -> float:
+    """How far a value is outside of -limit .. limit; 0 within."""
+    return value - max(-limit, min(limit, value))

@@ -1,1 +1,0 @@
-"""Walking and standing: outputs, gait library, leg-angle adjustment, drive set-points."""

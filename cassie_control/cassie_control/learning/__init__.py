@@ -1,0 +1,1 @@
+"""Torques that are learned over repeated steps."""

@@ -1,0 +1,630 @@
+"""Feed-forward torques that are learned over repeated steps: the paper's stated next step.
+
+They are a table, which is kept in a file beside the gait library:
+
+    {"schema_version": 1, "robot": "cassie", "model_hash": "...",
+     "provenance": {"tool": "...", "version": "...", "date": "2025-01-31", "settings": {...}},
+     "joints": ["stance_hip_roll", ..., "swing_toe"], "speeds": [-0.5, ..., 1.0],
+     "torques": for each speed, for each joint, values at evenly spaced phases from 0 to 1}
+
+Speeds in m/s, rising; torques in Nm, of a step on the left leg. The file of `optimized.json` is
+`optimized.learned.json`.
+"""
+
+from __future__ import annotations
+
+import json
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_control.config import ControllerConfig
+from cassie_control.control.robot import Readings
+from cassie_control.errors import ControlError
+from cassie_control.planner.timing import RIGHT, StepTiming
+from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
+from cassie_gaits.errors import CassieError
+from cassie_gaits.gait_library import Provenance
+from cassie_gaits.gait_library_file import library_path
+from cassie_gaits.json_file import check_free, read_json
+from cassie_gaits.model_hash import model_hash
+from cassie_gaits.names import DRIVE_IN_Q, LEG_DRIVES
+from cassie_msgs.layout import Mode, MotorCommand, RobotMode, RobotState
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+STANCE_HIP_PITCH, SWING_HIP_PITCH = 2, 7
+"""Rows of the table."""
+
+_BACK = 3.0  # 1/(m/s), by which the stance hip takes more of the swing hip's torques, up to all
+
+
+@compiled
+def _place(values: FloatArray, x: float) -> tuple[int, float]:
+    """Index of the point below `x`, and the share of the way to the next; clamped."""
+    last = values.size - 1
+    if last == 0 or x <= values[0]:
+        return 0, 0.0
+    i = 0
+    while i < last and values[i + 1] <= x:
+        i += 1
+    if i == last:
+        return last - 1, 1.0
+    return i, (x - values[i]) / (values[i + 1] - values[i])
+
+
+@compiled
+def _phase_place(points: int, phase: float) -> tuple[int, float]:
+    """The same among evenly spaced phases from 0 to 1."""
+    x = max(0.0, min(1.0, phase)) * (points - 1)
+    i = min(points - 2, int(x))
+    return i, x - i
+
+
+@compiled
+def _value(
+    table: FloatArray, speed: tuple[int, float, int], j: int, phase: tuple[int, float]
+) -> float:
+    """The table's torque of a joint between its speeds and phases, each as `_place` gives it."""
+    s, to_speed, after = speed
+    p, to_phase = phase
+    low = table[s, j, p] + to_phase * (table[s, j, p + 1] - table[s, j, p])
+    high = table[after, j, p] + to_phase * (table[after, j, p + 1] - table[after, j, p])
+    value: float = low + to_speed * (high - low)
+    return value
+
+
+@compiled
+def add(
+    table: FloatArray,
+    speeds: FloatArray,
+    now: tuple[float, float, float, float],
+    loads: tuple[float, float],
+    mirrored: bool,
+    fresh: bool,
+    added: FloatArray,
+    gaps: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """Add the table's torques.
+
+    Args:
+        table: Shape (s, 10, n), in Nm.
+        speeds: Shape (s,), in m/s.
+        now: Phase, speed, the share that is left of the last step's torques, and that of all.
+        loads: Load of the stance leg, and how far the swing foot is free.
+        mirrored: Whether the right leg stands.
+        fresh: Whether a step begins.
+        added: What was added at the last tick, by drive; what is added now. Shape (10,), in Nm.
+        gaps: What this step began away from its own torques. Shape (10,), in Nm.
+        torque: Of the command. Shape (10,), in Nm.
+    """
+    s, to_speed = _place(speeds, now[1])
+    p, to_phase = _phase_place(table.shape[2], now[0])
+    after = min(s + 1, speeds.size - 1)
+    carried = loads[1] * max(0.0, min(1.0, -_BACK * now[1]))
+    for j in range(10):
+        value = _value(table, (s, to_speed, after), j, (p, to_phase))
+        stands = j < 5
+        if j == STANCE_HIP_PITCH:  # takes the torso's part of what swings the leg to the ground
+            value -= carried * _value(table, (s, to_speed, after), SWING_HIP_PITCH, (p, to_phase))
+        if stands:
+            value *= loads[0]
+        else:
+            value *= loads[1]
+        drive = j
+        if mirrored:
+            drive = j + 5 if stands else j - 5
+            if j % 5 < 2:
+                value = -value
+        if fresh:
+            gaps[drive] = added[drive] - value
+        value += now[2] * gaps[drive]
+        added[drive] = value
+        torque[drive] += now[3] * value
+
+
+@compiled
+def notice(
+    sums: FloatArray,
+    counts: FloatArray,
+    weights: FloatArray,
+    speeds: FloatArray,
+    at: tuple[float, float, float],
+    mirrored: bool,
+    q: FloatArray,
+    v: FloatArray,
+    command: FloatArray,
+    drives: IntArray,
+    limits: FloatArray,
+) -> None:
+    """Add up the torques of the drives' loops around a phase and speed.
+
+    Args:
+        sums: Shape (s, 10, n), in Nm.
+        counts: Shape (n,).
+        weights: Of the speeds. Shape (s,).
+        speeds: Shape (s,), in m/s.
+        at: Phase, speed, and how far the swing foot is free, which is what this tick counts.
+        mirrored: Whether the right leg stands.
+        q, v: Of the state. Shape (20,), in rad and rad/s.
+        command: Torque, position, velocity, kp and kd of the drives. Shape (50,).
+        drives: Index of each drive in q. Shape (10,).
+        limits: That count at most. Shape (10,), in Nm.
+    """
+    s, to_speed = _place(speeds, at[1])
+    p, to_phase = _phase_place(counts.size, at[0])
+    after = min(s + 1, speeds.size - 1)
+    here, ahead = at[2] * (1.0 - to_phase), at[2] * to_phase
+    weights[s] += at[2] * (1.0 - to_speed)
+    weights[after] += at[2] * to_speed
+    counts[p] += here
+    counts[p + 1] += ahead
+    for j in range(10):
+        drive, sign = j, 1.0
+        if mirrored:
+            drive = (j + 5) % 10
+            if j % 5 < 2:
+                sign = -1.0
+        k = drives[drive]
+        loop = command[30 + drive] * (command[10 + drive] - q[k])
+        loop += command[40 + drive] * (command[20 + drive] - v[k])
+        loop = sign * max(-limits[j], min(limits[j], loop))
+        sums[s, j, p] += loop * (1.0 - to_speed) * here
+        sums[s, j, p + 1] += loop * (1.0 - to_speed) * ahead
+        sums[after, j, p] += loop * to_speed * here
+        sums[after, j, p + 1] += loop * to_speed * ahead
+
+
+@compiled
+def teach(
+    table: FloatArray,
+    sums: FloatArray,
+    counts: FloatArray,
+    weights: FloatArray,
+    limits: FloatArray,
+    gains: FloatArray,
+    how: tuple[float, float],
+) -> None:
+    """Learn from a step.
+
+    Args:
+        table: Changed. Shape (s, 10, n), in Nm.
+        sums, counts, weights: As `notice` left them.
+        limits: Of the table. Shape (10,), in Nm.
+        gains: Share of the loops' torque that is learned. Shape (10,).
+        how: leak and smoothing.
+    """
+    leak, smoothing = how
+    points = counts.size
+    first, last = -1, -1
+    for p in range(points):
+        if counts[p] > 0.5:
+            first = p if first < 0 else first
+            last = p
+    if first < 0:
+        return
+    for s in range(table.shape[0]):
+        share = weights[s] / weights.sum()
+        for j in range(10):
+            row, gain = table[s, j], gains[j]
+            before = row[0]
+            for p in range(points):
+                here = row[p]
+                bend = before - 2.0 * here + row[min(p + 1, points - 1)]
+                change = share * (0.25 * smoothing * bend - leak * here)
+                if p < first or p > last:  # as where it was on one foot
+                    change += share * gain * (row[first if p < first else last] - here)
+                elif counts[p] > 0.5:
+                    change += gain * sums[s, j, p] / counts[p]
+                before = here
+                row[p] = max(-limits[j], min(limits[j], here + change))
+
+
+SCHEMA_VERSION = 1
+
+JOINTS = tuple(f"{role}_{drive}" for role in ("stance", "swing") for drive in LEG_DRIVES)
+"""Rows of the table: the stance leg's drives, then the swing leg's."""
+
+PHASES = 21
+"""Points of a fresh table from phase 0 to 1: 20 ms apart, about what the drives' loops follow."""
+
+SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Speeds of a fresh table: those of the paper's library. In m/s."""
+
+_KEYS = {"schema_version", "robot", "model_hash", "provenance", "joints", "speeds", "torques"}
+_MOST_SPEEDS, _MOST_PHASES = 64, 1001
+_DECIMALS = 3
+
+
+class LearnedTorquesError(ControlError):
+    """Learned torques, or the file of them, that cannot be used."""
+
+
+def torque_limits() -> FloatArray:
+    """What the drive of each row of `JOINTS` can give. Shape (10,), in Nm."""
+    return np.array([robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2)
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedTorques:
+    """Torques by speed, joint and phase, of a step on the left leg.
+
+    Attributes:
+        speeds: Rising. Shape (s,), in m/s.
+        torques: Rows of `JOINTS` at evenly spaced phases from 0 to 1. Shape (s, 10, n), in Nm.
+        provenance: Where they come from, or None.
+
+    Raises:
+        LearnedTorquesError: if shapes do not fit, speeds do not rise, or a torque is not finite or
+            is more than its drive can give.
+    """
+
+    speeds: FloatArray
+    torques: FloatArray
+    provenance: Provenance | None = None
+
+    def __post_init__(self) -> None:
+        speeds, torques = self.speeds, self.torques
+        if speeds.ndim != 1 or not 1 <= len(speeds) <= _MOST_SPEEDS:
+            raise LearnedTorquesError(f"speeds are {speeds.shape}, expected 1 .. {_MOST_SPEEDS}")
+        if torques.ndim != 3 or torques.shape[:2] != (len(speeds), len(JOINTS)):
+            expected = (len(speeds), len(JOINTS), "n")
+            raise LearnedTorquesError(f"torques have shape {torques.shape}, expected {expected}")
+        if not 2 <= torques.shape[2] <= _MOST_PHASES:
+            raise LearnedTorquesError(f"{torques.shape[2]} phases, expected 2 .. {_MOST_PHASES}")
+        if not (np.isfinite(speeds).all() and np.isfinite(torques).all()):
+            raise LearnedTorquesError("a speed or torque is not finite")
+        for before, after in pairwise(speeds.tolist()):
+            if not after > before:
+                raise LearnedTorquesError(f"speed {after:g} follows {before:g}, expected to rise")
+        limits = torque_limits()
+        largest = np.abs(torques).max(axis=(0, 2))
+        for joint, value, bound in zip(JOINTS, largest, limits, strict=True):
+            if value > bound:
+                raise LearnedTorquesError(
+                    f"{joint} gets {value:g} Nm, at most {bound:g} Nm are permitted"
+                )
+
+
+def nothing_learned(speeds: tuple[float, ...] = SPEEDS) -> LearnedTorques:
+    """A table of zeros over speeds. In m/s."""
+    return LearnedTorques(np.array(speeds), np.zeros((len(speeds), len(JOINTS), PHASES)))
+
+
+def path_beside(library: str | Path) -> Path:
+    """Where the torques learned on a gait library, by its name or file, stand."""
+    library = library_path(str(library))
+    stem = library.name.removesuffix(".gz").removesuffix(".json")
+    return library.with_name(f"{stem}.learned.json")
+
+
+def load_beside(library: str | Path, path: str | Path = "") -> LearnedTorques:
+    """The torques of a file, or those beside a gait library: none if there is no such file.
+
+    Raises:
+        LearnedTorquesError: as `load_torques`.
+    """
+    if path:
+        return load_torques(path)
+    beside = path_beside(library)
+    return load_torques(beside) if beside.exists() else nothing_learned()
+
+
+def load_torques(path: str | Path) -> LearnedTorques:
+    """Read learned torques.
+
+    Raises:
+        LearnedTorquesError: if the file is missing, no regular file, too large, damaged, of another
+            schema or for another robot; one line with the file's name and the reason.
+    """
+    try:
+        return _table(read_json(Path(path)))
+    except CassieError as error:
+        raise LearnedTorquesError(f"learned torques {path}: {error}") from None
+
+
+def save_torques(learned: LearnedTorques, path: str | Path) -> None:
+    """Write learned torques; a reader sees the old file or the whole new one.
+
+    Raises:
+        LearnedTorquesError: if the file cannot be written.
+    """
+    path = Path(path)
+    origin = learned.provenance
+    document = {
+        "schema_version": SCHEMA_VERSION,
+        "robot": "cassie",
+        "model_hash": model_hash(),
+        "provenance": {
+            "tool": origin.tool if origin else "unknown",
+            "version": origin.version if origin else "unknown",
+            "date": origin.date if origin else "unknown",
+            "settings": dict(origin.settings) if origin else {},
+        },
+        "joints": list(JOINTS),
+        "speeds": learned.speeds.tolist(),
+        "torques": np.round(learned.torques, _DECIMALS).tolist(),
+    }
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
+        part.replace(path)
+    except (OSError, TypeError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise LearnedTorquesError(f"learned torques {path}: {reason}") from error
+
+
+def _table(document: object) -> LearnedTorques:
+    top = _object(document, "the file")
+    version = top.get("schema_version")
+    if isinstance(version, bool) or version != SCHEMA_VERSION:
+        raise LearnedTorquesError(
+            f"schema_version is {reprlib.repr(version)}, expected {SCHEMA_VERSION}"
+        )
+    if set(top) != _KEYS:
+        wrong = reprlib.repr(sorted(set(top) ^ _KEYS))
+        raise LearnedTorquesError(f"the file lacks or has too much: {wrong}")
+    if top["joints"] != list(JOINTS):
+        raise LearnedTorquesError(f"joints are {reprlib.repr(top['joints'])}, expected {JOINTS}")
+    if top["model_hash"] != model_hash():
+        raise LearnedTorquesError(
+            f"it is for model {reprlib.repr(top['model_hash'])}, this robot is {model_hash()}"
+        )
+    origin = _object(top["provenance"], "provenance")
+    settings = _object(origin.get("settings", {}), "provenance.settings")
+    check_free(settings, "provenance.settings")
+    tool, version, date = (origin.get(key) for key in ("tool", "version", "date"))
+    if not (isinstance(tool, str) and isinstance(version, str) and isinstance(date, str)):
+        raise LearnedTorquesError("provenance lacks tool, version or date")
+    return LearnedTorques(
+        _numbers(top["speeds"], "speeds", 1),
+        _numbers(top["torques"], "torques", 3),
+        Provenance(tool, version, date, settings),
+    )
+
+
+def _object(value: object, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise LearnedTorquesError(f"{name} is no JSON object")
+    return value
+
+
+def _numbers(value: object, name: str, depth: int) -> FloatArray:
+    """Nested lists of numbers, all of the same lengths."""
+    problem = f"{name} are no lists of numbers of equal lengths"
+
+    def check(entry: object, level: int) -> None:
+        if level == 0:
+            if type(entry) not in (int, float):
+                raise LearnedTorquesError(problem)
+            return
+        if not isinstance(entry, list):
+            raise LearnedTorquesError(problem)
+        for part in entry:
+            check(part, level - 1)
+
+    check(value, depth)
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (ValueError, OverflowError):
+        raise LearnedTorquesError(problem) from None
+    if array.ndim != depth:
+        raise LearnedTorquesError(problem)
+    return array
+
+
+_BRIDGE = 0.03  # s, over which the torques of one step become those of the next
+_FADE = 0.5  # s, in which all of it comes and goes with the switch
+_FADE_FAILED = 0.05  # s, in which it goes once a sensor has failed
+_FIRST = 4  # steps after walking began from which on it learns
+_LATEST = 1.15  # phase at the end of a step that still teaches
+_OFF_SPEED = 0.15  # m/s, from the commanded speed at which a step still teaches
+_UPRIGHT = 0.15  # rad of torso roll and pitch within which a step still teaches
+_KEEP_BALANCE = [
+    JOINTS.index(name)
+    for name in ("stance_hip_roll", "stance_hip_pitch", "stance_knee", "swing_hip_roll")
+]
+_DRIVES = np.array(DRIVE_IN_Q)
+
+
+class TorqueLearning:
+    """Torques by phase, joint and speed, added to the gait's feed-forward and learned from it.
+
+    With u_j(phase, speed) the table, mirrored for steps on the right leg, and
+
+        e_j = kp (position - q) + kd (velocity - v)
+
+    the torque by which the drive's own loop tracked, each step that walked straight ahead at the
+    commanded speed changes the table, at the phase p that was `lead` before (the drives' delay and
+    what the loop takes), to
+
+        u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
+
+    Q a low-pass along the phase. gain / (gain + leak) of what repeats of the error is taken over.
+    Four joints are left out, since their errors belong to how it keeps its balance: with learned
+    torques of the stance knee, which carries, the sway grows within some twenty steps until it
+    falls, and with those of the torso and the swing hip's roll it falls on soft ground. It learns
+    on one foot only: with both on the ground the legs press against each other, which no torque
+    takes away; there the table goes on as at the nearest phase on one foot.
+
+    What the swing hip's pitch gets pushes the torso back: it nodded by 0.1 rad in each step
+    backward, farther than with nothing learned. Backward the stance hip takes that to the ground,
+    as it does for the swing leg's inertia (`control.drives`), all of it from 1/3 m/s on. Forward it
+    is little, and robots that bear set-points 25 ms late fell with it.
+
+    Between its points and its speeds the table is linear; beyond phase 1 and the outermost speeds
+    it stays as it is. At a touchdown the torques go over to those of the new step within 30 ms.
+    A stance leg gets them in proportion to its load, a swing leg as far as its foot is free. With a
+    failed sensor they go at once: they were learned where the drives' loops see their joints.
+
+    Under the paper's own law nothing is added.
+
+    Attributes:
+        torques: The table. Shape (s, 10, n), in Nm, of a step on the left leg.
+        taught: Steps that it has learned from.
+
+    Args:
+        learned: Where it begins; None: nothing learned.
+        period: Of control. In s.
+
+    Source:
+        Section "Conclusions" names torques learned over repeated steps; the law is iterative
+        learning from the feedback's own torque (Kawato's feedback-error learning by phase).
+    """
+
+    def __init__(
+        self, config: ControllerConfig, learned: LearnedTorques | None, period: float
+    ) -> None:
+        self._added = np.zeros(len(JOINTS))
+        self._gaps = np.zeros(len(JOINTS))
+        self._period = period
+        self._phases = np.zeros(64)
+        self.configure(config)
+        self.begin(nothing_learned() if learned is None else learned)
+
+    def begin(self, learned: LearnedTorques) -> None:
+        """Start over from other torques."""
+        self.speeds = np.ascontiguousarray(learned.speeds)
+        self.torques = np.array(learned.torques)
+        self._sums = np.zeros_like(self.torques)
+        self._counts = np.zeros(self.torques.shape[2])
+        self._weights = np.zeros(len(self.speeds))
+        self.taught = 0
+        self.start()
+
+    def configure(self, config: ControllerConfig) -> None:
+        """Take over the switch and how it learns."""
+        self._config = config.learning
+        self._adds = config.learned_torques != "none" and config.walk.law != "paper"
+        self._learns = self._adds and config.learned_torques == "learn"
+        self._gains = np.full(len(JOINTS), config.learning.gain)
+        self._gains[_KEEP_BALANCE] = 0.0
+        self._limits = torque_limits() * config.learning.limit
+        self._lead = min(len(self._phases) - 1, round(config.learning.lead / self._period))
+
+    def start(self) -> None:
+        """Walking begins: nothing is added yet."""
+        self._added[:] = 0.0
+        self._share = 1.0 if self._adds else 0.0
+        self._steps = 0
+        self._age = 0
+        self._teaches = True
+        self._last_phase = 0.0
+        self._clear()
+
+    def step(
+        self,
+        timing: StepTiming,
+        speed: float,
+        readings: Readings,
+        mode: Mode,
+        command: MotorCommand,
+    ) -> None:
+        """Add the torques of this tick to the command's, and learn from it where that is on.
+
+        Args:
+            timing: Phase and stance leg.
+            speed: At which the gait library is read. In m/s.
+            readings: The robot now.
+            mode: What is commanded.
+            command: Set-points of this tick, complete.
+        """
+        failed = int(readings.state.sensor_faults) != 0
+        change = self._period / (_FADE_FAILED if failed else _FADE)
+        wanted = 1.0 if self._adds and not failed else 0.0
+        self._teaches = self._teaches and not failed
+        self._share += max(-change, min(change, wanted - self._share))
+        if self._share == 0.0:
+            return
+        fresh = timing.steps != self._steps
+        if fresh:
+            if self._learns:
+                self._end_step(timing, mode)
+            self._steps = timing.steps
+        swing = readings.legs[1 - timing.stance]
+        bridge = max(0.0, 1.0 - timing.elapsed / _BRIDGE)
+        free = 1.0 - swing.contact
+        if self._learns:
+            upright = max(abs(readings.roll), abs(readings.pitch)) <= _UPRIGHT
+            self._teaches = self._teaches and upright
+            self._notice(timing, speed, 0.0 if bridge else free, readings.state, mode, command)
+        add(
+            self.torques,
+            self.speeds,
+            (timing.phase, speed, bridge, self._share),
+            (readings.legs[timing.stance].load, free),
+            timing.stance == RIGHT,
+            fresh,
+            self._added,
+            self._gaps,
+            command.torque,
+        )
+
+    def learned(self) -> LearnedTorques:
+        """The table as it is now."""
+        return LearnedTorques(self.speeds.copy(), self.torques.copy())
+
+    def _notice(
+        self,
+        timing: StepTiming,
+        speed: float,
+        free: float,
+        state: RobotState,
+        mode: Mode,
+        command: MotorCommand,
+    ) -> None:
+        """Keep what the drives' loop does at this tick."""
+        straight = mode.mode == RobotMode.WALK and mode.vy == 0.0 == mode.yaw_rate
+        self._teaches = self._teaches and bool(straight)
+        self._last_phase = timing.phase
+        self._phases[self._age % len(self._phases)] = timing.phase
+        if self._age >= self._lead:
+            phase = self._phases[(self._age - self._lead) % len(self._phases)]
+            notice(
+                self._sums,
+                self._counts,
+                self._weights,
+                self.speeds,
+                (float(phase), speed, free),
+                timing.stance == RIGHT,
+                state.q,
+                state.v,
+                command.floats,
+                _DRIVES,
+                self._limits,
+            )
+        self._age += 1
+
+    def _end_step(self, timing: StepTiming, mode: Mode) -> None:
+        """Learn from the step that ended, if it was an ordinary one."""
+        kept_speed = abs(timing.velocity[0] - float(mode.vx)) <= _OFF_SPEED
+        in_time = self._last_phase <= _LATEST
+        if self._teaches and kept_speed and in_time and timing.steps > _FIRST:
+            c = self._config
+            teach(
+                self.torques,
+                self._sums,
+                self._counts,
+                self._weights,
+                self._limits,
+                self._gains,
+                (c.leak, c.smoothing),
+            )
+            self.taught += 1
+        self._clear()
+
+    def _clear(self) -> None:
+        self._age = 0
+        self._teaches = True
+        self._sums[:] = 0.0
+        self._counts[:] = 0.0
+        self._weights[:] = 0.0

@@ -1,0 +1,114 @@
+"""What leg-angle adjustment is asked, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from cassie_control.config import WalkConfig
+from cassie_control.control.robot import LegReadings, Readings
+
+
+@dataclass
+class Commanded:
+    """What the operator wants of the steps.
+
+    Attributes:
+        vx, vy: Velocity, forward and to the left. In m/s.
+        pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
+        spread: How far each foot lands outside its usual place. In m.
+    """
+
+    vx: float = 0.0
+    vy: float = 0.0
+    pitch_trim: float = 0.0
+    roll_trim: float = 0.0
+    spread: float = 0.0
+
+
+@dataclass
+class SwingEnd:
+    """Swing leg at touchdown.
+
+    Attributes:
+        pitch, roll: In rad.
+        length: In m.
+        remaining: Time to the end of the step. In s.
+        lead: How long before that the foot touches down. In s.
+    """
+
+    pitch: float
+    roll: float
+    length: float
+    remaining: float
+    lead: float = 0.0
+
+
+@dataclass
+class StepAhead:
+    """The present step, as far as leg-angle adjustment needs to know it.
+
+    Attributes:
+        elapsed: Time since the last touchdown. In s.
+        remaining: Time to the next one as the gait has it. In s.
+        earliest: Least time to the next one that the swing leg can make. In s.
+        step_time: Duration of the next step. In s.
+        velocity: Low-passed, forward and to the left. In m/s.
+        pitch, roll: The gait's swing leg angles at touchdown. In rad.
+        length: The gait's swing leg length at touchdown. In m.
+        rise: How much the gait's stance leg grows until touchdown, less what its foot sinks. In m.
+        yaw: Swing hip yaw at touchdown. In rad.
+        slope: Rise of the ground ahead and to the left. Shape (2,).
+    """
+
+    elapsed: float = 0.0
+    remaining: float = 0.0
+    earliest: float = 0.0
+    step_time: float = 0.4
+    velocity: tuple[float, float] = (0.0, 0.0)
+    pitch: float = 0.0
+    roll: float = 0.0
+    length: float = 0.8
+    rise: float = 0.0
+    yaw: float = 0.0
+    slope: tuple[float, float] = (0.0, 0.0)
+
+
+class Placement(Protocol):
+    """A law of leg-angle adjustment."""
+
+    config: WalkConfig
+
+    def reset(self) -> None:
+        """Forget earlier steps."""
+
+    def touchdown(
+        self,
+        mean_velocity: tuple[float, float],
+        velocity: tuple[float, float],
+        commanded: Commanded,
+    ) -> None:
+        """A step ended.
+
+        Args:
+            mean_velocity: Of the last two steps, forward and to the left. In m/s.
+            velocity: Low-passed. In m/s.
+            command: Commanded velocity.
+        """
+
+    def swing_end(
+        self,
+        readings: Readings,
+        stance: LegReadings,
+        swing: LegReadings,
+        commanded: Commanded,
+        ahead: StepAhead,
+    ) -> SwingEnd:
+        """Leg angles at touchdown.
+
+        Args:
+            readings: The robot now.
+            stance, swing: Its legs.
+            command: Commanded velocity.
+            ahead: The present step.
+        """
