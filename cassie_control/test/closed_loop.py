@@ -15,8 +15,8 @@ from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.names import LEGS
-from cassie_gaits.provisional import provisional_library
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_sim.plant import Plant, PlantConfig
@@ -59,7 +59,7 @@ class Robot:
         self.plant = Plant(PlantConfig(sensors=sensors), scenario)
         self.estimator = make_estimator(EstimatorConfig(), PERIOD)
         self.controller = GaitController(
-            config or ControllerConfig(), library or provisional_library(), PERIOD
+            config or ControllerConfig(), library or load_certified(default_library_path()), PERIOD
         )
         self.supervisor = ModeSupervisor(SupervisorConfig(), PERIOD)
         self.operator = OperatorCommand()

@@ -6,7 +6,7 @@ import numpy as np
 
 from cassie_control.control.robot import Readings, set_tilt, turned
 from cassie_gaits import robot, virtual_leg
-from cassie_gaits.leg_chain import LegChain
+from cassie_gaits.leg import LegPair
 from cassie_gaits.names import LEGS
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
@@ -48,10 +48,11 @@ def state_of(
     tilt = np.eye(3)
     set_tilt(pitch, roll, tilt)
     moment, feet = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
-    for leg, joints in zip(LEGS, (left, right), strict=True):
-        chain = LegChain(leg).update(np.array(joints), np.zeros(7))
-        moment += chain.com_moment
-        feet += 0.5 * chain.foot
+    pair = LegPair()
+    pair.update(np.array([left, right]), np.zeros((2, 7)), np.zeros(2), np.array([0.0, 0.0, 1.0]))
+    for leg in pair.states:
+        moment += leg["com_moment"]
+        feet += 0.5 * leg["foot"]
     state.com_position[:] = turned(tilt, moment / robot.total_mass() - feet)
     state.foot_force[:] = forces
     state.foot_load[:] = np.clip((np.array(forces) - 100.0) / 100.0, 0.0, 1.0)

@@ -12,10 +12,10 @@ from cassie_control.config import ControllerConfig, TransitionConfig
 from cassie_control.control.gait_controller import DAMPING, Activity, GaitController
 from cassie_control.control.limits import stops
 from cassie_control.errors import ControlError
-from cassie_gaits.provisional import provisional_library
+from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import MotorCommand, RobotMode
 
-LIBRARY = provisional_library()
+LIBRARY = load_certified(default_library_path())
 CONFIG = ControllerConfig(transition=TransitionConfig(stop_first=0.0))
 PERIOD = 0.002
 OFF, DAMP, STAND, WALK = RobotMode.OFF, RobotMode.DAMP, RobotMode.STAND, RobotMode.WALK

@@ -7,10 +7,10 @@ from robot_states import leg_joints, readings_of, state_of
 from cassie_control.config import WalkConfig
 from cassie_control.control.walking import WalkingController
 from cassie_control.planner.timing import LEFT
-from cassie_gaits.provisional import provisional_library
+from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import RobotState
 
-LIBRARY = provisional_library()
+LIBRARY = load_certified(default_library_path())
 CONFIG = WalkConfig()
 
 

@@ -8,7 +8,7 @@ by way of the heel spring); the model with rigid springs is the projection by `R
 damping is not part of H. An achilles rod does not spin about itself.
 
 Made for gait design, tests and feed-forward tables: a call takes up to a millisecond. What the
-control loop needs every tick is in `leg_chain`.
+control loop needs every tick is in `leg`.
 """
 
 from __future__ import annotations

@@ -18,10 +18,9 @@ class LegLengthError(KinematicsError):
     """No knee angle gives the requested leg length."""
 
     @classmethod
-    def outside(cls, length: float, low: float, high: float, leg: str = "") -> LegLengthError:
-        """The error for a length that is not in `low` .. `high` (m) of "left", "right" or a leg."""
-        which = f"{leg} leg" if leg else "leg"
-        return cls(f"{which} length {length:.4f} m is outside {low:.4f} .. {high:.4f} m")
+    def outside(cls, length: float, low: float, high: float) -> LegLengthError:
+        """The error for a length that is not in `low` .. `high` (m)."""
+        return cls(f"leg length {length:.4f} m is outside {low:.4f} .. {high:.4f} m")
 
 
 class GaitLibraryError(CassieError):

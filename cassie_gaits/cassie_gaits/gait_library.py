@@ -50,7 +50,7 @@ MOST_COEFFICIENTS = 64
 MOST_POINTS = 10_000
 """Of a grid of speeds; the dense library's has 1421."""
 
-KINDS = ("optimized", "provisional", "imported")
+KINDS = ("optimized", "imported")
 
 _CHANGE_SIGN = ("torso_roll", "stance_hip_yaw", "swing_leg_roll", "swing_hip_yaw")
 _MIRROR_SIGN = np.array([-1.0 if name in _CHANGE_SIGN else 1.0 for name in OUTPUTS])[:, np.newaxis]

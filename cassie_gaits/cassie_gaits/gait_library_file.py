@@ -89,7 +89,7 @@ def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> Gait
 
     Args:
         path: File to read.
-        allow_uncertified: Whether gaits without a certificate, provisional, imported or changed,
+        allow_uncertified: Whether gaits without a certificate, imported or changed,
             will do.
 
     Raises:

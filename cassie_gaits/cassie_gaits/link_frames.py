@@ -18,9 +18,13 @@ import numpy.typing as npt
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import KinematicsError
-from cassie_gaits.leg_kernels import heel_deflection
-from cassie_gaits.leg_records import RecordArray
-from cassie_gaits.linkage import crank_angles, heel_loop, link_rotation
+from cassie_gaits.linkage import (
+    RecordArray,
+    crank_angles,
+    heel_deflection,
+    heel_loop,
+    link_rotation,
+)
 from cassie_gaits.names import LEG_JOINTS, LEGS
 
 FloatArray = npt.NDArray[np.float64]

@@ -13,14 +13,94 @@ image in the plane of the leg, so that all angles here hold for it too and vecto
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import KinematicsError
-from cassie_gaits.leg_kernels import heel_deflection
-from cassie_gaits.leg_records import HEEL_LOOP_TYPE, RecordArray
+from cassie_gaits.vectors import dot
+
+RecordArray = npt.NDArray[np.void]
+
+HEEL_LOOP_TYPE = np.dtype(
+    [
+        ("knee", float, 2),  # joint axes in the plane of the leg, each in its parent's frame
+        ("shin", float, 2),
+        ("tarsus", float, 2),
+        ("knee_turn", float),  # of the frame about z from the hip pitch frame, less joint angles
+        ("tarsus_turn", float),
+        ("base", float, 3),  # the rod's base in the hip pitch frame, z from the knee's
+        ("heel", float, 3),  # the heel spring's joint in the tarsus
+        ("still", float, 3),  # tip from there: still + cosine cos(angle) + sine sin(angle)
+        ("cosine", float, 3),
+        ("sine", float, 3),
+        ("reach", float),  # square of the tip's distance from there, less that of the rod's length
+        ("branch", float),  # which of the two ways to close the loop is the spring's
+    ]
+)
+"""The loop of the achilles rod, see `heel_loop`."""
+
+
+# Share of the greatest C at which the achilles rod's loop still closes well: the derivatives of the
+# heel spring's angle grow without bound where it ceases to close.
+_CLOSES_WELL = 0.9999
+
+
+@compiled
+def _turned(x: float, y: float, c: float, s: float) -> tuple[float, float]:
+    return c * x - s * y, s * x + c * y
+
+
+@compiled
+def heel_deflection(
+    knee: float, shin: float, tarsus: float, loop: Any
+) -> tuple[float, float, float, float]:
+    """Deflection of the heel spring and its partial derivatives, compiled.
+
+    Args:
+        knee: q4. In rad.
+        shin: q5. In rad.
+        tarsus: q6. In rad.
+        loop: The entry of `heel_loop`.
+
+    Returns:
+        Heel angle in rad and its derivatives to q4, q5, q6. All are NaN if the rod does not
+        reach, or so barely that a derivative exceeds some 100, and if an angle is not finite.
+    """
+    upper = knee + loop.knee_turn
+    lower, foot = upper + shin, knee + shin + tarsus + loop.tarsus_turn
+    if not -100.0 < foot + lower < 100.0:
+        return math.nan, math.nan, math.nan, math.nan
+    cos_f, sin_f = math.cos(foot), math.sin(foot)
+    # Joint axes from the tarsus axis backwards, and the rod's base from there; hip pitch axes.
+    shin_x, shin_y = _turned(-loop.tarsus[0], -loop.tarsus[1], math.cos(lower), math.sin(lower))
+    x, y = _turned(-loop.shin[0], -loop.shin[1], math.cos(upper), math.sin(upper))
+    knee_x, knee_y = shin_x + x, shin_y + y
+    base_x = knee_x - loop.knee[0] + loop.base[0]
+    base_y = knee_y - loop.knee[1] + loop.base[1]
+    # From the heel spring's joint to the base; tarsus axes.
+    x, y = _turned(base_x, base_y, cos_f, -sin_f)
+    w = (x - loop.heel[0], y - loop.heel[1], loop.base[2] - loop.heel[2])
+    a, b = dot(w, loop.cosine), dot(w, loop.sine)
+    c = 0.5 * (dot(w, w) + loop.reach) - dot(w, loop.still)
+    amplitude = math.hypot(a, b)
+    if not abs(c) < _CLOSES_WELL * amplitude:
+        return math.nan, math.nan, math.nan, math.nan
+    heel = math.atan2(b, a) + loop.branch * math.acos(c / amplitude)
+    heel -= 2.0 * math.pi * round(heel / (2.0 * math.pi))
+    # The rod keeps its length: what the tip moves along the rod sums to zero.
+    cos_h, sin_h = math.cos(heel), math.sin(heel)
+    x = loop.heel[0] + loop.still[0] + loop.cosine[0] * cos_h + loop.sine[0] * sin_h
+    y = loop.heel[1] + loop.still[1] + loop.cosine[1] * cos_h + loop.sine[1] * sin_h
+    x, y = _turned(x, y, cos_f, sin_f)
+    rod_x, rod_y, by_heel = base_x - x, base_y - y, a * sin_h - b * cos_h
+    by_knee = (rod_y * (x - knee_x) - rod_x * (y - knee_y)) / by_heel
+    by_shin = (rod_y * (x - shin_x) - rod_x * (y - shin_y)) / by_heel
+    return heel, by_knee, by_shin, (rod_y * x - rod_x * y) / by_heel
+
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,8 +2,7 @@
 
 With relaxed springs (eq:SpringRelaxed) the tarsus keeps 13 degrees to the thigh, so hip and toe
 joint are joined by two sides of fixed length: thigh with tarsus, and shin. Length and pitch of
-the virtual leg follow from the law of cosines. The control loop calls these functions; arrays
-for both legs, with checks that name the leg, are in `leg_kinematics`.
+the virtual leg follow from the law of cosines.
 
 Signs: `pitch` and `roll` of the torso are the Euler angles of eq:qdef (pitch > 0 is nose down,
 roll > 0 is right side down); leg pitch > 0 puts the toe in front of the hip; leg roll > 0 puts it

@@ -16,7 +16,7 @@ from numba.core.registry import CPUDispatcher
 
 import cassie_gaits
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg_chain import LegPair
+from cassie_gaits.leg import LegPair
 
 
 def compiled_functions() -> Iterator[tuple[str, CPUDispatcher]]:
@@ -31,7 +31,7 @@ FUNCTIONS = dict(compiled_functions())
 
 
 def test_there_are_some():
-    assert "leg_kernels.leg_kinematics" in FUNCTIONS
+    assert "leg.leg_kinematics" in FUNCTIONS
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -74,11 +74,11 @@ def test_kept_machine_code_is_loaded_before_the_first_call():
     """In a process of its own, where nothing has called the function yet."""
     code = (
         "from cassie_gaits.compiled import load_kept\n"
-        "from cassie_gaits.leg_kernels import both_legs, update_pair\n"
+        "from cassie_gaits.leg import both_legs, update_pair\n"
         "assert not update_pair.signatures\n"
-        "load_kept('cassie_gaits.leg_chain')\n"
+        "load_kept('cassie_gaits.linkage')\n"
         "assert not update_pair.signatures\n"
-        "load_kept('cassie_gaits.leg_kernels')\n"
+        "load_kept('cassie_gaits.leg')\n"
         "assert update_pair.signatures\n"
         "assert not update_pair.stats.cache_misses\n"
     )

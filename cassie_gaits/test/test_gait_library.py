@@ -9,8 +9,8 @@ import pytest
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, Gait, GaitLibrary, Provenance, mirror
-from cassie_gaits.leg_kinematics import leg_roll
 from cassie_gaits.model_hash import model_hash
+from cassie_gaits.virtual_leg import roll
 
 RNG = np.random.default_rng(3)
 
@@ -127,5 +127,5 @@ def test_mirror_twice_is_the_same_gait():
 
 def test_mirror_agrees_with_the_legs():
     # Seen in a mirror, a left hip rolled by 0.2 with the torso at 0.05 is a right one.
-    left, right = leg_roll(0.05, [0.2, 0.0])[0], leg_roll(-0.05, [0.0, -0.2])[1]
+    left, right = roll(0.05, 0.2), roll(-0.05, -0.2)
     assert mirror(np.full((9, 1), left))[OUTPUTS.index("swing_leg_roll")] == pytest.approx(right)

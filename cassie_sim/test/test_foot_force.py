@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cassie_gaits import virtual_leg
-from cassie_gaits.leg_chain import LegChain
+from cassie_gaits.leg import LegPair
 from cassie_gaits.names import JOINTS, LEGS
 from cassie_gaits.robot import WEIGHT
 from cassie_sim.poses import lowest_sole, set_drives
@@ -57,15 +57,16 @@ def test_springs_tell_the_ground_force(leg_length):
     data = standing(leg_length)
     assert np.abs(data.qvel).max() < 5e-3
     R_WB = data.body("pelvis").xmat.reshape(3, 3)
-    carried = 0.0
+    pair, carried = LegPair(), 0.0
     for leg in LEGS:
         names = [name for name in JOINTS if name.startswith(leg)]
-        chain = LegChain(leg)
-        state = chain.update(np.array([data.joint(name).qpos[0] for name in names]), np.zeros(7))
+        joints = np.array([data.joint(name).qpos[0] for name in names])
+        toe = float(data.actuator(f"{leg}_toe").force[0])
+        pair.update(np.tile(joints, (2, 1)), np.zeros((2, 7)), np.full(2, toe), R_WB[2])
+        i = LEGS.index(leg)
         heel = data.joint(f"{leg}_heel_spring").qpos[0]
-        assert state.springs[1] == pytest.approx(heel, abs=2e-3)
-        force = R_WB @ chain.force(float(data.actuator(f"{leg}_toe").force[0]), R_WB[2])
+        assert pair.states[i]["springs"][1] == pytest.approx(heel, abs=2e-3)
         true = ground_force(data, leg)
-        assert force[2] == pytest.approx(true[2], rel=0.02)
+        assert pair.forces[i] == pytest.approx(true[2], rel=0.02)
         carried += true[2]
     assert carried == pytest.approx(WEIGHT, rel=0.01)

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cassie_gaits import leg_kinematics, robot
+from cassie_gaits import robot, virtual_leg
 from cassie_gaits.dynamics import INPUT, RIGID, Dynamics, rigid_pose
-from cassie_gaits.leg_chain import LegChain
+from cassie_gaits.leg import LegPair
 from cassie_gaits.linkage import crank_angles, heel_angle_and_slopes
 from cassie_gaits.names import DRIVE_IN_Q, JOINTS, LEGS
 from cassie_sim.poses import set_drives
@@ -205,11 +205,13 @@ def test_virtual_leg_agrees_with_forward_kinematics(seed):
     leg = [data.body(f"{n}_toe").xpos - data.body(f"{n}_hip_pitch").xpos for n in LEGS]
     sole = [data.geom(f"{n}_heel").xpos - data.geom(f"{n}_toe").xpos for n in LEGS]
     sole = [along * np.sign(along @ data.body("pelvis").xmat[:9:3]) for along in sole]
-    length = leg_kinematics.leg_length(knee)
+    length = [virtual_leg.length(angle) for angle in knee]
     np.testing.assert_allclose(length, np.linalg.norm(leg, axis=1), atol=2e-4)
-    pitch = leg_kinematics.leg_pitch(base[4], hip_pitch, knee)
+    bends = zip(hip_pitch, knee, strict=True)
+    pitch = [virtual_leg.pitch(base[4], *angles) for angles in bends]
     np.testing.assert_allclose(pitch, [math.atan2(x, -z) for x, _, z in leg], atol=3e-4)
-    foot = leg_kinematics.foot_pitch(base[4], hip_pitch, toe)
+    ends = zip(hip_pitch, toe, strict=True)
+    foot = np.array([virtual_leg.foot_pitch(base[4], *angles) for angles in ends])
     np.testing.assert_allclose(
         np.sin(foot - [math.atan2(z, x) for x, _, z in sole]), 0.0, atol=3e-4
     )
@@ -229,7 +231,7 @@ def test_leg_roll_positive_puts_the_foot_to_the_left(roll):
         mujoco.mj_kinematics(MODEL, data)
         across = data.body(f"{leg}_toe").xpos - data.body(f"{leg}_hip_pitch").xpos
         down = data.body(f"{leg}_hip_pitch").xmat.reshape(3, 3)[:, 2]
-        expected = leg_kinematics.leg_roll(roll, [0.1, 0.1])[index]
+        expected = virtual_leg.roll(roll, 0.1)
         # The plane of the leg holds the toe; its normal tilts by the leg roll.
         assert math.asin(-down[2]) == pytest.approx(expected, abs=1e-9)
         assert across[2] < 0.0
@@ -263,7 +265,7 @@ def test_left_and_right_mirror_each_other(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_leg_chain_of_the_control_loop_agrees(seed):
+def test_legs_of_the_control_loop_agree(seed):
     data, q = pose(seed)
     rates = np.random.default_rng(seed).normal(size=20)
     rates[:6] = 0.0
@@ -272,19 +274,21 @@ def test_leg_chain_of_the_control_loop_agrees(seed):
     mujoco.mj_subtreeVel(MODEL, data)
     R_WB, origin = data.body("pelvis").xmat.reshape(3, 3), q[:3]
     moment, momentum = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
+    pair = LegPair()
+    pair.update(q[6:].reshape(2, 7), rates[6:].reshape(2, 7), np.zeros(2), R_WB[2])
     for i, leg in enumerate(LEGS):
         joints = slice(6 + 7 * i, 13 + 7 * i)
-        state = LegChain(leg).update(q[joints].copy(), rates[joints].copy())
+        state = pair.states[i]
         foot = np.mean([data.geom(f"{leg}_{end}").xpos for end in ("heel", "toe")], axis=0)
-        np.testing.assert_allclose(state.foot, R_WB.T @ (foot - origin), atol=1e-8)
+        np.testing.assert_allclose(state["foot"], R_WB.T @ (foot - origin), atol=1e-8)
         R_WF = data.body(f"{leg}_toe").xmat.reshape(3, 3)
-        np.testing.assert_allclose(state.foot_rotation, R_WB.T @ R_WF, atol=1e-8)
+        np.testing.assert_allclose(state["foot_rotation"], R_WB.T @ R_WF, atol=1e-8)
         velocity = DYNAMICS.sole_jacobian(q, leg)[:3] @ rates
-        np.testing.assert_allclose(state.foot_velocity, R_WB.T @ velocity, atol=1e-8)
+        np.testing.assert_allclose(state["foot_velocity"], R_WB.T @ velocity, atol=1e-8)
         heel, _, *slopes = heel_angle_and_slopes(*q[joints][3:6])
-        np.testing.assert_allclose(state.springs, [q[joints][4], heel], atol=1e-9)
-        np.testing.assert_allclose(state.heel_gradient, slopes, atol=1e-9)
-        moment, momentum = moment + state.com_moment, momentum + state.com_rate
+        np.testing.assert_allclose(state["springs"], [q[joints][4], heel], atol=1e-9)
+        np.testing.assert_allclose(state["heel_gradient"], slopes, atol=1e-9)
+        moment, momentum = moment + state["com_moment"], momentum + state["com_rate"]
     mass = robot.total_mass()
     com = R_WB.T @ (data.subtree_com[1] - origin)
     np.testing.assert_allclose(moment / mass, com, atol=1e-3)

@@ -146,7 +146,7 @@ def drive(
 
     Args:
         figures, robots, steps: Figures, the robot now and the step. Shape (1,).
-        pairs: Kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        pairs: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
         commands: Result, `MotorCommand.record`. Shape (1,).
         rate: Of the phase, new. In 1/s.
         pitch to slope_left: What adjustment answers, and the torso wanted, see `STEP_TYPE`.

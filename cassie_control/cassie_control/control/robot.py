@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from cassie_control.control.forces import holding_torques
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg_chain import LegPair
-from cassie_gaits.leg_kernels import both_legs
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
 from cassie_msgs.layout import RobotState
 
@@ -104,7 +103,7 @@ def read_robot(states: RecordArray, pairs: RecordArray, robots: RecordArray) -> 
 
     Args:
         states: `RobotState.record`. Shape (1,).
-        pairs: Result, kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        pairs: Result, kinematics of both legs, `leg.LegPair.record`. Shape (1,).
         robots: Result, of `ROBOT_TYPE`. Shape (1,).
     """
     estimate, pair, robot = states[0], pairs[0], robots[0]
@@ -243,7 +242,7 @@ class Readings:
         state: The estimate itself.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
         records: Most of this for compiled functions, of `ROBOT_TYPE`. Shape (1,).
-        pair: Kinematics of both legs, `leg_chain.LegPair.record`. Shape (1,).
+        pair: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
     """
 
     def __init__(self) -> None:

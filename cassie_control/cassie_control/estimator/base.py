@@ -14,8 +14,7 @@ from cassie_control.estimator.fusion import com_in_heading
 from cassie_control.finite import check
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg_chain import LegPair
-from cassie_gaits.leg_kernels import both_legs
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_msgs.layout import RobotState, Sensors
 
 FloatArray = npt.NDArray[np.float64]

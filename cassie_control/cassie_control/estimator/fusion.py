@@ -147,7 +147,7 @@ def com_in_heading(
         yaw: In rad.
         omega: Angular velocity, pelvis frame. Shape (3,), in rad/s.
         velocity: Of the pelvis in the world. Shape (3,), in m/s.
-        legs: Kinematics of both, see `leg_chain.LegPair`. Shape (2,).
+        legs: Kinematics of both, see `leg.LegPair`. Shape (2,).
         pelvis_moment: Mass times centre of mass of the pelvis. Shape (3,), in kg m.
         mass: Of the robot. In kg.
         com_position: Result. Shape (3,), in m.

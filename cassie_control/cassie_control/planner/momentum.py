@@ -11,8 +11,7 @@ import numpy.typing as npt
 from cassie_control.control.robot import LegReadings, Readings
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg_records import RecordArray
-from cassie_gaits.linkage import link_rotation
+from cassie_gaits.linkage import RecordArray, link_rotation
 from cassie_gaits.names import LEG_JOINTS
 
 FloatArray = npt.NDArray[np.float64]

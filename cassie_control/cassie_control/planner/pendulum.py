@@ -16,7 +16,7 @@ import numpy.typing as npt
 from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, aim_leg
 from cassie_control.planner.momentum import momentum_velocity
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg_records import RecordArray
+from cassie_gaits.linkage import RecordArray
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import pytest
 
 from cassie_gaits import robot
 from cassie_gaits.dynamics import Dynamics
-from cassie_gaits.leg_chain import LegChain, LegPair
+from cassie_gaits.leg import LegPair, spring_force
 from cassie_gaits.linkage import heel_angle_and_slopes
 from cassie_gaits.names import COORDINATES, LEGS
 
@@ -38,10 +38,20 @@ def random_pose(seed: int, leg: str) -> tuple[np.ndarray, list[int]]:
     return q, joints
 
 
+def pair_at(joints: np.ndarray, up: np.ndarray = UP) -> LegPair:
+    """Both legs at the same angles."""
+    pair = LegPair()
+    pair.update(np.tile(joints, (2, 1)), np.zeros((2, 7)), np.zeros(2), up)
+    return pair
+
+
+def force_of(pair: LegPair, i: int, toe_torque: float = 0.0, up: np.ndarray = UP) -> np.ndarray:
+    legs = pair.record[0]["legs"]
+    return np.array(spring_force(legs[i : i + 1], pair.states[i : i + 1], toe_torque, up))
+
+
 def force_on(leg: str, joints: np.ndarray, toe_torque: float = 0.0, up: np.ndarray = UP):
-    chain = LegChain(leg)
-    chain.update(joints, np.zeros(7))
-    return np.array(chain.force(toe_torque, up))
+    return force_of(pair_at(joints, up), LEGS.index(leg), toe_torque, up)
 
 
 @pytest.mark.parametrize("leg", LEGS)
@@ -71,12 +81,11 @@ def test_relaxed_leg_carries_its_own_lower_part_only(leg):
 
 @pytest.mark.parametrize("leg", LEGS)
 def test_springs_and_slopes_are_those_of_the_linkage(leg):
-    chain = LegChain(leg)
     joints = bent(0.1, -0.1, 0.2, 0.0, -0.04, 0.03, 0.0)
-    state = chain.update(joints, np.zeros(7))
+    state = pair_at(joints).states[LEGS.index(leg)]
     heel, _, *slopes = heel_angle_and_slopes(*joints[3:6])
-    assert state.springs.tolist() == [joints[4], heel]
-    assert state.heel_gradient.tolist() == slopes
+    assert state["springs"].tolist() == [joints[4], heel]
+    assert state["heel_gradient"].tolist() == slopes
 
 
 def test_legs_mirror_each_other():
@@ -94,8 +103,8 @@ def test_lower_leg_weighs_what_the_whole_model_says(leg, seed):
     q, joints = random_pose(seed, leg)
     q[COORDINATES.index("pitch")] = 0.0
     shin, tarsus, toe = DYNAMICS.gravity(q)[joints[4:]]
-    state = LegChain(leg).update(q[joints], np.zeros(7))
-    weight = 9.81 * state.lower_leg @ UP
+    state = pair_at(q[joints]).states[LEGS.index(leg)]
+    weight = 9.81 * state["lower_leg"] @ UP
     np.testing.assert_allclose(weight, [shin - toe, tarsus - toe], atol=0.03)
 
 
@@ -113,26 +122,24 @@ def test_impossible_angles_show_no_force(joints):
 
 
 def test_force_stays_finite_wherever_the_joints_go():
-    chain, rng = LegChain("left"), np.random.default_rng(0)
-    for _ in range(2000):
-        joints = rng.uniform(-3.5, 3.5, 7)
-        state = chain.update(joints, np.zeros(7))
-        assert np.isfinite(chain.force(0.0, UP)).all()
-        assert np.isfinite(state.springs).all()
-        assert np.abs(state.heel_gradient).max() < 1000.0
+    pair, rng = LegPair(), np.random.default_rng(0)
+    for _ in range(1000):
+        joints = rng.uniform(-3.5, 3.5, (2, 7))
+        pair.update(joints, np.zeros((2, 7)), np.zeros(2), UP)
+        assert np.isfinite(pair.forces).all()
+        for i, state in enumerate(pair.states):
+            assert np.isfinite(force_of(pair, i)).all()
+            assert np.isfinite(state["springs"]).all()
+            assert np.abs(state["heel_gradient"]).max() < 1000.0
 
 
-def test_both_legs_at_once_are_the_two_of_them():
+def test_the_force_against_gravity_is_that_of_each_leg():
     pair, rates = LegPair(), np.random.default_rng(1).normal(0.0, 1.0, (2, 7))
     joints = np.array(
         [bent(0.1, -0.1, 0.0, 0.0, -0.03, 0.02, 0.1), bent(0.0, 0.1, 0.2, 0.0, -0.02, 0.0, 0.0)]
     )
     torques, up = np.array([3.0, -2.0]), np.array([0.1, -0.05, math.sqrt(1.0 - 0.0125)])
     pair.update(joints, rates, torques, up)
-    for i, name in enumerate(LEGS):
-        leg = LegChain(name)
-        alone = leg.update(joints[i], rates[i])
-        assert (pair.states["foot"][i] == alone.foot).all()
-        assert (pair.states["com_rate"][i] == alone.com_rate).all()
-        force = np.dot(up, leg.force(torques[i], up))
+    for i in range(2):
+        force = np.dot(up, force_of(pair, i, torques[i], up))
         assert pair.forces[i] == pytest.approx(force, abs=1e-9)
