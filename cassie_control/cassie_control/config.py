@@ -553,6 +553,11 @@ class WalkConfig:
         "Share of it in their rates; more bears late set-points, but not late torques",
     )
 
+    @property
+    def as_in_paper(self) -> bool:
+        """Whether walking has only what the paper has; all that stands beside it is left out."""
+        return self.law == "paper"
+
 
 @dataclass(frozen=True, kw_only=True)
 class LearningConfig:

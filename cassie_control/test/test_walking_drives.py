@@ -169,7 +169,7 @@ def test_the_stance_hip_takes_to_the_ground_what_swinging_does_to_the_torso(stan
     commands = []
     for share in (0.0, 1.0):
         core = walking(stance, config=replace(CONFIG, swing_inertia=share), state=random_state(3))
-        core.timing.phase = 0.3
+        core.timing.phase = 0.15
         command = MotorCommand()
         core.step(readings_of(state), mode_of(), command)
         commands.append(command.torque.copy())

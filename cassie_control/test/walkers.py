@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.config import WalkConfig
+from cassie_control.control.outputs import PITCH, ROLL
 from cassie_control.control.walking import WalkingController
 from cassie_control.planner.timing import LEFT
+from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import RobotState
 
-LIBRARY = load_certified(default_library_path())
+
+def _upright(library: GaitLibrary) -> GaitLibrary:
+    """The same gaits with the torso upright all along."""
+    gaits = []
+    for gait in library.gaits:
+        coefficients = gait.coefficients.copy()
+        coefficients[:, [ROLL, PITCH]] = 0.0
+        gaits.append(replace(gait, coefficients=coefficients, certificate=None))
+    return replace(library, gaits=gaits)
+
+
+LIBRARY = _upright(load_certified(default_library_path()))
 CONFIG = WalkConfig()
 
 

@@ -426,7 +426,7 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordAr
     figure["straight"] = figure["share_force"] = 1.0
     figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
-    if config.law == "paper":
+    if config.as_in_paper:
         for name in _BESIDE_THE_PAPER:
             figure[name] = 0.0
     else:

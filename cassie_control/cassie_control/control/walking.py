@@ -99,7 +99,7 @@ class WalkingController:
 
     def configure(self, config: WalkConfig) -> None:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
-        if config.law != self.config.law:
+        if config.as_in_paper != self.config.as_in_paper:
             self._placement = placement(config)
         self.timing.configure(config)
         self.config = config
@@ -178,7 +178,7 @@ class WalkingController:
 
     def _find_slope(self, readings: Readings, touchdown: bool) -> None:
         """Follow the ground's slope; the paper's law takes it for level."""
-        if self.config.law == "paper":
+        if self.config.as_in_paper:
             return
         stance, swing = readings.legs[self.timing.stance], readings.legs[1 - self.timing.stance]
         if touchdown:
@@ -194,7 +194,7 @@ class WalkingController:
         """Outputs of the new step start where the legs are, eq. of continuity."""
         self.measure(readings)
         self._start[:] = self.outputs
-        if self.config.law != "paper" and self.timing.steps > 0:
+        if not self.config.as_in_paper and self.timing.steps > 0:
             # Knees hold the weight by what lacks to the length they aim at: it must not jump.
             self._start[LENGTH_ST] = self.desired[LENGTH_SW]
             self._start[LENGTH_SW] = self.desired[LENGTH_ST]

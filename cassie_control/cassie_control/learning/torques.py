@@ -504,7 +504,7 @@ class TorqueLearning:
     def configure(self, config: ControllerConfig) -> None:
         """Take over the switch and how it learns."""
         self._config = config.learning
-        self._adds = config.learned_torques != "none" and config.walk.law != "paper"
+        self._adds = config.learned_torques != "none" and not config.walk.as_in_paper
         self._learns = self._adds and config.learned_torques == "learn"
         self._gains = np.full(len(JOINTS), config.learning.gain)
         self._gains[_KEEP_BALANCE] = 0.0

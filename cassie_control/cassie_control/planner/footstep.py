@@ -22,7 +22,7 @@ _SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
 
 def placement(config: WalkConfig) -> Placement:
     """The law that the configuration names."""
-    return PaperPlacement(config) if config.law == "paper" else PendulumPlacement(config)
+    return PaperPlacement(config) if config.as_in_paper else PendulumPlacement(config)
 
 
 class PendulumPlacement:
