@@ -1,9 +1,9 @@
 """The weight that the legs are told to carry, compiled: how much, by which leg, with what torques.
 
 While the drives act at once, a leg is told to carry what its foot's force says. Where they act late
-on commands, by D, that throws it up at every step: the leg that lifts goes on pushing for D after
-the other one has landed, and it bounced from leg to leg at 40 ms. Then the weight goes over by the
-phase, for the moment at which the drives will act: over a time T from touchdown on,
+on commands, by D, the leg that lifts would go on pushing for D after the other one has landed. Then
+the weight goes over by the phase, for the moment at which the drives will act: over a time T from
+touchdown on,
 
     s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)
 
@@ -29,9 +29,8 @@ _GRAVITY = 9.81  # m/s^2
 def damped_weight(figure: Any, robot: Any, step: Any) -> float:
     """What the legs press with: the weight, less while the CoM rises off the ground's slope.
 
-    The knees' own damping has to be small (`config.JointGains`), and the body bounced on the legs:
-    backward at 0.9 m/s every other step was high and short, more and more. Where the drives act
-    late, the feet's force tells how fast the CoM will rise by then.
+    The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
+    the legs. Where the drives act late, the feet's force tells how fast the CoM will rise by then.
     """
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
     acceleration = (robot.force[0] + robot.force[1]) / figure.mass - _GRAVITY

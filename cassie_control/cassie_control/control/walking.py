@@ -48,11 +48,7 @@ class WalkingController:
     `planner.hold` leads back to the place.
 
     At a touchdown the legs' lengths go on from those desired, not from those measured: the knees
-    press by the difference, and with it gone the ground force fell by a quarter and rang at 16 Hz
-    in the leg springs, pushing 0.3 of itself to the side: too much for smooth ground. For the same
-    reason the weight is fed forward to both legs in proportion to their forces, less 50 N that
-    a bump may press with, and not to the loads, which saturate and handed half of the weight over
-    in 25 ms.
+    press by the difference. The weight is fed forward to both legs in proportion to their forces.
 
     Actuated joints follow eq:IK and eq:hdtilde (`control.drives`). Torso roll and pitch act
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
