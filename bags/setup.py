@@ -42,6 +42,7 @@ setup(
     extras_require={"parquet": ["pyarrow==26.0.1"], "test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
+            "cassie_bags = cassie_bags.__main__:main",
             "record = cassie_bags.ros.record:main",
             "robot = cassie_bags.ros.robot:main",
             "replay = cassie_bags.ros.replay:main",
