@@ -8,11 +8,104 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
-from cassie_sim.kernels import damp, drive_step, take_set_points
-from cassie_sim.plant_records import DRIVES_TYPE
+
+RecordArray = npt.NDArray[np.void]
+
+DRIVES_TYPE = np.dtype(
+    [
+        ("set_points", float, (5, 10)),  # rows torque, position, velocity, kp, kd
+        ("damping", float, 10),  # kd while damped, in Nms/rad
+        ("torque_limit", float, 10),  # in Nm
+        ("speed_limit", float, 10),  # without load, in rad/s
+        ("torque_constant", float, 10),  # real by nominal torque
+        ("applied", float, 10),  # torques that act now, in Nm
+        ("head", np.int64),  # row of the torques under way to fill next
+        ("age", np.int64),  # physics steps since the last valid command
+        ("timeout", np.int64),  # the same, after which the drives damp
+        ("powered", np.int64),
+        ("damped", np.int64),
+    ]
+)
+"""The ten drives, see `Drives`."""
+
+
+@compiled
+def take_set_points(
+    drives: RecordArray, command: FloatArray, low: FloatArray, high: FloatArray
+) -> bool:
+    """Take over the set-points of a command if they are within their limits; whether they are.
+
+    Args:
+        drives: `DRIVES_TYPE`.
+        command: Rows of `set_points`, one after the other; NaN is in no range. Shape (50,).
+        low, high: Limits of each row. Shape (5,).
+    """
+    drive = drives[0]
+    for i in range(50):
+        if not low[i // 10] <= command[i] <= high[i // 10]:
+            return False
+    for i in range(50):
+        drive.set_points[i // 10, i % 10] = command[i]
+    drive.age = 0
+    drive.damped = 0
+    return True
+
+
+@compiled
+def damp(drives: RecordArray) -> None:
+    """Replace the set-points by pure damping."""
+    drive = drives[0]
+    drive.set_points[:] = 0.0
+    drive.set_points[4] = drive.damping
+    drive.damped = 1
+
+
+@compiled
+def drive_step(
+    drives: RecordArray, pipeline: FloatArray, position: FloatArray, velocity: FloatArray
+) -> None:
+    """Watchdog, impedance law, torque-speed bound, delay and power of the ten drives.
+
+    Args:
+        drives: `DRIVES_TYPE`; `applied` gets the torques that act now.
+        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
+        position: Measured. Shape (10,), in rad.
+        velocity: Measured. Shape (10,), in rad/s.
+    """
+    drive = drives[0]
+    if drive.age >= drive.timeout and not drive.damped:
+        damp(drives)
+    drive.age += 1
+    head, rows = drive.head, pipeline.shape[0]
+    following = head + 1 if head + 1 < rows else 0
+    asked = drive.set_points
+    for i in range(10):
+        u = (
+            asked[0, i]
+            + asked[3, i] * (asked[1, i] - position[i])
+            + asked[4, i] * (asked[2, i] - velocity[i])
+        )
+        limit = drive.torque_limit[i]
+        bound = 2.0 * limit * (1.0 - abs(velocity[i]) / drive.speed_limit[i])
+        bound = max(0.0, min(limit, bound))
+        pipeline[head, i] = max(-bound, min(bound, u))
+        drive.applied[i] = pipeline[following, i] * drive.torque_constant[i]
+    drive.head = following
+    if not drive.powered:
+        pipeline[:] = 0.0
+        drive.applied[:] = 0.0
+
+
+@compiled
+def drive_steps(drives: RecordArray, pipeline: FloatArray, seen: FloatArray, steps: int) -> None:
+    """`drive_step` for the steps of `physics_steps`, which saw `seen`."""
+    for k in range(steps):
+        drive_step(drives, pipeline, seen[k, :10], seen[k, 10:])
+
 
 FloatArray = npt.NDArray[np.float64]
 

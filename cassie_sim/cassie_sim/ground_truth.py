@@ -5,9 +5,35 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.compiled import compiled
 from cassie_msgs.standard_messages import ODOMETRY, Writer
-from cassie_sim.kernels import write_odometry
 from cassie_sim.plant import Plant
+
+
+@compiled
+def write_odometry(
+    position: FloatArray, quaternion: FloatArray, twist: FloatArray, figures: FloatArray
+) -> None:
+    """Pose and twist of a nav_msgs/Odometry, the twist in the body's frame.
+
+    Args:
+        position: In the world. Shape (3,), in m.
+        quaternion: Body to world, w x y z, of length 1. Shape (4,).
+        twist: Linear velocity in the world (m/s), angular in the body (rad/s). Shape (6,).
+        figures: Result: position, orientation x y z w and its 36 covariances, twist and its.
+            Shape (85,); covariances stay as they are.
+    """
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    vx, vy, vz = twist[0], twist[1], twist[2]
+    tx, ty, tz = 2.0 * (vy * z - vz * y), 2.0 * (vz * x - vx * z), 2.0 * (vx * y - vy * x)
+    for k in range(3):
+        figures[k] = position[k]
+        figures[43 + 3 + k] = twist[3 + k]
+    figures[3], figures[4], figures[5], figures[6] = x, y, z, w
+    figures[43] = vx + w * tx + ty * z - tz * y
+    figures[44] = vy + w * ty + tz * x - tx * z
+    figures[45] = vz + w * tz + tx * y - ty * x
+
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,6 +5,10 @@ One control tick is `Plant.sense()` followed by `Plant.step(command)`. Everythin
 
 A torque acts 3 ms after the drives have set it, so the physics of a tick of 2 ms never waits for
 its command: `Plant.run_ahead()` in between makes it while the command is computed.
+
+A tick of Python costs more than its physics, so compiled code makes as many physics steps at once
+as pass without an event. Its arrays are changed in place; records are those of drives and sensors,
+in arrays of shape (1,).
 """
 
 from __future__ import annotations
@@ -15,22 +19,132 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.compiled import compiled
 from cassie_gaits.robot import DRIVE_DELAY
 from cassie_msgs.layout import MotorCommand, Sensors
-from cassie_sim.drives import Drives
+from cassie_sim.drives import Drives, RecordArray, drive_steps
 from cassie_sim.errors import CommandError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
-from cassie_sim.kernels import drive_steps, hand_over, physics_steps
-from cassie_sim.native import addresses, mj_step_address
+from cassie_sim.native import addresses, call, mj_step_address
 from cassie_sim.plant_config import PlantConfig, check_rates
 from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion
 from cassie_sim.segway_drive import SegwayDrive
-from cassie_sim.sensors import make_sensors
-from cassie_sim.snapshot import Snapshot
+from cassie_sim.sensors import IdealSensors, make_sensors, observe
+
+IntArray = npt.NDArray[np.int64]
+
+BATTERY = (72.0, 1.0)
+"""Voltage in V and state of charge, which the simulation keeps."""
+
+_SECOND = 1_000_000_000  # in ns
+
+
+@compiled
+def physics_steps(
+    step: int,
+    model: int,
+    data: int,
+    steps: int,
+    qpos: FloatArray,
+    qvel: FloatArray,
+    ctrl: FloatArray,
+    quaternion: FloatArray,
+    imu: FloatArray,
+    q_indices: IntArray,
+    v_indices: IntArray,
+    drives: RecordArray,
+    pipeline: FloatArray,
+    sensors: RecordArray,
+    attitudes: FloatArray,
+    noise: FloatArray,
+    seen: FloatArray,
+) -> None:
+    """Physics and sensors for some physics steps, with the torques under way.
+
+    What the drives make of these steps, `drive_steps`, acts only after them.
+
+    Args:
+        step: Address of MuJoCo's `mj_step`.
+        model, data: Addresses of its model and data.
+        steps: How many; at most as long as a torque takes.
+        qpos, qvel, ctrl: Of `data`.
+        quaternion, imu: In `data`, see `observe`.
+        q_indices, v_indices: Where drives and joints are in `qpos` and `qvel`. Shape (16,).
+        drives, pipeline: See `drive_steps`; not changed.
+        sensors, attitudes, noise: See `observe`.
+        seen: Result: what the drives measure before each step, position in rad, then velocity in
+            rad/s. Shape (n, 20).
+    """
+    drive, sensor, rows = drives[0], sensors[0], pipeline.shape[0]
+    angles, rates = np.empty(16), np.empty(16)
+    for k in range(steps):
+        row = (drive.head + 1 + k) % rows
+        for i in range(10):
+            seen[k, i] = sensor.position[i]
+            seen[k, 10 + i] = sensor.velocity[i]
+            ctrl[i] = pipeline[row, i] * drive.torque_constant[i] if drive.powered else 0.0
+        call(step, model, data)
+        for i in range(16):
+            angles[i] = qpos[q_indices[i]]
+            rates[i] = qvel[v_indices[i]]
+        observe(sensors, attitudes, noise, angles, rates, quaternion, imu)
+
+
+@compiled
+def hand_over(
+    drives: RecordArray, seq: int, episode: int, stamp: int, samples: RecordArray
+) -> None:
+    """What belongs to a sample besides what is measured.
+
+    Args:
+        drives: `DRIVES_TYPE`.
+        seq, episode: Of the sample.
+        stamp: Robot time. In ns.
+        samples: Result, `Sensors.record`. Shape (1,).
+    """
+    drive, sample = drives[0], samples[0]
+    sample.sec, sample.nanosec = stamp // _SECOND, stamp % _SECOND
+    sample.episode, sample.seq = episode, seq
+    for i in range(10):
+        sample.drive_torque[i] = drive.applied[i]
+    sample.power, sample.damping = drive.powered, drive.damped
+    sample.battery[0], sample.battery[1] = BATTERY
+
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class Snapshot:
+    """State of physics and sensors at one moment.
+
+    Args:
+        model, data: Whose physics.
+        robot: Views of `data`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: Readings) -> None:
+        self._model, self._data, self._robot = model, data, robot
+        self._state = np.zeros(mujoco.mj_stateSize(model, _STATE))
+        self._rotation = np.zeros(9)
+
+    def take(self, sensors: IdealSensors) -> None:
+        """Keep the present state."""
+        mujoco.mj_getState(self._model, self._data, self._state, _STATE)
+        self._rotation[:] = self._robot.rotation  # of the last kinematics, which is a step behind
+        self._records = sensors.records.copy()
+        self._attitudes = sensors.attitudes.copy()
+
+    def restore(self, sensors: IdealSensors) -> None:
+        """Go back to the state that was kept."""
+        mujoco.mj_setState(self._model, self._data, self._state, _STATE)
+        self._robot.rotation[:] = self._rotation
+        sensors.records[:] = self._records
+        sensors.attitudes[:] = self._attitudes
+
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,16 +9,182 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
 from cassie_msgs.layout import Sensors
-from cassie_sim.kernels import observe, write_sample
-from cassie_sim.plant_records import SENSORS_TYPE
+from cassie_sim.drives import RecordArray
 from cassie_sim.scenario import Draw
+
+TAPS = 9
+"""Length of the drives' velocity filter, in physics steps."""
+
+SENSORS_TYPE = np.dtype(
+    [
+        ("position", float, 10),  # of the drives as measured, in rad
+        ("velocity", float, 10),  # in rad/s
+        ("joints", float, 6),  # shin, tarsus, toe of both legs as measured, in rad
+        ("joint_rates", float, 6),  # in rad/s
+        ("imu", float, 6),  # sums since the last sample: rad/s, m/s^2
+        ("count", np.int64),  # of what is in these sums
+        ("faithful", np.int64),  # whether the encoders count; the truth else
+        ("counts_per_rad", float, 10),
+        ("joint_counts_per_rad", float, 6),
+        ("taps", float, TAPS),  # velocity filter of the drives, newest first, in 1/s
+        ("counts", float, (TAPS, 10)),  # ring of the last counts
+        ("newest", np.int64),  # its row
+        ("b", float, 4),  # velocity filter of the joints, feed-forward, in 1/s
+        ("a", float, 2),  # the same, feedback after the leading 1
+        ("joint_x", float, (4, 6)),  # last readings, newest first, in rad
+        ("joint_y", float, (2, 6)),  # last velocities, newest first, in rad/s
+        ("noise_row", np.int64),  # of the joints' noise to add next
+        ("attitude_row", np.int64),  # of the newest attitude
+        ("attitude_bias", float, 2),  # roll and pitch error, in rad
+        ("wander", float, 2),  # slow roll and pitch error, in rad
+        ("wander_decay", float),  # of it from sample to sample
+        ("wander_sigma", float),  # what comes to it, in rad
+        ("yaw_drift", float),  # in rad/s
+        ("time", float),  # since the start, in s
+        ("period", float),  # between samples, in s
+        ("imu_sigma", float, 6),  # noise of a sample: rad/s, m/s^2
+        ("imu_bias", float, 6),
+    ]
+)
+"""Encoders, their filters and the IMU, see `sensors`."""
+
+
+@compiled
+def _count_drives(sensor: Any, position: FloatArray) -> None:
+    """Encoders of the drives: count, truncate toward zero, filter the velocity."""
+    newest = sensor.newest + 1 if sensor.newest + 1 < sensor.taps.shape[0] else 0
+    for i in range(10):
+        per_rad = sensor.counts_per_rad[i]
+        count = math.trunc(position[i] * per_rad)
+        sensor.counts[newest, i] = count
+        sensor.position[i] = count / per_rad
+        total, row = 0.0, newest
+        for k in range(sensor.taps.shape[0]):
+            total += sensor.taps[k] * sensor.counts[row, i]
+            row = row - 1 if row > 0 else sensor.taps.shape[0] - 1
+        sensor.velocity[i] = total / per_rad
+    sensor.newest = newest
+
+
+@compiled
+def _count_joints(sensor: Any, joints: FloatArray, noise: FloatArray) -> None:
+    """Encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter."""
+    x, y, a, b = sensor.joint_x, sensor.joint_y, sensor.a, sensor.b
+    for i in range(6):
+        per_rad = sensor.joint_counts_per_rad[i]
+        x[3, i] = x[2, i]
+        x[2, i] = x[1, i]
+        x[1, i] = x[0, i]
+        x[0, i] = math.trunc((joints[i] + noise[i]) * per_rad) / per_rad
+        new = b[0] * x[0, i] + b[1] * x[1, i] + b[2] * x[2, i] + b[3] * x[3, i]
+        new -= a[0] * y[0, i] + a[1] * y[1, i]
+        y[1, i] = y[0, i]
+        y[0, i] = new
+        sensor.joints[i] = x[0, i]
+        sensor.joint_rates[i] = new
+
+
+@compiled
+def observe(
+    sensors: RecordArray,
+    attitudes: FloatArray,
+    noise: FloatArray,
+    angles: FloatArray,
+    rates: FloatArray,
+    quaternion: FloatArray,
+    imu: FloatArray,
+) -> None:
+    """Take in one physics step.
+
+    Args:
+        sensors: `SENSORS_TYPE`.
+        attitudes: Ring of the last orientations, w x y z. Shape (delay + 1, 4).
+        noise: To add to the joints, one row a physics step. Shape (n, 6), in rad.
+        angles: Of drives, then of shin, tarsus and toe. Shape (16,), in rad.
+        rates: Theirs. Shape (16,), in rad/s.
+        quaternion: Pelvis to world, w x y z. Shape (4,).
+        imu: Angular velocity and specific force, pelvis frame. Shape (6,), rad/s and m/s^2.
+    """
+    sensor = sensors[0]
+    if sensor.faithful:
+        _count_drives(sensor, angles[:10])
+        _count_joints(sensor, angles[10:], noise[sensor.noise_row])
+        sensor.noise_row += 1
+    else:
+        sensor.position[:] = angles[:10]
+        sensor.velocity[:] = rates[:10]
+        sensor.joints[:] = angles[10:]
+        sensor.joint_rates[:] = rates[10:]
+    row = sensor.attitude_row + 1 if sensor.attitude_row + 1 < attitudes.shape[0] else 0
+    sensor.attitude_row = row
+    attitudes[row] = quaternion
+    for i in range(6):
+        sensor.imu[i] += imu[i]
+    sensor.count += 1
+
+
+@compiled
+def write_sample(
+    sensors: RecordArray, attitudes: FloatArray, noise: FloatArray, samples: RecordArray
+) -> None:
+    """The measured fields of a sample; begins the next interval of the IMU's means.
+
+    Args:
+        sensors, attitudes: See `observe`.
+        noise: Standard normal: angular velocity, acceleration, roll, pitch. Shape (8,).
+        samples: Result, `Sensors.record`. Shape (1,).
+    """
+    sensor, sample = sensors[0], samples[0]
+    sample.drive_position[:] = sensor.position
+    sample.drive_velocity[:] = sensor.velocity
+    sample.joint_position[:] = sensor.joints
+    sample.joint_velocity[:] = sensor.joint_rates
+    oldest = sensor.attitude_row + 1 if sensor.attitude_row + 1 < attitudes.shape[0] else 0
+    _write_attitude(sensor, attitudes[oldest], noise[6:], sample.orientation)
+    share = 1.0 / max(sensor.count, 1)
+    for i in range(3):
+        for k, out in ((i, sample.angular_velocity), (3 + i, sample.linear_acceleration)):
+            error = noise[k] * sensor.imu_sigma[k] + sensor.imu_bias[k]
+            out[i] = sensor.imu[k] * share + error
+    sensor.imu[:] = 0.0
+    sensor.count = 0
+
+
+@compiled
+def _write_attitude(
+    sensor: Any, quaternion: FloatArray, noise: FloatArray, orientation: FloatArray
+) -> None:
+    """Orientation x y z w with the errors of the attitude filter; without any, the truth."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    if sensor.faithful:
+        sensor.time += sensor.period
+        for i in range(2):
+            sensor.wander[i] *= sensor.wander_decay
+            sensor.wander[i] += sensor.wander_sigma * noise[i]
+        roll = 0.5 * (sensor.attitude_bias[0] + sensor.wander[0])
+        pitch = 0.5 * (sensor.attitude_bias[1] + sensor.wander[1])
+        yaw = 0.5 * sensor.yaw_drift * sensor.time
+        # Tilt errors act in the pelvis frame (right), the yaw error in the world (left).
+        w, x, y, z = (
+            w - x * roll - y * pitch,
+            x + w * roll - z * pitch,
+            y + w * pitch + z * roll,
+            z + x * pitch - y * roll,
+        )
+        w, x, y, z = w - yaw * z, x - yaw * y, y + yaw * x, z + yaw * w
+        scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w * scale, x * scale, y * scale, z * scale
+    orientation[0], orientation[1], orientation[2], orientation[3] = x, y, z, w
+
 
 FloatArray = npt.NDArray[np.float64]
 
