@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import multiprocessing
+import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -13,6 +14,11 @@ from concurrent.futures.process import BrokenProcessPool
 from cassie_gaits.errors import GaitLibraryError
 
 _PARENT_DIES = 1  # PR_SET_PDEATHSIG
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 
 def positive(word: str) -> int:
@@ -46,3 +47,36 @@ def number(word: str) -> float:
         return float(word)
     except ValueError:
         return float("nan")
+
+
+def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> None:
+    """Option `--jobs`: on how many processes it is computed.
+
+    Args:
+        parser: Of the command.
+        elsewhere: With `--scheduler`, for those that other computers may help.
+    """
+    parser.add_argument(
+        "--jobs", type=positive, metavar="N", help="processes (default: one for each core)"
+    )
+    if elsewhere:
+        parser.add_argument(
+            "--scheduler", metavar="ADDRESS", help="of a Dask cluster to compute on, in their place"
+        )
+
+
+def add_seeds(parser: argparse.ArgumentParser, default: int, use: str) -> None:
+    """Option `--seeds`: how many drawn robots, from 1 on."""
+    words = f"robots {use}, drawn by seeds 1 to N (default {default})"
+    parser.add_argument("--seeds", type=positive, default=default, metavar="N", help=words)
+
+
+def add_out(parser: argparse.ArgumentParser, command: str) -> None:
+    """Option `--out`: the folder of results."""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("build", command),
+        metavar="FOLDER",
+        help=f"folder to write to (default build/{command})",
+    )

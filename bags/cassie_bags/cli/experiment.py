@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import count, positive
+from cassie_bags.cli.arguments import add_jobs, count
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -67,9 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
     parser.add_argument("--no-video", action="store_true", help="with --out: no video")
-    parser.add_argument(
-        "--jobs", type=positive, default=None, help="processes; one for each core (--in-process)"
-    )
+    add_jobs(parser)
     parser.add_argument(
         "--sweeps",
         type=Path,

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import count, positive
+from cassie_bags.cli.arguments import add_jobs, count, positive
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -35,7 +35,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--first", type=count, default=0, help="number of the first: draws moment and robot"
     )
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
+    add_jobs(parser)
     parser.add_argument(
         "--write", type=Path, metavar="README", help="write the table into a README and play none"
     )

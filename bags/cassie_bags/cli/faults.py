@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.arguments import count, positive
+from cassie_bags.cli.arguments import add_jobs, count
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -34,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--modes", nargs="+", metavar="MODE", help="standing, walking; both")
     parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
+    add_jobs(parser)
     return parser
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cassie_bags.cli.arguments import add_jobs
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -40,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
         help="read bags that the command experiments left here, in place of making these runs",
     )
     parser.add_argument("--file", type=Path, default=None, help="of fingerprints (the package's)")
-    parser.add_argument("--jobs", type=int, default=None, help="processes; one for each core")
+    add_jobs(parser)
     return parser
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import positive, seconds
+from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, positive, seconds
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -29,7 +29,7 @@ def _parser() -> argparse.ArgumentParser:
         "their mean is kept and held against walking without it, by robots not seen before.",
         epilog=exit_codes("done", "tracking or falls got worse at a speed"),
     )
-    parser.add_argument("--robots", type=positive, default=4, help="to learn with, from seed 1")
+    add_seeds(parser, 4, "to learn with")
     parser.add_argument("--rounds", type=positive, default=2, help="each from the mean before")
     parser.add_argument("--seconds", type=seconds, default=10.0, help="learned at each speed")
     parser.add_argument("--held-out", type=positive, default=3, help="other robots to report on")
@@ -37,11 +37,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--speeds", type=float, nargs="+", default=None, help="in m/s")
     parser.add_argument("--begin", type=Path, default=None, metavar="FILE", help="learn on from it")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
-    parser.add_argument(
-        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
-    )
-    parser.add_argument("--out", type=Path, default=Path("build/learn"), help="folder to write to")
+    add_jobs(parser, elsewhere=True)
+    add_out(parser, "learn_torques")
     return parser
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import count, positive
+from cassie_bags.cli.arguments import add_jobs, count
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         "--seed", type=count, default=0, help="robot and noise drawn (default 0, the nominal robot)"
     )
     add("--impulse", type=float, default=4.0, help="of each push, N s (default 4)")
-    add("--jobs", type=positive, default=1, help="processes at a time (default 1)")
+    add_jobs(parser)
     add("--out", type=Path, metavar="FOLDER", help="draw the decay there: return_map.png")
     add("--allow-uncertified", action="store_true", help="take a library without certificates")
     return parser

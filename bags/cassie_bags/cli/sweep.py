@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from cassie_bags.cli.arguments import count, positive, seconds
+from cassie_bags.cli.arguments import add_jobs, add_out, count, positive, seconds
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -34,11 +33,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--resume", action="store_true", help="leave out what stands in --out already"
     )
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
-    parser.add_argument(
-        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
-    )
-    parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
+    add_jobs(parser, elsewhere=True)
+    add_out(parser, "sweeps")
     return parser
 
 

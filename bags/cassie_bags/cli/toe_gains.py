@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from cassie_bags.cli.arguments import positive
+from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -30,9 +29,9 @@ def _parser() -> argparse.ArgumentParser:
         "and stiffer platforms; print how much the platform shakes and draw toe_gains.png.",
         epilog=exit_codes("the nominal gains shake it three times as much", "they do not"),
     )
-    parser.add_argument("--seeds", type=positive, default=3, help="robots, from 1 on (3)")
-    parser.add_argument("--jobs", type=positive, help="processes (one for each processor)")
-    parser.add_argument("--out", type=Path, default=Path("toe_gains"), help="folder (toe_gains)")
+    add_seeds(parser, 3, "tried")
+    add_jobs(parser)
+    add_out(parser, "toe_gains")
     return parser
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import count, number, positive
+from cassie_bags.cli.arguments import add_jobs, add_out, count, number, positive
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -64,13 +64,8 @@ def _parser() -> argparse.ArgumentParser:
         help="for every run; controller parameters given so are where the search begins",
     )
     parser.add_argument("--resume", action="store_true", help="go on with the search in --out")
-    parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
-    parser.add_argument(
-        "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("build/tune"), help="folder to write to (%(default)s)"
-    )
+    add_jobs(parser, elsewhere=True)
+    add_out(parser, "tune")
     return parser
 
 

@@ -23,8 +23,8 @@ from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Loop
 from cassie_bags.studies.copies import in_copies
-from cassie_bags.studies.workers import available_cores
 from cassie_control.estimator.channels import CHANNELS
+from cassie_gaits.processes import available_cores
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.events import ActiveFault

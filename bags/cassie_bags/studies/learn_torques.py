@@ -95,10 +95,10 @@ def _begin(arguments: argparse.Namespace) -> LearnedTorques:
 
 def _learn(learned: LearnedTorques, arguments: argparse.Namespace, crew: Workers) -> LearnedTorques:
     """Rounds in which each robot learns on from the mean of all."""
-    seeds = range(1, arguments.robots + 1)
+    seeds = range(1, arguments.seeds + 1)
     changes = tuple(arguments.set)
-    print(f"learning by robots of seeds 1 to {arguments.robots}", file=sys.stderr)
-    total = arguments.rounds * arguments.robots * len(learned.speeds)
+    print(f"learning by robots of seeds 1 to {arguments.seeds}", file=sys.stderr)
+    total = arguments.rounds * arguments.seeds * len(learned.speeds)
     with tqdm(total=total, unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
         for number in range(1, arguments.rounds + 1):
             outcomes = []

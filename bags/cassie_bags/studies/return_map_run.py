@@ -25,6 +25,7 @@ from cassie_bags.studies.return_map import (
 )
 from cassie_bags.studies.return_map_fit import DECAYED, decay, steps_to_decay
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
+from cassie_gaits.processes import available_cores
 
 ACROSS = 5
 """Most panels of the picture beside each other."""
@@ -43,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.file is not None:
         options.file = library_path(options.file)
-    speeds = _speeds(options)
+    speeds, jobs = _speeds(options), options.jobs or available_cores()
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
     print(f"seed {options.seed}, pushes of {options.impulse:g} N s; d: see --help", flush=True)
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         for speed in speeds:
             experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
             try:
-                one = measure(experiment, speed, options.impulse, STEPS, options.jobs, bar.update)
+                one = measure(experiment, speed, options.impulse, STEPS, jobs, bar.update)
             except RunError as error:
                 failed += 1
                 bar.write(f"| {speed:g} | {error} |", file=sys.stdout)

@@ -20,6 +20,7 @@ from multiprocessing import get_context
 from typing import Any, Protocol, TypeVar
 
 from cassie_bags.errors import RunError
+from cassie_gaits.processes import available_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -230,11 +231,6 @@ def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
     while pending:
         done, pending = wait(pending, 0.5, FIRST_COMPLETED)
         yield from done
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def obey_parent() -> None:

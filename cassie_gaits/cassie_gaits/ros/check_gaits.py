@@ -27,7 +27,7 @@ from cassie_gaits.gait_library_file import (
     save_library,
 )
 from cassie_gaits.model_hash import model_hash
-from cassie_gaits.processes import local_processes
+from cassie_gaits.processes import available_cores, local_processes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="check_gaits", description=__doc__)
     named = f"library to check: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=library_path, metavar="FILE", help=named)
-    parser.add_argument("--jobs", type=int, default=2, help="local processes")
+    jobs = "processes (default: one for each core)"
+    parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
     parser.add_argument("--certify", action="store_true", help="write certificates into the file")
     options = parser.parse_args(given)
     try:

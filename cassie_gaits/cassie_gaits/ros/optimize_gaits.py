@@ -29,7 +29,7 @@ from cassie_gaits.optimize.library import Result, find
 from cassie_gaits.optimize.partial_file import Found, PartialFile
 from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
-from cassie_gaits.processes import local_processes
+from cassie_gaits.processes import available_cores, local_processes
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Of the seven gaits of the paper. In m/s."""
@@ -96,7 +96,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--detour", type=float, default=0.03, help="of the swing foot, fore and aft, m")
     add("--table-only", action="store_true", help="the last seven as wide as the paper's table")
     add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
-    add("--jobs", type=int, default=2, help="local processes")
+    jobs = "processes (default: one for each core)"
+    add("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
     add("--scheduler", help="address of a Dask scheduler, in place of local processes")
     add("--resume", action="store_true", help="take over what a run that was stopped has found")
     add("--import", dest="mat", type=Path, metavar="FILE.mat", help="FROST-style library to import")
