@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.sweep.measure import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import datetime
+import shlex
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.picture import draw
@@ -28,8 +31,13 @@ MEASURED, PAPERS = "measured", "paper's law"
 """Names of variants."""
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure rows; returns the exit code."""
+def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
+    """Measure rows; returns the exit code.
+
+    Args:
+        arguments: Of the command line.
+        now: Time of the wall clock, which is noted with the results.
+    """
     if arguments.list:
         for row in all_rows():
             print(f"{row.name:24} {row.title}")
@@ -40,11 +48,38 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.compare = arguments.compare or PAPER_LAW
     rows = chosen_rows(arguments.rows)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    results = _measure(rows, arguments)
+    results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), now))
     return 0 if all(results[MEASURED][row.name].met for row in rows) else 1
 
 
-def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
+def command(arguments: argparse.Namespace) -> str:
+    """The command that measures the same again, without what does not change the figures."""
+    words = [*arguments.rows, "--seeds", arguments.seeds, "--phases", arguments.phases]
+    words += ["--seconds", f"{arguments.seconds:g}"]
+    words += [] if arguments.beyond is None else ["--beyond", arguments.beyond]
+    for change in arguments.set:
+        words += ["--set", change]
+    if arguments.no_compare:
+        words.append("--no-compare")
+    else:
+        words += [] if arguments.compare == PAPER_LAW else ["--compare", arguments.compare]
+        few = arguments.compare_seeds
+        words += [] if few is None else ["--compare-seeds", few]
+    return shlex.join(["ros2", "run", "cassie_bags", "sweep", *map(str, words)])
+
+
+def seeds(arguments: argparse.Namespace) -> str:
+    """Which robots are drawn."""
+    text = f"1 to {arguments.seeds}"
+    fewer = arguments.compare_seeds or arguments.seeds
+    if not arguments.no_compare and fewer < arguments.seeds:
+        text += f", compared with 1 to {fewer}"
+    return text
+
+
+def _measure(
+    rows: list[Row], arguments: argparse.Namespace, made: Origin
+) -> dict[str, dict[str, RowResult]]:
     """Measure rows, each with every variant; what there is is kept after each row."""
     own = spelled_out(arguments.set)
     variants: dict[str, tuple[str, ...]] = {MEASURED: own}
@@ -74,7 +109,7 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
     ]
     try:
         for row, name, result in _measured(open_rows, arguments):
-            results[name][row.name] = result
+            results[name][row.name] = dataclasses.replace(result, origin=made)
             save(kept, every, results, budget)
     finally:
         if measured := _done(rows, results):
