@@ -40,6 +40,13 @@ def _parser() -> argparse.ArgumentParser:
         "--scheduler", default=None, metavar="ADDRESS", help="of a Dask cluster to compute on"
     )
     parser.add_argument("--out", type=Path, default=Path("build/sweeps"), help="folder to write to")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=None,
+        metavar="FILE.md",
+        help="put the rows into this file of results, too; those that it has are replaced",
+    )
     return parser
 
 

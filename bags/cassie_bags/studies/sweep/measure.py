@@ -10,6 +10,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -18,8 +19,18 @@ from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.picture import draw
+from cassie_bags.studies.sweep.results_file import merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
-from cassie_bags.studies.sweep.table import all_rows, cell, chosen_rows, load, save, table
+from cassie_bags.studies.sweep.table import (
+    StoredRow,
+    all_rows,
+    cell,
+    chosen_rows,
+    load,
+    read_rows,
+    save,
+    table,
+)
 from cassie_bags.studies.trial import experiment_of
 from cassie_bags.studies.workers import Remembering, Workers, completed, workers
 
@@ -47,6 +58,8 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
             setattr(arguments, name, value)
     arguments.compare = arguments.compare or PAPER_LAW
     rows = chosen_rows(arguments.rows)
+    if arguments.results is not None:
+        _check_mergeable(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), now))
     return 0 if all(results[MEASURED][row.name].met for row in rows) else 1
@@ -70,11 +83,15 @@ def command(arguments: argparse.Namespace) -> str:
 
 def seeds(arguments: argparse.Namespace) -> str:
     """Which robots are drawn."""
-    text = f"1 to {arguments.seeds}"
+
+    def up_to(last: int) -> str:
+        return f"1 to {last}" if last > 1 else "1"
+
     fewer = arguments.compare_seeds or arguments.seeds
-    if not arguments.no_compare and fewer < arguments.seeds:
-        text += f", compared with 1 to {fewer}"
-    return text
+    if arguments.no_compare or fewer >= arguments.seeds:
+        return up_to(arguments.seeds)
+    name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
+    return f"{up_to(arguments.seeds)}; {name} {up_to(fewer)}"
 
 
 def _measure(
@@ -116,8 +133,30 @@ def _measure(
             print(table(measured, results))
         if done := _done(every, results):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
-            draw(arguments.out / "sweeps.png", done, results)
+            stored = read_rows(kept)
+            _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
+            draw(arguments.out / "sweeps.png", stored)
+    if arguments.results is not None:
+        _merge(arguments.results, _text(arguments.results), read_rows(kept))
     return results
+
+
+def _merge(path: Path, text: str, stored: list[StoredRow]) -> None:
+    """Write a file of results: a text with rows put in."""
+    path.write_text(merge(text, stored, [row.title for row in all_rows()]), "utf-8")
+
+
+def _check_mergeable(arguments: argparse.Namespace) -> None:
+    """Raise unless these results may go into a file of results, and that can take them."""
+    if arguments.set or arguments.compare != PAPER_LAW:
+        raise ExperimentError("--results takes the robot as it is: leave out --set and --compare")
+    if not arguments.results.parent.is_dir():
+        raise ExperimentError(f"{arguments.results}: there is no such folder")
+    merge(_text(arguments.results), [], [])
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
 
 
 def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row]:

@@ -64,12 +64,19 @@ def cell(result: RowResult | None) -> str:
         return "-"
     if result.problem:
         return result.problem
+    value, falls = reached(result)
+    return f"{value} {'yes' if result.met else 'no'} {falls}"
+
+
+def reached(result: RowResult) -> tuple[str, str]:
+    """The figure of a row and its falls; or why it could not be measured, and nothing."""
+    if result.problem:
+        return result.problem, ""
     tried = {level.level: level for level in result.levels}
     fell = sum(level.fell for level in tried.values())
     runs = sum(level.run for level in tried.values())
     value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
-    verdict = "yes" if result.met else "no"
-    return f"{value} {verdict} ({fell} of {runs} fell)"
+    return value, f"({fell} of {runs} fell)"
 
 
 def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
