@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
 from cassie_bags.studies.sweep.row import RowResult
@@ -48,12 +48,15 @@ class _Around:
 _AROUND = (
     _Around("Pushes, stepping in place (Ns)", {"push_in_place": ""}),
     _Around("Pushes, walking at 0.5 m/s (Ns)", {"push_walking": ""}),
-    _Around("Pushes, standing (Ns)", {"stand_recovery": "with steps", "stand_push": "without"}),
+    _Around(
+        "Pushes, standing (Ns)", {"stand_recovery": "with steps", "stand_push": "without a step"}
+    ),
     _Around(
         "Ground that rises, standing (deg)", {"stand_slope": "slope", "stand_tilting": "tilts"}
     ),
 )
 _LINES = ("-", "--")  # of the kinds
+_WIDEST = 90.0  # deg between directions that a line joins
 _COMPASS = ((0.0, "fore"), (90.0, "left"), (180.0, "aft"), (270.0, "right"))
 
 _GROUNDS = {
@@ -103,7 +106,7 @@ def draw(path: Path, rows: Sequence[StoredRow]) -> None:
 def compose(rows: Sequence[StoredRow]) -> Figure | None:
     """The picture of results, without panels for which there are none; None without any panel."""
     around = [panel for panel in _AROUND if any(row.group in panel.kinds for row in rows)]
-    speeds = [row for row in rows if row.group in _SPEEDS and _runs(row)]
+    speeds = [row for row in rows if row.group in _SPEEDS and _commands_speed(row)]
     grounds = [
         (title, shown)
         for title, names in _GROUNDS.items()
@@ -133,8 +136,9 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
     return figure
 
 
-def _runs(row: StoredRow) -> bool:
-    return any(level.run for result in row.results.values() for level in result.levels)
+def _commands_speed(row: StoredRow) -> bool:
+    levels = (level for result in row.results.values() for level in result.levels)
+    return any(level.achieved is not None for level in levels)
 
 
 def _legend(strip: SubFigure, colours: Mapping[str, str]) -> None:
@@ -188,8 +192,7 @@ def _draw_around(
         for group, style in zip(kinds, _LINES, strict=False):
             shown = sorted((row for row in rows if row.group == group), key=_angle)
             _draw_directions(axis, shown, style, colours)
-        axis.set_ylim(0.0)
-        axis.locator_params(axis="y", nbins=4)
+        _set_rings(axis, [row for row in rows if row.group in kinds])
         if len(kinds) > 1:
             handles = [
                 Line2D([], [], color=DARK, linestyle=style)
@@ -202,6 +205,17 @@ def _draw_around(
             )  # fmt: skip
 
 
+def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
+    """Few rings with numbers, out to the strongest that was survived or asked for."""
+    limits = [_limit(result) for row in rows for result in row.results.values()]
+    most = max(*limits, *(row.target for row in rows))
+    rings = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
+    axis.set_ylim(0.0, 1.08 * most)
+    axis.set_yticks([ring for ring in rings if 0.0 < ring <= 1.08 * most])
+    for label in axis.get_yticklabels():
+        label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8})
+
+
 def _angle(row: StoredRow) -> float:
     return DIRECTIONS[row.name.partition(".")[2]] % 360.0
 
@@ -209,24 +223,30 @@ def _angle(row: StoredRow) -> float:
 def _draw_directions(
     axis: PolarAxes, rows: Sequence[StoredRow], style: str, colours: Mapping[str, str]
 ) -> None:
-    """Limits of one kind by direction, of each variant; a ring where they surround the robot."""
+    """Limits of one kind by direction, of each variant."""
     _ring(axis, [(_angle(row), row.target) for row in rows], color=DARK, linestyle=":", lw=0.9)
-    for name, colour in colours.items():
+    for index, (name, colour) in enumerate(colours.items()):
+        thick = 1.0 if index else 2.0  # so that both show where one lies on the other
         found = [(row, row.results[name]) for row in rows if name in row.results]
         points = [(_angle(row), _limit(result)) for row, result in found]
-        _ring(axis, points, color=colour, linestyle=style, lw=1.3)
+        _ring(axis, points, color=colour, linestyle=style, lw=1.1 * thick)
         for (angle, value), (_, result) in zip(points, found, strict=True):
             face = "white" if result.open_ended else colour
             axis.plot(
                 math.radians(angle), value, "o", color=colour, markerfacecolor=face,
-                markersize=4, clip_on=False, zorder=3,
+                markersize=2.5 + 1.8 * thick, clip_on=False, zorder=3,
             )  # fmt: skip
 
 
 def _ring(axis: PolarAxes, points: Sequence[tuple[float, float]], **looks: object) -> None:
-    closed = [*points, points[0]] if len(points) > 2 else points
-    angles = [math.radians(angle) for angle, _ in closed]
-    axis.plot(angles, [value for _, value in closed], **looks)  # type: ignore[arg-type]
+    """A line through points by angle (deg); none between those farther apart than a quarter."""
+    line: list[tuple[float, float]] = []
+    for (angle, value), (following, _) in zip(points, [*points[1:], *points[:1]], strict=True):
+        gap = (following - angle) % 360.0 or 360.0
+        line += [(angle, value)] if gap <= _WIDEST else [(angle, value), (angle, math.nan)]
+    line += points[:1]
+    angles = [math.radians(angle) for angle, _ in line]
+    axis.plot(angles, [value for _, value in line], **looks)  # type: ignore[arg-type]
 
 
 def _limit(result: RowResult) -> float:
@@ -260,7 +280,7 @@ def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
         sign = -1.0 if row.name == "top_speed.backward" else 1.0
         tolerance = None if row.group == "top_speed" else row.target
         for level in result.levels if result else ():
-            speeds = [sign * speed for speed in level.achieved]
+            speeds = [sign * speed for speed in level.achieved or ()]
             commanded = sign * level.level
             yield _Reached(_SPEEDS[row.group], commanded, speeds, level.fell, tolerance)
 
@@ -273,7 +293,7 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
     ends = min(p.commanded for p in every) - 0.1, max(p.commanded for p in every) + 0.1
     above.plot(ends, ends, color=DARK, linestyle=":", lw=0.9)
     above.set_xlim(*ends)
-    above.set_title("Speed: robots' mean, least and greatest", fontsize=9)
+    above.set_title("Speed: slowest, mean and fastest robot", fontsize=9)
     above.set_ylabel("achieved (m/s)", fontsize=_SMALL + 0.5)
     below.set_ylabel("difference (cm/s)", fontsize=_SMALL + 0.5)
     below.set_xlabel("commanded (m/s)", fontsize=_SMALL + 0.5)
@@ -296,11 +316,14 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
             if point.fell:
                 place = -_LARGEST * (0.75 if index else 0.45)
                 below.plot(point.commanded, place, "x", color=colour, markersize=5, clip_on=False)
-    handles = [
+    handles: list[Line2D | Patch] = [
         Line2D([], [], color=DARK, linestyle="", marker=marker, markersize=4)
         for marker in ("o", "s", "x")
     ]
     words = ["forward, backward", "to the side", "a robot fell"]
+    if tolerances:
+        handles.append(Patch(color=_SHADE))
+        words.append("tolerance")
     above.legend(handles, words, loc="upper left", fontsize=_SMALL)
 
 

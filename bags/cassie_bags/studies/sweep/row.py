@@ -72,8 +72,8 @@ class Level:
         mean: Their mean.
         passed: Whether the level holds.
         missed: Seeds of the trials that did not hold, in the order they ended.
-        achieved: Speed of each trial that did not fall, in the order of the trials, if the level
-            commands a speed. In m/s.
+        achieved: Speed of each trial that did not fall, in the order of the trials; None if the
+            level commands no speed. In m/s.
     """
 
     level: float
@@ -85,7 +85,7 @@ class Level:
     mean: float
     passed: bool
     missed: Sequence[int] = ()
-    achieved: Sequence[float] = ()
+    achieved: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def measure_level(
     worst = (min if row.at_least else max)(figures, default=math.nan)
     mean = sum(figures) / len(figures) if figures else math.nan
     passed = held >= needed
-    speeds = [achieved[index] for index in sorted(achieved)]
+    speeds = None if row.achieved is None else [achieved[index] for index in sorted(achieved)]
     return Level(level, len(trials), done, held, fell, worst, mean, passed, missed, speeds)
 
 
