@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from cassie_bags.cli.arguments import count, positive
 from cassie_bags.cli.frame import exit_codes, play
@@ -18,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.faults import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -35,6 +37,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--modes", nargs="+", metavar="MODE", help="standing, walking; both")
     parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
     parser.add_argument("--jobs", type=positive, default=None, help="processes; one for each core")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=None,
+        metavar="FILE.md",
+        help="put the table into this file of results, too: all channels, kinds and modes",
+    )
     return parser
 
 

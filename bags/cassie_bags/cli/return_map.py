@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.return_map_run import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,6 +46,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--impulse", type=float, default=4.0, help="of each push, N s (default 4)")
     add("--jobs", type=positive, default=1, help="processes at a time (default 1)")
     add("--out", type=Path, metavar="FOLDER", help="draw the decay there: return_map.png")
+    table = "put the table into this file of results, too: all speeds of the package's library"
+    add("--results", type=Path, metavar="FILE.md", help=table)
     add("--allow-uncertified", action="store_true", help="take a library without certificates")
     return parser
 

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
+from cassie_bags.studies.results import check_folder
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.picture import draw
 from cassie_bags.studies.sweep.results_file import merge
@@ -150,8 +151,7 @@ def _check_mergeable(arguments: argparse.Namespace) -> None:
     """Raise unless these results may go into a file of results, and that can take them."""
     if arguments.set or arguments.compare != PAPER_LAW:
         raise ExperimentError("--results takes the robot as it is: leave out --set and --compare")
-    if not arguments.results.parent.is_dir():
-        raise ExperimentError(f"{arguments.results}: there is no such folder")
+    check_folder(arguments.results)
     merge(_text(arguments.results), [], [])
 
 

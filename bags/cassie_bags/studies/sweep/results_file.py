@@ -6,12 +6,12 @@ the runs. Anything else in the file is left as it stands, so that people can wri
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin
+from cassie_bags.studies.results import markdown, table_of, with_table
 from cassie_bags.studies.sweep.row import RowResult
 from cassie_bags.studies.sweep.table import StoredRow, reached
 
@@ -19,7 +19,7 @@ SECTIONS = {"stand": "Standing", "segway": "Riding a Segway", "": "Walking"}
 """Heading of the section of a row by how the row's name begins; the first that fits counts."""
 
 RUNS = "Runs"
-"""Heading of the section that lists the runs."""
+"""Heading of the section that lists the runs; new sections stand above it."""
 
 NOT_NOTED = "-"
 """Stands for a run that nothing is known of."""
@@ -70,7 +70,7 @@ def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
         ExperimentError: if a table of the file cannot be read, naming its section and line.
     """
     runs = _read_runs(text)
-    tables = {heading: _read_lines(heading, _table(text, heading), runs) for heading in _ORDER}
+    tables = {heading: _read_lines(heading, table_of(text, heading), runs) for heading in _ORDER}
     for row in rows:
         line = tables[section(row.name)].setdefault(row.title, _Line(row.bound))
         line.target = row.bound
@@ -82,9 +82,9 @@ def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
     numbers = {made: number for number, made in enumerate(dict.fromkeys([*old, *new]), 1) if made}
     for heading, lines in tables.items():
         if lines:
-            text = _with_table(text, heading, _render(lines, numbers, order))
-    if numbers or _table(text, RUNS):
-        text = _with_table(text, RUNS, _render_runs(numbers))
+            text = with_table(text, heading, _render(lines, numbers, order), before=RUNS)
+    if numbers or table_of(text, RUNS):
+        text = with_table(text, RUNS, _render_runs(numbers))
     return text
 
 
@@ -95,7 +95,7 @@ def section(name: str) -> str:
 
 def titles(text: str) -> list[str]:
     """Titles of all rows that a file of results holds."""
-    return [line[0] for heading in _ORDER for line in _table(text, heading)[2:]]
+    return [line[0] for heading in _ORDER for line in table_of(text, heading)[2:]]
 
 
 def _cell(result: RowResult) -> _Cell:
@@ -105,7 +105,7 @@ def _cell(result: RowResult) -> _Cell:
 def _read_runs(text: str) -> dict[str, Origin]:
     """Runs by their number in the file."""
     runs = {}
-    for number, *words in _table(text, RUNS)[2:]:
+    for number, *words in table_of(text, RUNS)[2:]:
         if len(words) != len(_RUN_COLUMNS):
             raise ExperimentError(f"results, {RUNS}, run {number}: {len(words) + 1} cells")
         named = dict(zip(_RUN_COLUMNS, words, strict=True))
@@ -161,7 +161,7 @@ def _render(lines: _Lines, numbers: Mapping[Origin, int], order: Sequence[str]) 
             number = str(numbers[made]) if made else NOT_NOTED if cell else ""
             row += [cell.value if cell else "", *met, number]
         table.append(row)
-    return _markdown(table)
+    return markdown(table)
 
 
 def _render_runs(numbers: Mapping[Origin, int]) -> list[str]:
@@ -169,48 +169,4 @@ def _render_runs(numbers: Mapping[Origin, int]) -> list[str]:
     for made, number in numbers.items():
         words = [getattr(made, name) for name in _RUN_COLUMNS]
         table.append([str(number), *words[:-1], f"`{words[-1]}`"])
-    return _markdown(table)
-
-
-def _markdown(table: Sequence[Sequence[str]]) -> list[str]:
-    lines = [[word.replace("|", r"\|") for word in row] for row in table]
-    text = [f"|{'|'.join(f' {word} ' if word else ' ' for word in row)}|" for row in lines]
-    return [text[0], "|" + "---|" * len(table[0]), *text[1:]]
-
-
-def _extent(lines: Sequence[str], heading: str) -> tuple[int, int, int] | None:
-    """Index of a section's heading, and of its first table's begin and end; None without it."""
-    if f"## {heading}" not in lines:
-        return None
-    top = lines.index(f"## {heading}")
-    below = range(top + 1, len(lines))
-    bottom = next((index for index in below if lines[index].startswith("## ")), len(lines))
-    begin = next((i for i in range(top, bottom) if lines[i].startswith("|")), bottom)
-    end = next((i for i in range(begin, bottom) if not lines[i].startswith("|")), bottom)
-    return top, begin, end
-
-
-def _table(text: str, heading: str) -> list[list[str]]:
-    """Cells of the table of a section, with header and rule; nothing if there is none."""
-    lines = text.splitlines()
-    extent = _extent(lines, heading)
-    found = [] if extent is None else lines[extent[1] : extent[2]]
-    cells = [re.split(r"(?<!\\)\|", line.strip())[1:-1] for line in found]
-    return [[word.strip().replace(r"\|", "|") for word in row] for row in cells]
-
-
-def _with_table(text: str, heading: str, table: Sequence[str]) -> str:
-    """A text in whose section a table replaces the one before; the section is made if need be."""
-    lines = text.splitlines()
-    extent = _extent(lines, heading)
-    if extent is None:
-        runs = _extent(lines, RUNS)
-        place = len(lines) if runs is None else runs[0]
-        gap = [""] if place and lines[place - 1] else []
-        lines[place:place] = [*gap, f"## {heading}", "", *table, *([""] if runs else [])]
-    else:
-        _, begin, end = extent
-        apart = begin == end  # there was no table: one stands apart from what is around it
-        before = [""] if apart and lines[begin - 1] else []
-        lines[begin:end] = [*before, *table, *([""] if apart and begin < len(lines) else [])]
-    return "\n".join(lines) + "\n"
+    return markdown(table)
