@@ -1,7 +1,7 @@
 # Cassie for ROS 2. `make demo` and `make test` work from a fresh clone.
 SHELL := /bin/bash
 .DEFAULT_GOAL := build
-.PHONY: build test demo bench experiments sweeps lint format dist clean distclean help
+.PHONY: build test demo bench experiments sweeps results lint format dist clean distclean help
 
 build: ## environment and workspace; does nothing where nothing changed
 	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
@@ -21,6 +21,9 @@ experiments: build ## every experiment file, with bags, pictures and one page: b
 
 sweeps: build ## what Cassie can do: every figure beside its target and the paper's law; ROWS="push_in_place" for some
 	@. ./env.sh && python3 -m cassie_bags.cli.sweep $(ROWS) $(SWEEP_OPTIONS) --out build/sweeps
+
+results: build ## sweeps, put into bags/RESULTS.md with command, date, revision and machine; ROWS="push_in_place" for some
+	@. ./env.sh && python3 -m cassie_bags.cli.sweep $(ROWS) $(SWEEP_OPTIONS) --out build/sweeps --results bags/RESULTS.md
 
 lint: build ## ruff, and mypy (strict on the cores)
 	@.workspace/lint.sh

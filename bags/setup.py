@@ -20,7 +20,7 @@ setup(
     package_data={NAME: ["**/*.html", "**/*.json", "**/*.yaml", "**/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml", "README.md", "fingerprints.yaml"]),
+        (f"share/{NAME}", ["package.xml", "README.md", "RESULTS.md", "fingerprints.yaml"]),
         (f"share/{NAME}/experiments", sorted(map(str, Path("experiments").glob("*.yaml")))),
     ],
     zip_safe=False,

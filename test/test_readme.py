@@ -21,7 +21,7 @@ from cassie_msgs.tunables import names
 from cassie_sim.camera import PACKAGES
 
 ROOT = Path(__file__).resolve().parents[1]
-READMES = [ROOT / "README.md", *sorted(ROOT.glob("[!.]*/README.md"))]
+READMES = [ROOT / "README.md", *sorted(ROOT.glob("[!.]*/README.md")), ROOT / "bags/RESULTS.md"]
 
 
 LONGEST_SENTENCE = 25

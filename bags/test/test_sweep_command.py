@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import signal
 import subprocess
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 from test_experiment_command import environment
+
+from cassie_bags.run.provenance import revision
 
 
 def sweep(*words: str) -> subprocess.CompletedProcess[str]:
@@ -32,6 +35,26 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert again.returncode == 0, again.stderr
     assert again.stdout == process.stdout
     assert again.stderr == ""  # nothing was measured anew
+
+
+def test_rows_are_put_into_a_file_of_results_with_what_they_were_measured_with(tmp_path: Path):
+    results = tmp_path / "RESULTS.md"
+    results.write_text("# Results\nOf one robot.\n")
+    words = ["speed.+0", "--seeds", "1", "--phases", "1", "--seconds", "6", "--no-compare"]
+    more = ["--jobs", "1", "--out", str(tmp_path / "out"), "--results", str(results)]
+    began = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
+    process = sweep(*words, *more)
+    assert process.returncode == 0, process.stderr
+    text = results.read_text()
+    assert text.startswith("# Results\nOf one robot.\n\n## Walking\n")
+    assert "| speed error at 0 m/s | ≤ 0.03 m/s |" in text
+    (made,) = (line for line in text.splitlines() if line.startswith("| 1 |"))
+    assert f"`ros2 run cassie_bags sweep {' '.join(words)}`" in made
+    assert began <= made.split(" | ")[1] <= datetime.datetime.now(datetime.timezone.utc).isoformat()
+    assert revision() in made
+    assert str(tmp_path) not in text
+    beside = (tmp_path / "out" / "sweeps.md").read_text()
+    assert beside.partition("## ")[2] == text.partition("## ")[2]
 
 
 def test_pieces_of_a_sweep_come_together(tmp_path: Path):
@@ -121,6 +144,9 @@ def test_a_folder_that_cannot_be_is_told_before_anything_is_measured(tmp_path: P
         (["--seeds", "0"], "0 is not a whole number of 1 or more"),
         (["--seconds", "nan"], "nan is not 2 .. 600 s"),
         (["speed.+0", "--set", "durtion=3"], "unknown key durtion: did you mean duration"),
+        (["speed.+0", "--set", "seed=3", "--results", "R.md"], "takes the robot as it is"),
+        (["speed.+0", "--compare", "seed=3", "--results", "R.md"], "takes the robot as it is"),
+        (["speed.+0", "--results", "no/such/R.md"], "no/such/R.md: there is no such folder"),
     ],
 )
 def test_wrong_words_exit_with_2(words: list[str], reason: str, tmp_path: Path):

@@ -13,10 +13,9 @@ import pytest
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
-from cassie_bags.studies.sweep.picture import reached
 from cassie_bags.studies.sweep.radio_rows import jumps
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
-from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, save, table
+from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
 from cassie_bags.studies.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
 from cassie_bags.studies.workers import LocalProcesses, Remembering, ThisProcess
 
@@ -269,15 +268,35 @@ def test_kept_results_come_back_for_the_same_budget_alone(tmp_path: Path):
         load(path, [shown], BUDGET)
 
 
-@pytest.mark.parametrize(
-    ("at_least", "measured", "share"),
-    [(True, 1.5, 0.5), (True, 6.0, 2.0), (False, 6.0, 0.5), (False, 0.0, 2.0)],
-)
-def test_the_picture_shows_the_share_of_the_target(at_least, measured, share):
-    result = RowResult("group.word", measured, True)
-    assert reached(row(at_least=at_least), result) == pytest.approx(share)
-    nothing = RowResult("group.word", math.nan, False)
-    assert reached(row(at_least=at_least), nothing) == 0.0
+def test_speeds_that_robots_reached_are_kept_in_the_order_of_the_trials(tmp_path: Path):
+    shown = row((1.0,), start=0, share=0.5, achieved=lambda figures, _: figures["vx"])
+    path = tmp_path / "sweeps.json"
+    result = measure(shown, strong(9.0, weak_seeds=2))
+    assert result.levels[0].achieved is not None
+    assert list(result.levels[0].achieved) == [1.0 - 0.01 * seed for seed in range(3, 11)]
+    save(path, [shown], {"measured": {shown.name: result}}, BUDGET)
+    (kept,) = read_rows(path)
+    assert kept.results["measured"] == result
+    assert measure(row(), strong(9.0)).levels[0].achieved is None
+
+
+def test_results_that_were_kept_before_origins_and_speeds_are_read(tmp_path: Path):
+    shown, path = row(), tmp_path / "sweeps.json"
+    save(path, [shown], {"measured": {shown.name: measure(shown, strong(4.0))}}, BUDGET)
+    content = json.loads(path.read_text())
+    kept = content["rows"][0]["results"]["measured"]
+    del kept["origin"]
+    for level in kept["levels"]:
+        del level["achieved"]
+    path.write_text(json.dumps(content))
+    (again,) = read_rows(path)
+    assert again.results["measured"].origin is None
+    assert again.results["measured"].measured == 4.0
+
+
+@pytest.mark.parametrize(("limit", "open_ended"), [(3.5, False), (9.0, True), (0.0, False)])
+def test_a_limit_lies_beyond_where_every_level_that_was_tried_holds(limit: float, open_ended: bool):
+    assert measure(row(), strong(limit)).open_ended is open_ended
 
 
 def test_the_paper_law_is_compared_with_gains_with_which_it_walks():

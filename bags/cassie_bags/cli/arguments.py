@@ -80,3 +80,14 @@ def add_out(parser: argparse.ArgumentParser, command: str) -> None:
         metavar="FOLDER",
         help=f"folder to write to (default build/{command})",
     )
+
+
+def add_results(parser: argparse.ArgumentParser, what: str) -> None:
+    """Option `--results`: a Markdown file of results to put a table into.
+
+    Args:
+        parser: Of the command.
+        what: Which rows it takes, for the help.
+    """
+    words = f"put the table into this file of results, too: {what}"
+    parser.add_argument("--results", type=Path, metavar="FILE.md", help=words)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.arguments import count
+from cassie_bags.cli.arguments import add_results, count
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -18,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.estimators import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -30,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("grounds", nargs="*", metavar="GROUND", help="all of them if none is named")
     parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
+    add_results(parser, "all grounds")
     return parser
 
 

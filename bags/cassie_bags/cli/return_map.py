@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, count
+from cassie_bags.cli.arguments import add_jobs, add_results, count
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -19,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.return_map_run import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--impulse", type=float, default=4.0, help="of each push, N s (default 4)")
     add_jobs(parser)
     add("--out", type=Path, metavar="FOLDER", help="draw the decay there: return_map.png")
+    add_results(parser, "all speeds of the package's library")
     add("--allow-uncertified", action="store_true", help="take a library without certificates")
     return parser
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.arguments import add_jobs, add_out, count, positive, seconds
+from cassie_bags.cli.arguments import add_jobs, add_out, add_results, count, positive, seconds
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -18,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.studies.sweep.measure import run
 
-    return run(arguments)
+    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -35,6 +36,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_jobs(parser, elsewhere=True)
     add_out(parser, "sweeps")
+    add_results(parser, "rows that it has are replaced")
     return parser
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 import platform
+import subprocess
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +21,80 @@ _OURS = ("cassie_bags", "cassie_control", "cassie_gaits", "cassie_sim", "cassie_
 _OTHERS = ("mujoco", "numpy", "pin", "mcap")
 _NUMERIC = ("mujoco", "numpy", "numba", "llvmlite", "pin", "scipy")
 _VARIABLES = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS")
+_CPU_INFO = Path("/proc/cpuinfo")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """With what figures were measured.
+
+    Attributes:
+        command: That measures them again.
+        date: Day on which it began, ISO 8601.
+        revision: Of the sources, as `revision` gives it.
+        machine: Processor and number of cores.
+        versions: Of Python and the libraries that decide the last bit.
+        seeds: Which robots were drawn.
+    """
+
+    command: str
+    date: str
+    revision: str
+    machine: str
+    versions: str
+    seeds: str
+
+
+def origin(command: str, seeds: str, now: datetime.datetime) -> Origin:
+    """The origin of figures that are measured here from `now` on.
+
+    Args:
+        command: That measures them again.
+        seeds: Which robots are drawn.
+        now: Time of the wall clock.
+    """
+    libraries = {"python": platform.python_version(), **_versions(_NUMERIC)}
+    named = ", ".join(f"{name} {number}" for name, number in libraries.items())
+    return Origin(command, now.date().isoformat(), revision(), machine(), named, seeds)
+
+
+def revision(source: Path = Path(__file__)) -> str:
+    """Git revision of the sources that run, shortened, or "unknown".
+
+    Where tracked files of the working tree differ from it, "with changes" follows. A revision is
+    unknown where git does not track `source`, as in an installed package.
+
+    Args:
+        source: A file of these sources.
+    """
+    source = source.resolve()
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(source.parent), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", source.name)
+        commit = git("rev-parse", "--short=10", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no", ":/")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return f"{commit} with changes" if changed else commit
+
+
+def machine(cpu_info: Path = _CPU_INFO) -> str:
+    """Processor and number of cores of this computer.
+
+    Args:
+        cpu_info: What Linux tells of the processors; without it the architecture is named.
+    """
+    try:
+        lines = cpu_info.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    cores = os.cpu_count() or 1
+    return f"{models[0] if models else platform.machine()}, {cores} cores"
 
 
 def metadata_of(experiment: Experiment) -> dict[str, dict[str, str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -16,14 +17,19 @@ from cassie_bags.bag.recording import Recording, Rows, stamps
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
+from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.tunables import unknown_name
+
+SECTION = "State estimators"
+"""Heading of its table in a file of results."""
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -149,9 +155,18 @@ def _progress(ticks: range) -> Iterable[int]:
     return bar
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Compare on each ground; returns the exit code."""
+def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
+    """Compare on each ground; returns the exit code.
+
+    Args:
+        arguments: Of the command line.
+        now: Time of the wall clock, which is noted with the results.
+    """
     results: list[Errors] = []
+    if arguments.results is not None:
+        if arguments.grounds:
+            raise ExperimentError("--results takes all grounds: name none")
+        check_folder(arguments.results)
     for ground in arguments.grounds or GROUNDS:
         if ground not in GROUNDS:
             raise ExperimentError(unknown_name(ground, GROUNDS, "ground"))
@@ -159,4 +174,8 @@ def run(arguments: argparse.Namespace) -> int:
         results += compare(ground, arguments.seed, _progress)
     print(f"seed {arguments.seed}; RMS errors against the truth", file=sys.stderr)
     print("\n".join(table(results)))
+    if arguments.results is not None:
+        command = f"ros2 run cassie_bags estimators --seed {arguments.seed}"
+        made = origin(command, str(arguments.seed), now)
+        put_table(arguments.results, SECTION, table(results), made)
     return 0

@@ -7,6 +7,7 @@ its own that begins as a copy of that one.
 from __future__ import annotations
 
 import argparse
+import datetime
 import functools
 import math
 import sys
@@ -20,9 +21,11 @@ from tqdm import tqdm
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_cores
 from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Loop
 from cassie_bags.studies.copies import in_copies
+from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
 from cassie_msgs.layout import MotorCommand, Sensors
@@ -30,6 +33,9 @@ from cassie_msgs.tunables import unknown_name
 from cassie_sim.events import ActiveFault
 from cassie_sim.plant import Plant
 from cassie_sim.scenario import FAULT_KINDS, SensorFault
+
+SECTION = "Failing sensors"
+"""Heading of its table in a file of results."""
 
 MODES = ("standing", "walking")
 BEFORE = {"standing": 2.5, "walking": 8.0}
@@ -299,8 +305,17 @@ def describe(cell: Cell) -> str:
     return f"{cell.outcome}, {when}"
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Let each channel fail; returns the exit code."""
+def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
+    """Let each channel fail; returns the exit code.
+
+    Args:
+        arguments: Of the command line.
+        now: Time of the wall clock, which is noted with the results.
+    """
+    if arguments.results is not None:
+        if arguments.channels or arguments.kinds or arguments.modes:
+            raise ExperimentError("--results takes all channels, kinds and modes: name none")
+        check_folder(arguments.results)
     known = all_channels()
     for channel in arguments.channels:
         if channel not in known:
@@ -324,5 +339,9 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print("\n".join(table(cells)))
     unsafe = [cell for cell in cells if not cell.safe]
+    if arguments.results is not None:
+        command = f"ros2 run cassie_bags faults --seed {arguments.seed}"
+        made = origin(command, str(arguments.seed), now)
+        put_table(arguments.results, SECTION, table(cells), made)
     print(f"seed {arguments.seed}: {len(cells) - len(unsafe)} of {len(cells)} safe and in time")
     return 1 if unsafe else 0

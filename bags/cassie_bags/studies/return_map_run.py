@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import math
 import sys
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.figures import STYLE
+from cassie_bags.run.provenance import origin
+from cassie_bags.studies.results import check_folder, put_table
 from cassie_bags.studies.return_map import (
     DELAYS,
     IMPULSES,
@@ -27,6 +30,9 @@ from cassie_bags.studies.return_map_fit import DECAYED, decay, steps_to_decay
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_gaits.processes import available_cores
 
+SECTION = "Return maps"
+"""Heading of its table in a file of results."""
+
 ACROSS = 5
 """Most panels of the picture beside each other."""
 
@@ -36,12 +42,21 @@ STRONGEST = 10.0
 _RUNS = len(IMPULSES) * len(DELAYS) + 2  # a run without a push and one that shows the noise
 
 
-def run(options: argparse.Namespace) -> int:
-    """Push at each speed; returns the exit code."""
+def run(options: argparse.Namespace, now: datetime.datetime) -> int:
+    """Push at each speed; returns the exit code.
+
+    Args:
+        options: Of the command line.
+        now: Time of the wall clock, which is noted with the results.
+    """
     if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= STRONGEST):
         raise ExperimentError(
             f"--impulse = {options.impulse:g} N s is outside 0.1 .. {STRONGEST:g}"
         )
+    if options.results is not None:
+        if options.speeds or options.file is not None:
+            raise ExperimentError("--results takes all speeds of the package's library: name none")
+        check_folder(options.results)
     if options.file is not None:
         options.file = library_path(options.file)
     speeds, jobs = _speeds(options), options.jobs or available_cores()
@@ -49,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
         options.out.mkdir(parents=True, exist_ok=True)
     print(f"seed {options.seed}, pushes of {options.impulse:g} N s; d: see --help", flush=True)
     print("\n".join(_head()), flush=True)
+    rows: list[str] = []
     found, failed = [], 0
     with tqdm(
         total=len(speeds) * _RUNS, unit="run", disable=not sys.stderr.isatty(), leave=False
@@ -59,13 +75,20 @@ def run(options: argparse.Namespace) -> int:
                 one = measure(experiment, speed, options.impulse, STEPS, jobs, bar.update)
             except RunError as error:
                 failed += 1
-                bar.write(f"| {speed:g} | {error} |", file=sys.stdout)
+                rows.append(f"| {speed:g} | {error} |")
+                bar.write(rows[-1], file=sys.stdout)
                 continue
-            bar.write(line(one), file=sys.stdout)
+            rows.append(line(one))
+            bar.write(rows[-1], file=sys.stdout)
             failed += not settles(one)
             found.append(one)
     if options.out is not None and any(one.deviations for one in found):
         print(_draw(found, options.out / "return_map.png"))
+    if options.results is not None:
+        command = f"ros2 run cassie_bags return_map --seed {options.seed}"
+        command += f" --impulse {options.impulse:g}"
+        made = origin(command, str(options.seed), now)
+        put_table(options.results, SECTION, [*_head(), *rows], made)
     print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return 1 if failed else 0
 

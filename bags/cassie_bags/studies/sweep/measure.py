@@ -5,18 +5,33 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import datetime
+import shlex
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
+from cassie_bags.studies.results import check_folder
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.picture import draw
+from cassie_bags.studies.sweep.results_file import merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
-from cassie_bags.studies.sweep.table import all_rows, cell, chosen_rows, load, save, table
+from cassie_bags.studies.sweep.table import (
+    StoredRow,
+    all_rows,
+    cell,
+    chosen_rows,
+    load,
+    read_rows,
+    save,
+    table,
+)
 from cassie_bags.studies.trial import experiment_of
 from cassie_bags.studies.workers import Remembering, Workers, completed, workers
 
@@ -28,8 +43,13 @@ MEASURED, PAPERS = "measured", "paper's law"
 """Names of variants."""
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure rows; returns the exit code."""
+def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
+    """Measure rows; returns the exit code.
+
+    Args:
+        arguments: Of the command line.
+        now: Time of the wall clock, which is noted with the results.
+    """
     if arguments.list:
         for row in all_rows():
             print(f"{row.name:24} {row.title}")
@@ -39,12 +59,45 @@ def run(arguments: argparse.Namespace) -> int:
             setattr(arguments, name, value)
     arguments.compare = arguments.compare or PAPER_LAW
     rows = chosen_rows(arguments.rows)
+    if arguments.results is not None:
+        _check_mergeable(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    results = _measure(rows, arguments)
+    results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), now))
     return 0 if all(results[MEASURED][row.name].met for row in rows) else 1
 
 
-def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[str, RowResult]]:
+def command(arguments: argparse.Namespace) -> str:
+    """The command that measures the same again, without what does not change the figures."""
+    words = [*arguments.rows, "--seeds", arguments.seeds, "--phases", arguments.phases]
+    words += ["--seconds", f"{arguments.seconds:g}"]
+    words += [] if arguments.beyond is None else ["--beyond", arguments.beyond]
+    for change in arguments.set:
+        words += ["--set", change]
+    if arguments.no_compare:
+        words.append("--no-compare")
+    else:
+        words += [] if arguments.compare == PAPER_LAW else ["--compare", arguments.compare]
+        few = arguments.compare_seeds
+        words += [] if few is None else ["--compare-seeds", few]
+    return shlex.join(["ros2", "run", "cassie_bags", "sweep", *map(str, words)])
+
+
+def seeds(arguments: argparse.Namespace) -> str:
+    """Which robots are drawn."""
+
+    def up_to(last: int) -> str:
+        return f"1 to {last}" if last > 1 else "1"
+
+    fewer = arguments.compare_seeds or arguments.seeds
+    if arguments.no_compare or fewer >= arguments.seeds:
+        return up_to(arguments.seeds)
+    name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
+    return f"{up_to(arguments.seeds)}; {name} {up_to(fewer)}"
+
+
+def _measure(
+    rows: list[Row], arguments: argparse.Namespace, made: Origin
+) -> dict[str, dict[str, RowResult]]:
     """Measure rows, each with every variant; what there is is kept after each row."""
     own = spelled_out(arguments.set)
     variants: dict[str, tuple[str, ...]] = {MEASURED: own}
@@ -74,15 +127,36 @@ def _measure(rows: list[Row], arguments: argparse.Namespace) -> dict[str, dict[s
     ]
     try:
         for row, name, result in _measured(open_rows, arguments):
-            results[name][row.name] = result
+            results[name][row.name] = dataclasses.replace(result, origin=made)
             save(kept, every, results, budget)
     finally:
         if measured := _done(rows, results):
             print(table(measured, results))
         if done := _done(every, results):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
-            draw(arguments.out / "sweeps.png", done, results)
+            stored = read_rows(kept)
+            _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
+            draw(arguments.out / "sweeps.png", stored)
+    if arguments.results is not None:
+        _merge(arguments.results, _text(arguments.results), read_rows(kept))
     return results
+
+
+def _merge(path: Path, text: str, stored: list[StoredRow]) -> None:
+    """Write a file of results: a text with rows put in."""
+    path.write_text(merge(text, stored, [row.title for row in all_rows()]), "utf-8")
+
+
+def _check_mergeable(arguments: argparse.Namespace) -> None:
+    """Raise unless these results may go into a file of results, and that can take them."""
+    if arguments.set or arguments.compare != PAPER_LAW:
+        raise ExperimentError("--results takes the robot as it is: leave out --set and --compare")
+    check_folder(arguments.results)
+    merge(_text(arguments.results), [], [])
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
 
 
 def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row]:

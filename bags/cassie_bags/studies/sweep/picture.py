@@ -1,58 +1,391 @@
-"""The results of sweeps as one picture: how far each figure is from its target."""
+"""The results of sweeps as one picture: pushes by direction, speeds, and limits of each ground."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
-from cassie_bags.studies.sweep.row import Row, RowResult
-from cassie_bags.studies.sweep.table import Results
+from cassie_bags.studies.sweep.row import RowResult
+from cassie_bags.studies.sweep.table import StoredRow
+from cassie_bags.studies.sweep.walking_rows import DIRECTIONS
 
-_LARGEST = 2.0  # beyond it a bar is cut
-_COLOURS = (BLUE, ORANGE, GREY)
+_COLOURS = (BLUE, ORANGE, GREY)  # of the variants
+_SHADE = "#ececec"
+_SMALL = 7.5  # size of letters
+_WIDTH = 10.5  # of the figure, in inches
+_POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
+
+_CM = 100.0  # per m
+_FINEST = 1.0  # cm/s to which differences of speeds are drawn to scale, beyond it by ratio
+_LARGEST = 100.0  # cm/s, of a difference that is drawn
 
 
-def reached(row: Row, result: RowResult) -> float:
-    """Share of the target that was reached, 1 or more if it was met; 0 if nothing held."""
-    if result.problem or math.isnan(result.measured):
-        return 0.0
-    if row.at_least:
-        return result.measured / row.target
-    return row.target / max(result.measured, row.target / _LARGEST)
+@dataclass(frozen=True)
+class _Around:
+    """A polar plot.
+
+    Attributes:
+        title: Above it.
+        kinds: Word for each group of rows that it shows; their names end in directions.
+    """
+
+    title: str
+    kinds: Mapping[str, str]
 
 
-def draw(path: Path, rows: Sequence[Row], results: Results) -> None:
-    """Draw the share of each target that each variant reached.
+_AROUND = (
+    _Around("Pushes, stepping in place (Ns)", {"push_in_place": ""}),
+    _Around("Pushes, walking at 0.5 m/s (Ns)", {"push_walking": ""}),
+    _Around(
+        "Pushes, standing (Ns)", {"stand_recovery": "with steps", "stand_push": "without a step"}
+    ),
+    _Around(
+        "Ground that rises, standing (deg)", {"stand_slope": "slope", "stand_tilting": "tilts"}
+    ),
+)
+_LINES = ("-", "--")  # of the kinds
+_WIDEST = 90.0  # deg between directions that a line joins
+_COMPASS = ((0.0, "fore"), (90.0, "left"), (180.0, "aft"), (270.0, "right"))
+
+_GROUNDS = {
+    "Angles (deg)": {
+        "slope.up": "slope up",
+        "slope.down": "slope down",
+        "slope.side": "slope to the side",
+        "sinking.heel": "feet, heels dug in",
+    },
+    "Heights and depths (cm)": {
+        "step.up": "blind step up",
+        "step.down": "blind step down",
+        "sinking.sand": "sand, walking",
+        "stand_sinking.sand": "sand, standing",
+        "stand_block.left": "block, left foot",
+        "stand_block.right": "block, right foot",
+    },
+    "Friction (less is harder)": {
+        "friction.0.5": "at 0.5 m/s",
+        "friction.0.2": "at 0.2 m/s",
+    },
+}
+"""Rows whose limits are drawn as bars, by the title of their axes, with a name for each."""
+
+_MOST_FRICTION = 0.8
+"""Where bars of friction begin: the ground that every robot walks on."""
+
+_SPEEDS = {"speed": "o", "top_speed": "o", "sideways": "s"}
+"""Marker of each group of rows whose levels command a speed."""
+
+
+def draw(path: Path, rows: Sequence[StoredRow]) -> None:
+    """Draw results that were kept; a picture that stands there is removed if there is nothing.
 
     Args:
         path: PNG file.
-        rows: What was measured, in order.
-        results: Of each variant.
+        rows: What was kept.
     """
-    rows = [row for row in rows if any(row.name in found for found in results.values())]
-    count = len(results)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 1.2 + 0.24 * len(rows)), layout="constrained")
-        axes = figure.subplots()
-        places = np.arange(len(rows))
-        for index, (name, found) in enumerate(results.items()):
-            shares = [
-                min(_LARGEST, reached(row, found[row.name])) if row.name in found else 0.0
-                for row in rows
+        figure = compose(rows)
+        if figure is None:
+            path.unlink(missing_ok=True)
+        else:
+            figure.savefig(path)
+
+
+def compose(rows: Sequence[StoredRow]) -> Figure | None:
+    """The picture of results, without panels for which there are none; None without any panel."""
+    around = [panel for panel in _AROUND if any(row.group in panel.kinds for row in rows)]
+    speeds = [row for row in rows if row.group in _SPEEDS and _commands_speed(row)]
+    grounds = [
+        (title, shown)
+        for title, names in _GROUNDS.items()
+        if (shown := [row for name in names for row in rows if row.name == name])
+    ]
+    lower = bool(speeds) + bool(grounds)
+    if not around and not lower:
+        return None
+    variants = list(dict.fromkeys(name for row in rows for name in row.results))
+    colours = dict(zip(variants, _COLOURS, strict=False))
+    heights = [_EDGE_HEIGHT, *[_POLAR_HEIGHT] * bool(around), *[_LOWER_HEIGHT] * bool(lower)]
+    heights.append(_EDGE_HEIGHT)
+    figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+    strips = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights).flat
+    _legend(next(strips), colours)
+    if around:
+        _draw_around(next(strips), around, rows, colours)
+    if lower:
+        widths = [1.15] * bool(speeds) + [1.0] * bool(grounds)
+        strip = next(strips)
+        parts = strip.subfigures(1, lower, squeeze=False, width_ratios=widths, wspace=0.03).flat
+        if speeds:
+            _draw_speeds(next(parts), speeds, colours)
+        if grounds:
+            _draw_grounds(next(parts), grounds, colours)
+    _origins(next(strips), rows)
+    return figure
+
+
+def _commands_speed(row: StoredRow) -> bool:
+    levels = (level for result in row.results.values() for level in result.levels)
+    return any(level.achieved is not None for level in levels)
+
+
+def _legend(strip: SubFigure, colours: Mapping[str, str]) -> None:
+    def line(**looks: str) -> Line2D:
+        return Line2D([], [], color=DARK, **looks)  # type: ignore[arg-type]
+
+    entries = {name: Patch(color=colour) for name, colour in colours.items()}
+    strip.legend(
+        [
+            *entries.values(),
+            line(linestyle=":"),
+            line(marker="o", linestyle=""),
+            line(marker="o", linestyle="", markerfacecolor="white"),
+        ],
+        [*entries, "target", "limit", "no limit found: all that was tried held"],
+        loc="center",
+        ncols=len(entries) + 3,
+        fontsize=9,
+    )
+
+
+def _origins(strip: SubFigure, rows: Sequence[StoredRow]) -> None:
+    """With what it was measured, below."""
+    results = [result for row in rows for result in row.results.values()]
+    found = dict.fromkeys(
+        f"robots {made.seeds}; {made.date}; revision {made.revision}"
+        if (made := result.origin)
+        else "origin not noted"
+        for result in results
+    )
+    text = next(iter(found)) + (f" and {len(found) - 1} more" if len(found) > 1 else "")
+    strip.text(0.5, 0.5, text, ha="center", va="center", fontsize=_SMALL, color="#555555")
+
+
+def _draw_around(
+    strip: SubFigure,
+    panels: Sequence[_Around],
+    rows: Sequence[StoredRow],
+    colours: Mapping[str, str],
+) -> None:
+    axes = np.ravel(strip.subplots(1, len(panels), subplot_kw={"projection": "polar"}))
+    for axis, panel in zip(axes, panels, strict=True):
+        axis.set_theta_zero_location("N")
+        axis.set_thetagrids([angle for angle, _ in _COMPASS], [name for _, name in _COMPASS])
+        axis.set_rlabel_position(22.5)
+        axis.tick_params(labelsize=_SMALL, pad=1)
+        axis.grid(color="#dddddd", linewidth=0.6)
+        axis.spines["polar"].set_visible(False)
+        axis.set_title(panel.title, loc="center", fontsize=9, pad=10)
+        kinds = [group for group in panel.kinds if any(row.group == group for row in rows)]
+        for group, style in zip(kinds, _LINES, strict=False):
+            shown = sorted((row for row in rows if row.group == group), key=_angle)
+            _draw_directions(axis, shown, style, colours)
+        _set_rings(axis, [row for row in rows if row.group in kinds])
+        if len(kinds) > 1:
+            handles = [
+                Line2D([], [], color=DARK, linestyle=style)
+                for _, style in zip(kinds, _LINES, strict=False)
             ]
-            offset = (index - 0.5 * (count - 1)) * 0.8 / count
-            colour = _COLOURS[index % len(_COLOURS)]
-            axes.barh(places + offset, shares, 0.8 / count, color=colour, label=name)
-        axes.axvline(1.0, color=DARK, linewidth=1.0)
-        axes.set_yticks(places, [row.title for row in rows], fontsize=7)
-        axes.invert_yaxis()
-        axes.set_xlim(0.0, _LARGEST)
-        axes.set_xlabel("share of the target reached (1 and more: met)")
-        axes.legend(fontsize=7, loc="lower right")
-        figure.savefig(path)
+            words = [panel.kinds[group] for group in kinds]
+            axis.legend(
+                handles, words, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2,
+                fontsize=_SMALL, handlelength=2.2, columnspacing=1.0,
+            )  # fmt: skip
+
+
+def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
+    """Few rings with numbers, out to the strongest that was survived or asked for."""
+    limits = [_limit(result) for row in rows for result in row.results.values()]
+    most = max(*limits, *(row.target for row in rows))
+    rings = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
+    axis.set_ylim(0.0, 1.08 * most)
+    axis.set_yticks([ring for ring in rings if 0.0 < ring <= 1.08 * most])
+    for label in axis.get_yticklabels():
+        label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8})
+
+
+def _angle(row: StoredRow) -> float:
+    return DIRECTIONS[row.name.partition(".")[2]] % 360.0
+
+
+def _draw_directions(
+    axis: PolarAxes, rows: Sequence[StoredRow], style: str, colours: Mapping[str, str]
+) -> None:
+    """Limits of one kind by direction, of each variant."""
+    _ring(axis, [(_angle(row), row.target) for row in rows], color=DARK, linestyle=":", lw=0.9)
+    for index, (name, colour) in enumerate(colours.items()):
+        thick = 1.0 if index else 2.0  # so that both show where one lies on the other
+        found = [(row, row.results[name]) for row in rows if name in row.results]
+        points = [(_angle(row), _limit(result)) for row, result in found]
+        _ring(axis, points, color=colour, linestyle=style, lw=1.1 * thick)
+        for (angle, value), (_, result) in zip(points, found, strict=True):
+            face = "white" if result.open_ended else colour
+            axis.plot(
+                math.radians(angle), value, "o", color=colour, markerfacecolor=face,
+                markersize=2.5 + 1.8 * thick, clip_on=False, zorder=3,
+            )  # fmt: skip
+
+
+def _ring(axis: PolarAxes, points: Sequence[tuple[float, float]], **looks: object) -> None:
+    """A line through points by angle (deg); none between those farther apart than a quarter."""
+    line: list[tuple[float, float]] = []
+    for (angle, value), (following, _) in zip(points, [*points[1:], *points[:1]], strict=True):
+        gap = (following - angle) % 360.0 or 360.0
+        line += [(angle, value)] if gap <= _WIDEST else [(angle, value), (angle, math.nan)]
+    line += points[:1]
+    angles = [math.radians(angle) for angle, _ in line]
+    axis.plot(angles, [value for _, value in line], **looks)  # type: ignore[arg-type]
+
+
+def _limit(result: RowResult) -> float:
+    """The figure of a row; 0 where nothing held."""
+    return 0.0 if math.isnan(result.measured) else result.measured
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """Robots that were to go at a speed.
+
+    Attributes:
+        marker: Of the points.
+        commanded: In m/s.
+        achieved: Speed of each robot that did not fall. In m/s.
+        fell: Robots that fell.
+        tolerance: Of the speed; None if there is no target for it. In m/s.
+    """
+
+    marker: str
+    commanded: float
+    achieved: Sequence[float]
+    fell: int
+    tolerance: float | None
+
+
+def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
+    """Each speed that was commanded, backward and to the right negative."""
+    for row in rows:
+        result = row.results.get(variant)
+        sign = -1.0 if row.name == "top_speed.backward" else 1.0
+        tolerance = None if row.group == "top_speed" else row.target
+        for level in result.levels if result else ():
+            speeds = [sign * speed for speed in level.achieved or ()]
+            commanded = sign * level.level
+            yield _Reached(_SPEEDS[row.group], commanded, speeds, level.fell, tolerance)
+
+
+def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[str, str]) -> None:
+    """Commanded against achieved speed, and below it their difference with its spread."""
+    above, below = part.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
+    points = {name: list(_reached(rows, name)) for name in colours}
+    every = [point for found in points.values() for point in found]
+    ends = min(p.commanded for p in every) - 0.1, max(p.commanded for p in every) + 0.1
+    above.plot(ends, ends, color=DARK, linestyle=":", lw=0.9)
+    above.set_xlim(*ends)
+    above.set_title("Speed: slowest, mean and fastest robot", fontsize=9)
+    above.set_ylabel("achieved (m/s)", fontsize=_SMALL + 0.5)
+    below.set_ylabel("difference (cm/s)", fontsize=_SMALL + 0.5)
+    below.set_xlabel("commanded (m/s)", fontsize=_SMALL + 0.5)
+    below.set_yscale("symlog", linthresh=_FINEST)
+    below.set_ylim(-_LARGEST, _LARGEST)
+    below.set_yticks([-30, -10, -3, -1, 0, 1, 3, 10, 30])
+    below.yaxis.set_major_formatter(FuncFormatter(_signed))
+    below.minorticks_off()
+    tolerances = [_CM * p.tolerance for p in every if p.tolerance is not None]
+    if tolerances:
+        below.axhspan(-min(tolerances), min(tolerances), color=_SHADE, zorder=0)
+    for axis in (above, below):
+        axis.tick_params(labelsize=_SMALL)
+    shift = 0.006 * (ends[1] - ends[0])  # so that variants stand beside each other
+    for index, (name, colour) in enumerate(colours.items()):
+        aside = (2 * index - len(colours) + 1) * shift
+        for point in points[name]:
+            _draw_spread(above, point, point.commanded + aside, 0.0, 1.0, colour)
+            _draw_spread(below, point, point.commanded + aside, point.commanded, _CM, colour)
+            if point.fell:
+                place = -_LARGEST * (0.75 if index else 0.45)
+                below.plot(point.commanded, place, "x", color=colour, markersize=5, clip_on=False)
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=DARK, linestyle="", marker=marker, markersize=4)
+        for marker in ("o", "s", "x")
+    ]
+    words = ["forward, backward", "to the side", "a robot fell"]
+    if tolerances:
+        handles.append(Patch(color=_SHADE))
+        words.append("tolerance")
+    above.legend(handles, words, loc="upper left", fontsize=_SMALL)
+
+
+def _signed(value: float, _: int) -> str:
+    return f"{value:+g}".replace("-", "\N{MINUS SIGN}") if value else "0"
+
+
+def _draw_spread(
+    axis: Axes, point: _Reached, place: float, origin: float, factor: float, colour: str
+) -> None:
+    values = [factor * (speed - origin) for speed in point.achieved if math.isfinite(speed)]
+    if values:
+        axis.plot([place, place], [min(values), max(values)], color=colour, lw=2.2, alpha=0.5)
+        mean = sum(values) / len(values)
+        axis.plot(place, mean, point.marker, color=colour, markersize=3.5)
+
+
+def _draw_grounds(
+    part: SubFigure,
+    grounds: Sequence[tuple[str, Sequence[StoredRow]]],
+    colours: Mapping[str, str],
+) -> None:
+    """Limits of each ground as bars, their targets marked."""
+    counts = [len(rows) + 0.7 for _, rows in grounds]
+    found = np.ravel(part.subplots(len(grounds), 1, height_ratios=counts))
+    for axis, (title, rows) in zip(found, grounds, strict=True):
+        scale = _CM if rows[0].unit == "m" else 1.0
+        falling = not rows[0].at_least
+        begin = _MOST_FRICTION if falling else 0.0
+        limits = [scale * row.target for row in rows]
+        height = 0.8 / len(colours)
+        for place, row in enumerate(rows):
+            target = scale * row.target
+            axis.plot([target] * 2, [place - 0.48, place + 0.48], color=DARK, linestyle=":", lw=1.4)
+            for index, (name, colour) in enumerate(colours.items()):
+                result = row.results.get(name)
+                if result is None:
+                    continue
+                held = not math.isnan(result.measured)
+                value = scale * result.measured if held else begin
+                limits.append(value)
+                middle = place + (index - 0.5 * (len(colours) - 1)) * height
+                axis.barh(middle, value - begin, 0.9 * height, left=begin, color=colour)
+                _name_limit(axis, middle, value, _words(result, value, falling))
+        axis.set_title(title, fontsize=9, pad=4)
+        axis.set_yticks(range(len(rows)), [_GROUNDS[title][row.name] for row in rows])
+        axis.set_ylim(len(rows) - 0.45, -0.55)
+        axis.set_xlim((begin, 0.0) if falling else (0.0, 1.22 * max(limits)))
+        axis.tick_params(labelsize=_SMALL)
+        axis.tick_params(axis="y", length=0)
+
+
+def _words(result: RowResult, value: float, falling: bool) -> str:
+    """What stands at the end of a bar."""
+    if result.problem or math.isnan(result.measured):
+        return "none"
+    beyond = ("≤ " if falling else "≥ ") if result.open_ended else ""
+    return f"{beyond}{value:.3g}"
+
+
+def _name_limit(axis: Axes, place: float, value: float, words: str) -> None:
+    axis.annotate(
+        words, (value, place), xytext=(4, 0), textcoords="offset points", va="center",
+        fontsize=_SMALL, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+    )  # fmt: skip

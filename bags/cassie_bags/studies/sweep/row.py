@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from cassie_bags.run.provenance import Origin
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.trial import Figures, Trial, run_trial
 from cassie_bags.studies.workers import Workers
@@ -33,6 +34,8 @@ class Row:
         at_least: Whether more than the target is better.
         counts: The figure is the share of the trials that hold, in percent.
         start: Index of the level to try first.
+        achieved: Speed that a trial reached, by which its level commands one; None if the levels
+            are no speeds. In m/s.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Row:
     at_least: bool = True
     counts: bool = False
     start: int = 0
+    achieved: Callable[[Figures, float], float] | None = None
 
     @property
     def group(self) -> str:
@@ -68,6 +72,8 @@ class Level:
         mean: Their mean.
         passed: Whether the level holds.
         missed: Seeds of the trials that did not hold, in the order they ended.
+        achieved: Speed of each trial that did not fall, in the order of the trials; None if the
+            level commands no speed. In m/s.
     """
 
     level: float
@@ -79,6 +85,7 @@ class Level:
     mean: float
     passed: bool
     missed: Sequence[int] = ()
+    achieved: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +98,7 @@ class RowResult:
         met: Whether it reaches the target.
         levels: All that were tried, in the order they were.
         problem: Why it could not be measured, or empty.
+        origin: With what it was measured; None if that was not noted.
     """
 
     name: str
@@ -98,6 +106,12 @@ class RowResult:
     met: bool
     levels: list[Level] = field(default_factory=list)
     problem: str = ""
+    origin: Origin | None = None
+
+    @property
+    def open_ended(self) -> bool:
+        """Whether every level that was tried holds, so that the limit lies beyond."""
+        return bool(self.levels) and all(level.passed for level in self.levels)
 
 
 Progress = Callable[[str], Any]
@@ -157,6 +171,7 @@ def measure_level(
     done = held = fell = 0
     figures: list[float] = []
     missed: list[int] = []
+    achieved: dict[int, float] = {}
     results = workers.results(run, trials)
     for index, result in results:
         done += 1
@@ -167,13 +182,17 @@ def measure_level(
         if row.figure is not None and not fallen:
             figure = row.figure(result, level)
             figures += [figure] if math.isfinite(figure) else []
+        if row.achieved is not None and not fallen:
+            achieved[index] = row.achieved(result, level)
         progress(f"{row.name} {level:g}: {held}/{done}")
         decides = row.figure is None or len(row.levels) > 1
         if decides and not row.counts and done - held > len(trials) - needed:
             break
     worst = (min if row.at_least else max)(figures, default=math.nan)
     mean = sum(figures) / len(figures) if figures else math.nan
-    return Level(level, len(trials), done, held, fell, worst, mean, held >= needed, missed)
+    passed = held >= needed
+    speeds = None if row.achieved is None else [achieved[index] for index in sorted(achieved)]
+    return Level(level, len(trials), done, held, fell, worst, mean, passed, missed, speeds)
 
 
 def _meets(row: Row, figure: float) -> bool:

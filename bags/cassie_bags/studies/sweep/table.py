@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.text import finite
-from cassie_bags.run.provenance import versions
+from cassie_bags.run.provenance import Origin, versions
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.ground_rows import ground_rows
 from cassie_bags.studies.sweep.loop_rows import loop_rows
@@ -64,12 +64,19 @@ def cell(result: RowResult | None) -> str:
         return "-"
     if result.problem:
         return result.problem
+    value, falls = reached(result)
+    return f"{value} {'yes' if result.met else 'no'} {falls}"
+
+
+def reached(result: RowResult) -> tuple[str, str]:
+    """The figure of a row and its falls; or why it could not be measured, and nothing."""
+    if result.problem:
+        return result.problem, ""
     tried = {level.level: level for level in result.levels}
     fell = sum(level.fell for level in tried.values())
     runs = sum(level.run for level in tried.values())
     value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
-    verdict = "yes" if result.met else "no"
-    return f"{value} {verdict} ({fell} of {runs} fell)"
+    return value, f"({fell} of {runs} fell)"
 
 
 def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
@@ -102,6 +109,47 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
     path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
 
 
+@dataclass(frozen=True)
+class StoredRow:
+    """A row as `save` kept it.
+
+    Attributes:
+        name: group.word.
+        title: For people.
+        unit: Of the figure.
+        target: To reach. In `unit`.
+        at_least: Whether more than the target is better.
+        results: By the name of the variant.
+    """
+
+    name: str
+    title: str
+    unit: str
+    target: float
+    at_least: bool
+    results: Mapping[str, RowResult]
+
+    @property
+    def group(self) -> str:
+        """First part of the name."""
+        return self.name.partition(".")[0]
+
+    @property
+    def bound(self) -> str:
+        """The target with its unit, and on which side of it figures must lie."""
+        return f"{'≥' if self.at_least else '≤'} {self.target:g} {self.unit}".rstrip()
+
+
+def read_rows(path: Path) -> list[StoredRow]:
+    """All rows that `save` kept, in the order of the file.
+
+    Raises:
+        ExperimentError: if the file holds other things.
+        OSError: if it cannot be read.
+    """
+    return _rows(path, _content(path))
+
+
 def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
     """Results of `rows` that `save` kept, by variant and row; none if there is no file.
 
@@ -110,19 +158,40 @@ def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str,
     """
     if not path.is_file():
         return {}
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        same = content["budget"] == json.loads(json.dumps(asdict(budget)))
-        found: dict[str, dict[str, RowResult]] = {}
-        for entry in content["rows"]:
-            for variant, result in entry["results"].items():
-                if any(row.name == entry["name"] for row in rows):
-                    found.setdefault(variant, {})[entry["name"]] = _result(result)
-    except (ValueError, KeyError, TypeError):
-        raise ExperimentError(f"{path} holds no results of sweeps") from None
-    if not same:
+    content = _content(path)
+    found: dict[str, dict[str, RowResult]] = {}
+    for stored in _rows(path, content):
+        for variant, result in stored.results.items():
+            if any(row.name == stored.name for row in rows):
+                found.setdefault(variant, {})[stored.name] = result
+    if content.get("budget") != json.loads(json.dumps(asdict(budget))):
         raise ExperimentError(f"{path} was measured with other seeds, phases, seconds or changes")
     return found
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise ExperimentError(f"{path} holds no results of sweeps")
+    return content
+
+
+def _rows(path: Path, content: Mapping[str, Any]) -> list[StoredRow]:
+    try:
+        return [
+            StoredRow(
+                **{
+                    **entry,
+                    "results": {name: _result(found) for name, found in entry["results"].items()},
+                }
+            )
+            for entry in content["rows"]
+        ]
+    except (AttributeError, KeyError, TypeError):
+        raise ExperimentError(f"{path} holds no results of sweeps") from None
 
 
 def _result(content: Mapping[str, Any]) -> RowResult:
@@ -133,4 +202,10 @@ def _result(content: Mapping[str, Any]) -> RowResult:
         Level(**{**level, "worst": number(level["worst"]), "mean": number(level["mean"])})
         for level in content["levels"]
     ]
-    return RowResult(**{**content, "measured": number(content["measured"]), "levels": levels})
+    origin = content.get("origin")
+    read = {
+        "measured": number(content["measured"]),
+        "levels": levels,
+        "origin": None if origin is None else Origin(**origin),
+    }
+    return RowResult(**{**content, **read})

@@ -30,7 +30,7 @@ STOPPED_WITHIN = 12.0
 """Time from asking to stand until the robot must, beyond that of slowing down. In s."""
 
 DRIFT_TIME = 60.0
-_DIRECTIONS = {
+DIRECTIONS = {
     "fore": 0.0,
     "aft": 180.0,
     "left": 90.0,
@@ -40,6 +40,7 @@ _DIRECTIONS = {
     "aft_left": 135.0,
     "aft_right": -135.0,
 }
+"""Directions of pushes from ahead, to the left. In deg."""
 
 
 def walking_rows() -> list[Row]:
@@ -58,6 +59,7 @@ def _speeds() -> list[Row]:
             _at_speed,
             figure=lambda figures, speed: abs(figures["vx"] - speed),
             at_least=False,
+            achieved=lambda figures, _: figures["vx"],
         )
         for speed in SPEEDS
     ]
@@ -79,6 +81,7 @@ def _top_speeds() -> list[Row]:
             lambda budget, level: _at_speed(budget, sign * level, HELD),
             figure=lambda figures, _: sign * figures["vx"],
             start=_nearest(levels, target),
+            achieved=lambda figures, _: sign * figures["vx"],
         )
 
     return [
@@ -102,6 +105,7 @@ def _sideways() -> list[Row]:
             trials,
             figure=lambda figures, speed: abs(figures["vy"] - speed),
             at_least=False,
+            achieved=lambda figures, _: figures["vy"],
         )
         for name, speed in (("left", 0.3), ("right", -0.3))
     ]
@@ -198,7 +202,7 @@ def _pushes() -> list[Row]:
     rows = []
     in_place = [2.0 * n for n in range(1, 21)]
     for where, speed, names, fore, aside in (
-        ("in_place", 0.0, tuple(_DIRECTIONS), 22.0, 12.0),
+        ("in_place", 0.0, tuple(DIRECTIONS), 22.0, 12.0),
         ("walking", 0.5, ("fore", "aft", "left", "right"), 18.0, 10.0),
     ):
         for name in names:
@@ -210,7 +214,7 @@ def _pushes() -> list[Row]:
                     "Ns",
                     target,
                     in_place,
-                    partial(_pushed, speed, _DIRECTIONS[name]),
+                    partial(_pushed, speed, DIRECTIONS[name]),
                     share=0.9,
                     start=_nearest(in_place, target),
                 )

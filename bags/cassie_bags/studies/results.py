@@ -1,0 +1,104 @@
+"""A file of results in Markdown: sections with a table each, put in by what measured them.
+
+Anything else in the file is left as it stands, so that people can write beside the tables.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.provenance import Origin
+
+_MEASURED = "Measured by "
+"""Begins the line above a table that says with what it was measured."""
+
+
+def put_table(path: Path, heading: str, table: Sequence[str], made: Origin) -> None:
+    """Write a table into a section of a file of results, with what it was measured with.
+
+    Args:
+        path: File of results; it is made if it is not there.
+        heading: Of the section, whose table is replaced.
+        table: Lines in Markdown.
+        made: With what it was measured.
+    """
+    text = path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
+    text = with_table(text, heading, table)
+    lines = text.splitlines()
+    extent = _extent(lines, heading)
+    assert extent is not None  # with_table has made it
+    top, begin, _ = extent
+    said = f"{_MEASURED}`{made.command}`: {made.date}, revision {made.revision}, "
+    said += f"{made.machine}; {made.versions}; robot {made.seeds}."
+    above = [line for line in lines[top:begin] if not line.startswith(_MEASURED)]
+    while not above[-1]:
+        above.pop()
+    lines[top:begin] = [*above, "", said, ""]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def check_folder(path: Path) -> None:
+    """Raise unless a file of results can be written, before hours are spent on it.
+
+    Raises:
+        ExperimentError: if there is no such folder.
+    """
+    if not path.parent.is_dir():
+        raise ExperimentError(f"{path}: there is no such folder")
+
+
+def table_of(text: str, heading: str) -> list[list[str]]:
+    """Cells of the first table of a section, with header and rule; nothing if there is none."""
+    lines = text.splitlines()
+    extent = _extent(lines, heading)
+    found = [] if extent is None else lines[extent[1] : extent[2]]
+    cells = [re.split(r"(?<!\\)\|", line.strip())[1:-1] for line in found]
+    return [[word.strip().replace(r"\|", "|") for word in row] for row in cells]
+
+
+def with_table(text: str, heading: str, table: Sequence[str], before: str = "") -> str:
+    """A text in whose section a table replaces the first one.
+
+    Args:
+        text: With sections.
+        heading: Of the section, which is made if need be.
+        table: Lines in Markdown.
+        before: Heading above which a new section stands; at the end if there is none.
+    """
+    lines = text.splitlines()
+    extent = _extent(lines, heading)
+    if extent is None:
+        following = _extent(lines, before)
+        place = len(lines) if following is None else following[0]
+        gap = [""] if place and lines[place - 1] else []
+        end = [] if following is None else [""]
+        lines[place:place] = [*gap, f"## {heading}", "", *table, *end]
+    else:
+        _, begin, end_of_table = extent
+        apart = begin == end_of_table  # there was no table: one stands apart from what is there
+        gap = [""] if apart and lines[begin - 1] else []
+        end = [""] if apart and begin < len(lines) else []
+        lines[begin:end_of_table] = [*gap, *table, *end]
+    return "\n".join(lines) + "\n"
+
+
+def markdown(table: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table, whose first row is the header."""
+    rows = [[word.replace("|", r"\|") for word in row] for row in table]
+    text = [f"|{'|'.join(f' {word} ' if word else ' ' for word in row)}|" for row in rows]
+    return [text[0], "|" + "---|" * len(table[0]), *text[1:]]
+
+
+def _extent(lines: Sequence[str], heading: str) -> tuple[int, int, int] | None:
+    """Index of a section's heading, and of its first table's begin and end; None without it."""
+    if f"## {heading}" not in lines:
+        return None
+    top = lines.index(f"## {heading}")
+    below = range(top + 1, len(lines))
+    bottom = next((index for index in below if lines[index].startswith("## ")), len(lines))
+    begin = next((i for i in range(top, bottom) if lines[i].startswith("|")), bottom)
+    end = next((i for i in range(begin, bottom) if not lines[i].startswith("|")), bottom)
+    return top, begin, end

@@ -1,0 +1,172 @@
+"""Results of sweeps as Markdown, each with the run that measured it; rows measured anew replace.
+
+A file of results has a section for each kind of rows, with one table, and a section that lists
+the runs. Anything else in the file is left as it stands, so that people can write beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from cassie_bags.errors import ExperimentError
+from cassie_bags.run.provenance import Origin
+from cassie_bags.studies.results import markdown, table_of, with_table
+from cassie_bags.studies.sweep.row import RowResult
+from cassie_bags.studies.sweep.table import StoredRow, reached
+
+SECTIONS = {"stand": "Standing", "segway": "Riding a Segway", "": "Walking"}
+"""Heading of the section of a row by how the row's name begins; the first that fits counts."""
+
+RUNS = "Runs"
+"""Heading of the section that lists the runs; new sections stand above it."""
+
+NOT_NOTED = "-"
+"""Stands for a run that nothing is known of."""
+
+_ORDER = ("Walking", "Standing", "Riding a Segway")
+_TITLE, _TARGET, _MET, _RUN = "capability", "target", "met", "run"
+_RUN_COLUMNS = {
+    "date": "date",
+    "seeds": "robots",
+    "revision": "revision",
+    "machine": "machine",
+    "versions": "versions",
+    "command": "command",
+}
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """What a row came to with one variant."""
+
+    value: str
+    met: str
+    origin: Origin | None
+
+
+@dataclass
+class _Line:
+    """A line of a table of results."""
+
+    target: str
+    cells: dict[str, _Cell] = field(default_factory=dict)
+
+
+_Lines = dict[str, _Line]
+
+
+def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
+    """A file of results with rows put in; those that it has already are replaced.
+
+    Of a row that is replaced, a variant that was not measured again keeps its figure and run.
+
+    Args:
+        text: The file, or nothing.
+        rows: What was measured.
+        order: Titles of all rows that there are. Lines with other titles stand at the end.
+
+    Raises:
+        ExperimentError: if a table of the file cannot be read, naming its section and line.
+    """
+    runs = _read_runs(text)
+    tables = {heading: _read_lines(heading, table_of(text, heading), runs) for heading in _ORDER}
+    for row in rows:
+        line = tables[section(row.name)].setdefault(row.title, _Line(row.bound))
+        line.target = row.bound
+        line.cells |= {name: _cell(result) for name, result in row.results.items()}
+    cells = [cell for lines in tables.values() for x in lines.values() for cell in x.cells.values()]
+    used = {cell.origin for cell in cells if cell.origin is not None}
+    old = [known for known in runs.values() if known in used]
+    new = [cell.origin for cell in cells if cell.origin in used - set(old)]
+    numbers = {made: number for number, made in enumerate(dict.fromkeys([*old, *new]), 1) if made}
+    for heading, lines in tables.items():
+        if lines:
+            text = with_table(text, heading, _render(lines, numbers, order), before=RUNS)
+    if numbers or table_of(text, RUNS):
+        text = with_table(text, RUNS, _render_runs(numbers))
+    return text
+
+
+def section(name: str) -> str:
+    """Heading of the section in which a row stands, by the row's name."""
+    return next(heading for begin, heading in SECTIONS.items() if name.startswith(begin))
+
+
+def titles(text: str) -> list[str]:
+    """Titles of all rows that a file of results holds."""
+    return [line[0] for heading in _ORDER for line in table_of(text, heading)[2:]]
+
+
+def _cell(result: RowResult) -> _Cell:
+    return _Cell(" ".join(reached(result)).strip(), "yes" if result.met else "no", result.origin)
+
+
+def _read_runs(text: str) -> dict[str, Origin]:
+    """Runs by their number in the file."""
+    runs = {}
+    for number, *words in table_of(text, RUNS)[2:]:
+        if len(words) != len(_RUN_COLUMNS):
+            raise ExperimentError(f"results, {RUNS}, run {number}: {len(words) + 1} cells")
+        named = dict(zip(_RUN_COLUMNS, words, strict=True))
+        runs[number] = Origin(**{**named, "command": named["command"].strip("`")})
+    return runs
+
+
+def _read_lines(heading: str, table: Sequence[Sequence[str]], runs: Mapping[str, Origin]) -> _Lines:
+    if not table:
+        return {}
+    header, lines = table[0], {}
+    if header[:2] != [_TITLE, _TARGET]:
+        raise ExperimentError(f"results, {heading}: the table begins with {header[0]}")
+    for row in table[2:]:
+        where = f"results, {heading}, {row[0]}"
+        if len(row) != len(header):
+            raise ExperimentError(f"{where}: {len(row)} cells instead of {len(header)}")
+        line = lines[row[0]] = _Line(row[1])
+        for name, value, met, run in _variants(header, row):
+            if run != NOT_NOTED and run not in runs:
+                raise ExperimentError(f"{where}: run {run or 'nothing'} is not among the runs")
+            if value:
+                line.cells[name] = _Cell(value, met, runs.get(run))
+    return lines
+
+
+def _variants(header: Sequence[str], row: Sequence[str]) -> Iterator[tuple[str, str, str, str]]:
+    """Name of each variant, its figure, whether that meets the target, and the run."""
+    name = value = met = ""
+    for column, word in zip(header[2:], row[2:], strict=True):
+        if column == _MET:
+            met = word
+        elif column == _RUN:
+            yield name, value, met, word if value else NOT_NOTED
+        else:
+            name, value, met = column, word, ""
+
+
+def _render(lines: _Lines, numbers: Mapping[Origin, int], order: Sequence[str]) -> list[str]:
+    """A table: the first variant has a column that says whether it meets the target."""
+    variants = list(dict.fromkeys(name for line in lines.values() for name in line.cells))
+    header = [_TITLE, _TARGET]
+    for index, name in enumerate(variants):
+        header += [name, _RUN] if index else [name, _MET, _RUN]
+    table = [header]
+    places = {title: place for place, title in enumerate(order)}
+    for title in sorted(lines, key=lambda title: places.get(title, len(places))):
+        row = [title, lines[title].target]
+        for index, name in enumerate(variants):
+            cell = lines[title].cells.get(name)
+            met = [] if index else [cell.met if cell else ""]
+            made = cell.origin if cell else None
+            number = str(numbers[made]) if made else NOT_NOTED if cell else ""
+            row += [cell.value if cell else "", *met, number]
+        table.append(row)
+    return markdown(table)
+
+
+def _render_runs(numbers: Mapping[Origin, int]) -> list[str]:
+    table = [[_RUN, *_RUN_COLUMNS.values()]]
+    for made, number in numbers.items():
+        words = [getattr(made, name) for name in _RUN_COLUMNS]
+        table.append([str(number), *words[:-1], f"`{words[-1]}`"])
+    return markdown(table)
