@@ -48,6 +48,8 @@ def joined(text: str) -> str:
 def source_of(package: str, executable: str) -> str:
     """The sources of an executable, with those of modules of its package that it hands over to.
 
+    Functions `add_...`, with which commands share options, come along.
+
     The test fails if a package's setup.py has none.
     """
     setups = [path for path in ROOT.glob("*/setup.py") if f'"{package}"' in path.read_text()]
@@ -59,6 +61,10 @@ def source_of(package: str, executable: str) -> str:
     for parent, name in re.findall(rf"^from ({package}[\w.]*) import (\w+)$", source, re.MULTILINE):
         path = folder / parent.replace(".", "/") / f"{name}.py"
         source += path.read_text(encoding="utf-8") if path.is_file() else ""
+    shared = folder / package / "cli" / "arguments.py"
+    for name in re.findall(r"^    (add_\w+)\(", source, re.MULTILINE) if shared.is_file() else ():
+        text = shared.read_text(encoding="utf-8")
+        source += text[text.index(f"def {name}(") :].partition("\n\n\n")[0]
     return source
 
 
