@@ -133,7 +133,7 @@ def desire(
     """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
 
     Args:
-        figures: Figures.
+        figures: Constants of the law, `drives.FIGURES_TYPE`. Shape (1,).
         robots: The robot now.
         axes, lengths, rows: `GaitLibrary.table`.
         speed, sideways: At which the gait is read. In m/s.
@@ -198,7 +198,7 @@ def adjust(figure: Any, robot: Any, step: Any) -> None:
     """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
 
     Args:
-        figure: Figures.
+        figure: Constants of the law, of `drives.FIGURES_TYPE`.
         robot: The robot now.
         step: The step, with what adjustment answered; changed in place.
     """

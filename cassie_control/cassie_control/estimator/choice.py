@@ -10,7 +10,7 @@ from cassie_control.estimator.kinematic import KinematicEstimator
 
 
 def make_monitored(config: EstimatorConfig, period: float) -> MonitoredEstimator:
-    """The same behind a monitor of the sensors."""
+    """The configured estimator, behind the monitor of the sensors."""
     return MonitoredEstimator(make_estimator(config, period), period)
 
 

@@ -42,7 +42,7 @@ REST_TIME = 1.0
 
 @compiled
 def look_at_pair(watch: Any, limit: Any, i: int) -> None:
-    """What a pair says of itself at this sample: `bad` of its position and velocity."""
+    """Compare position and velocity of a pair, and mark in `bad` which of them is wrong."""
     p, v, dt, hold = watch.position[i], watch.velocity[i], limit.period, limit.hold
     for kind in range(2):
         watch.bad[kind, i] = max(0.0, watch.bad[kind, i] - dt)
@@ -82,7 +82,7 @@ def look_at_pair(watch: Any, limit: Any, i: int) -> None:
 
 @compiled
 def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
-    """A channel whose bits stay the same while its partner moves is stuck, or off."""
+    """Find a channel that is stuck or off: its bits stay the same while its partner moves."""
     step, turn = watch.steps[0, i], watch.turns[0, i]
     most = _SEEN_SPEED * limit.period  # a position that jumps once is no motion
     now, last, moved = (
@@ -108,7 +108,7 @@ def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
 
 @compiled
 def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
-    """Velocities of one tick that leave the curve of their neighbours, again and again.
+    """Find spikes: velocities of one tick that leave the curve of their neighbours.
 
     The curve is the cubic through two of them on each side, so that legs that ring on their
     springs, with ten samples a period, do not leave it.
@@ -128,7 +128,7 @@ def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
 
 @compiled
 def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
-    """Position against integrated velocity; the sign of a delay tells which of them is late."""
+    """Compare the position with the integrated velocity."""
     dt, late = limit.period, watch.late[:, i]
     step, turn = watch.steps[limit.velocity_lag[i], i], watch.turns[limit.position_lag[i], i]
     watch.apart[i] = watch.apart[i] * math.exp(-dt / APART_TIME) + step - turn
@@ -154,7 +154,7 @@ def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
 
 @compiled
 def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
-    """Believe one of a pair no longer: the late one if `weigh` knows it, else after `_blame`."""
+    """Mark the wrong channel of a pair that has grown apart: the late one, or that of `_blame`."""
     if max(watch.bad[P, i], watch.bad[V, i]) <= 0.0:
         watch.guessed[i] = 0
     if matched >= 0 and watch.guessed[i]:
@@ -182,7 +182,7 @@ def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
 
 @compiled
 def _blame(watch: Any, i: int) -> int:
-    """Which of a pair that has grown apart is wrong: position or velocity; -1 when unclear."""
+    """Channel that is wrong of a pair that has grown apart; -1 while unclear."""
     if watch.leap[i] > LEAPT * abs(watch.apart[i]):
         return P  # also where it stands, and the velocity is 0 for good reason
     if watch.spikes[1, i] >= HARDLY_A_SPIKE:
@@ -195,7 +195,7 @@ def _blame(watch: Any, i: int) -> int:
 
 @compiled
 def _guess(watch: Any, i: int) -> int:
-    """Which of them rather, where nothing is sure: by what speaks for delays, or by one's sign."""
+    """The likelier channel where nothing is sure: by the evidence for delays, or their sign."""
     if watch.spikes[1, i] >= HARDLY_A_SPIKE:
         return V
     if watch.doubt[P, i] != watch.doubt[V, i]:
@@ -235,7 +235,7 @@ def go_on(watch: Any, limit: Any, i: int) -> None:
 
 @compiled
 def _look_for_life(watch: Any, i: int, kind: int) -> None:
-    """Whether a channel that is not believed changes its bits as a limp robot moves."""
+    """Note whether an unbelieved channel changes while a robot without power is moved."""
     if watch.bad[kind, i] > 0.0:
         if watch.life[kind, i] == 0:
             watch.life[kind, i] = 1
@@ -248,7 +248,7 @@ def _look_for_life(watch: Any, i: int, kind: int) -> None:
 
 @compiled
 def _hold(watch: Any, limit: Any, i: int, kind: int, wrong: bool) -> None:
-    """Go on not believing a channel that differs from what it is replaced by.
+    """Keep a channel unbelieved while it differs from its replacement.
 
     After a fall the replacement may be far off, for good. So at rest without power a channel that
     is alive counts as right unless something else speaks against it.

@@ -63,7 +63,7 @@ def _place(values: FloatArray, x: float) -> tuple[int, float]:
 
 @compiled
 def _phase_place(points: int, phase: float) -> tuple[int, float]:
-    """The same among evenly spaced phases from 0 to 1."""
+    """Interval of a phase among evenly spaced ones from 0 to 1, and the share of its end."""
     x = max(0.0, min(1.0, phase)) * (points - 1)
     i = min(points - 2, int(x))
     return i, x - i
