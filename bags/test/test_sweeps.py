@@ -6,12 +6,14 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
+from cassie_bags.signals.effort import GRAVITY, measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
 from cassie_bags.studies.sweep.picture import reached
 from cassie_bags.studies.sweep.radio_rows import jumps
@@ -190,6 +192,30 @@ def test_a_trial_keeps_the_written_times_and_draws_the_robot():
     assert (experiment.seed, experiment_of(trial)) == (7, experiment)
     fixed = experiment_of(Trial({"duration": 3.0, "draw": {"mass": 1.1}}, 7, (0.0, 1.0)))
     assert fixed.scenario.draw.mass == 1.1
+
+
+def walked_two_metres(torque: float, velocity: float) -> SimpleNamespace:
+    """A walk of 4 s at 0.5 m/s in which one drive works and another brakes."""
+    time = np.arange(0.0, 4.0, 0.002)
+    sensors = {name: np.zeros((len(time), 10)) for name in ("drive_torque", "drive_velocity")}
+    sensors["drive_torque"][:, [3, 4]] = torque
+    sensors["drive_velocity"][:, 3], sensors["drive_velocity"][:, 4] = velocity, -velocity
+    rows = np.rec.fromarrays(list(sensors.values()), names=list(sensors))
+    position = np.outer(time, [0.5, 0.0, 0.0])
+    return SimpleNamespace(time=time, position=position, sensors=rows)
+
+
+def test_cost_of_transport_is_work_by_weight_and_distance():
+    walked = walked_two_metres(torque=30.0, velocity=2.0)
+    figures = measure_effort(walked, (1.0, 3.0), 33.0)
+    expected = 30.0 * 2.0 * 2.0 / (33.0 * GRAVITY * 1.0)
+    assert figures["transport_work"] == pytest.approx(expected, rel=0.01)
+    assert figures["transport_work_abs"] == pytest.approx(2.0 * expected, rel=0.01)
+    assert figures["torque_rms"] == pytest.approx(30.0 * math.sqrt(2.0))
+    assert all(map(math.isnan, measure_effort(walked, (1.0, 5.0), 33.0).values()))
+    short = measure_effort(walked, (1.0, 1.5), 33.0)
+    assert math.isnan(short["transport_work"])
+    assert short["torque_rms"] == pytest.approx(30.0 * math.sqrt(2.0))
 
 
 def test_the_sway_of_steps_is_no_side_slip():
