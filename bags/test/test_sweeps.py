@@ -194,6 +194,12 @@ def test_a_trial_keeps_the_written_times_and_draws_the_robot():
     assert fixed.scenario.draw.mass == 1.1
 
 
+def test_a_push_gives_the_same_impulse_however_long_it_lasts():
+    event = push(1.0, 12.0, 180.0, 0.4)
+    assert event["duration"] == 0.4
+    assert event["duration"] * event["force"][0] == pytest.approx(-12.0)
+
+
 def walked_two_metres(torque: float, velocity: float) -> SimpleNamespace:
     """A walk of 4 s at 0.5 m/s in which one drive works and another brakes."""
     time = np.arange(0.0, 4.0, 0.002)
