@@ -66,7 +66,8 @@ def _rough() -> Row:
     levels = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
     return Row(
         "rough.hard",
-        f"s.d. of hard ground's height, grain 0.4 m, at {FAST:g} m/s over {ROUGH_DISTANCE:g} m",
+        f"s.d. of hard ground's height, grain 0.4 m, at {FAST:g} m/s over {ROUGH_DISTANCE:g} m, "
+        "9 of 10 robots",
         "m",
         0.04,
         levels,
@@ -208,7 +209,7 @@ def _turning() -> list[Row]:
     return [
         Row(
             f"slope.{name}",
-            f"slope on which it turns {title} at {TURN_RATE:g} rad/s",
+            f"side slope, turning at {TURN_RATE:g} rad/s {title}",
             "deg",
             8.0,
             levels,
@@ -236,7 +237,7 @@ def _ice() -> Row:
     levels = [0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08]
     return Row(
         "friction.ice",
-        f"friction of {ICE_PATCHES} patches of {ICE_LENGTH:g} m at {FAST:g} m/s",
+        f"friction of {ICE_PATCHES} patches of {ICE_LENGTH:g} m at {FAST:g} m/s, 9 of 10 robots",
         "",
         0.12,
         levels,
