@@ -6,17 +6,27 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
+from cassie_bags.signals.effort import GRAVITY, measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
 from cassie_bags.studies.sweep.radio_rows import jumps
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
-from cassie_bags.studies.trial import Figures, Trial, _slip, _without_sway, experiment_of, run_trial
+from cassie_bags.studies.trial import (
+    Figures,
+    Trial,
+    _slip,
+    _velocity_off,
+    _without_sway,
+    experiment_of,
+    run_trial,
+)
 from cassie_bags.studies.workers import LocalProcesses, Remembering, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
@@ -175,6 +185,48 @@ def test_phases_spread_over_two_steps():
     assert delays[-1] == pytest.approx(0.9 * 2.0 * step_time(0.0))
 
 
+def trials_of(name: str, level: float, budget: Budget) -> list[Trial]:
+    (chosen,) = chosen_rows([name])
+    return chosen.trials(budget, level)
+
+
+def test_payloads_lie_five_centimetres_off_centre_on_every_side():
+    loads = [
+        trial.content["payload"] for trial in trials_of("payload.walking", 8.0, Budget(seeds=4))
+    ]
+    places = [(round(load["x"], 9), round(load["y"], 9)) for load in loads]
+    assert places == [(0.05, 0.0), (0.0, 0.05), (-0.05, 0.0), (0.0, -0.05)]
+    assert {load["mass"] for load in loads} == {8.0}
+
+
+def test_pushes_of_a_circle_have_one_impulse_and_every_duration():
+    pushes = [
+        trial.content["pushes"][0] for trial in trials_of("push_circle_fast.90", 22.0, Budget())
+    ]
+    assert {entry["duration"] for entry in pushes} == {0.05, 0.1, 0.2, 0.4}
+    impulses = [entry["duration"] * entry["force"][1] for entry in pushes]
+    assert impulses == pytest.approx([22.0] * 10)
+
+
+def test_everything_at_once_is_asked_for_to_either_side():
+    commands = [
+        next(step for step in trial.content["operator"] if "vy" in step)
+        for trial in trials_of("speed.everything", 1.0, Budget(seeds=4))
+    ]
+    sides = {(step["vy"], step["yaw_rate"]) for step in commands}
+    assert sides == {(0.2, 0.4), (0.2, -0.4), (-0.2, 0.4), (-0.2, -0.4)}
+
+
+def test_blind_steps_and_ice_are_spread_over_a_stride():
+    stride = 2.0 * step_time(0.4) * 0.4
+    steps = trials_of("step_fast.up", 0.1, Budget(seeds=4))
+    starts = np.array([trial.content["scene_parameters"]["start"] for trial in steps])
+    np.testing.assert_allclose(starts, 1.0 + stride * np.arange(4) / 4.0)
+    ice = trials_of("friction.ice", 0.12, Budget(seeds=4))
+    first = [trial.content["scene_parameters"]["stretches"][0]["length"] for trial in ice]
+    np.testing.assert_allclose(first, starts)
+
+
 def test_a_push_has_its_impulse_and_direction():
     event = push(1.0, 12.0, 90.0)
     assert event["duration"] * event["force"][1] == pytest.approx(12.0)
@@ -191,6 +243,36 @@ def test_a_trial_keeps_the_written_times_and_draws_the_robot():
     assert fixed.scenario.draw.mass == 1.1
 
 
+def test_a_push_gives_the_same_impulse_however_long_it_lasts():
+    event = push(1.0, 12.0, 180.0, 0.4)
+    assert event["duration"] == 0.4
+    assert event["duration"] * event["force"][0] == pytest.approx(-12.0)
+
+
+def walked_two_metres(torque: float, velocity: float) -> SimpleNamespace:
+    """A walk of 4 s at 0.5 m/s in which one drive works and another brakes."""
+    time = np.arange(0.0, 4.0, 0.002)
+    sensors = {name: np.zeros((len(time), 10)) for name in ("drive_torque", "drive_velocity")}
+    sensors["drive_torque"][:, [3, 4]] = torque
+    sensors["drive_velocity"][:, 3], sensors["drive_velocity"][:, 4] = velocity, -velocity
+    rows = np.rec.fromarrays(list(sensors.values()), names=list(sensors))
+    position = np.outer(time, [0.5, 0.0, 0.0])
+    return SimpleNamespace(time=time, position=position, sensors=rows)
+
+
+def test_cost_of_transport_is_work_by_weight_and_distance():
+    walked = walked_two_metres(torque=30.0, velocity=2.0)
+    figures = measure_effort(walked, (1.0, 3.0), 33.0)
+    expected = 30.0 * 2.0 * 2.0 / (33.0 * GRAVITY * 1.0)
+    assert figures["transport_work"] == pytest.approx(expected, rel=0.01)
+    assert figures["transport_work_abs"] == pytest.approx(2.0 * expected, rel=0.01)
+    assert figures["torque_rms"] == pytest.approx(30.0 * math.sqrt(2.0))
+    assert all(map(math.isnan, measure_effort(walked, (1.0, 5.0), 33.0).values()))
+    short = measure_effort(walked, (1.0, 1.5), 33.0)
+    assert math.isnan(short["transport_work"])
+    assert short["torque_rms"] == pytest.approx(30.0 * math.sqrt(2.0))
+
+
 def test_the_sway_of_steps_is_no_side_slip():
     time = np.arange(0.0, 20.0, 0.002)
     sway = 0.25 * np.sin(2.0 * np.pi * time / 0.78)
@@ -199,6 +281,17 @@ def test_the_sway_of_steps_is_no_side_slip():
     cut = 0.5 + sway[: round(2.25 * 390)]  # ends a quarter of two steps later than it begins
     assert abs(cut.mean() - 0.5) > 0.015
     assert _without_sway(cut, 400) == pytest.approx(0.5, abs=0.003)
+
+
+def test_the_way_back_to_a_command_counts_without_the_sway():
+    time = np.arange(0.0, 10.0, 0.002)
+    sway = 0.25 * np.sin(2.0 * np.pi * time / 0.8)
+    achieved = {"vx": 0.5 + 0.2 * (time > 6.0), "vy": sway}
+    commanded = {"vx": np.full(len(time), 0.5), "vy": np.zeros(len(time))}
+    track = SimpleNamespace(achieved=achieved, commanded=commanded)
+    assert _velocity_off(track, time < 6.0, 400) < 0.01
+    assert _velocity_off(track, time > 2.0, 400) == pytest.approx(0.2, abs=0.01)
+    assert math.isnan(_velocity_off(track, time < 0.5, 400))
 
 
 STAND = {
@@ -212,6 +305,9 @@ def test_a_robot_that_stands_is_measured():
     figures = run_trial(Trial(STAND, 0, (1.0, 1.6)))
     assert (figures["fell"], figures["standing"]) == (0.0, 1.0)
     assert abs(figures["vx"]) < 0.1
+    assert figures["step_rate"] == 0.0
+    assert 10.0 < figures["torque_rms"] < 200.0
+    assert math.isnan(figures["transport_work"])
     assert figures["rmse_vx"] < 0.1
     assert figures["end"] == pytest.approx(1.6, abs=0.01)
 

@@ -6,20 +6,23 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, SENSED_JOINTS
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import SLOWEST_PERIOD, is_soft
-from cassie_sim.scenario import Scenario
+from cassie_sim.scenario import Payload, Scenario
 from cassie_sim.scenes import scene_spec
 
 FloatArray = npt.NDArray[np.float64]
+
+_PAYLOAD_RADIUS = 0.08  # of the solid ball that gives a payload its inertia, in m
 
 
 def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.MjModel:
     """The robot of a scenario in its scene.
 
     Args:
-        scenario: Scene, drawn robot and factors on the model.
+        scenario: Scene, drawn robot, payload and factors on the model.
         meshes: Whether to load the visual meshes.
         period: Length of a physics step. In s.
 
@@ -28,6 +31,8 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
     """
     spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=meshes)
     spec.option.timestep = period
+    if scenario.payload.mass > 0.0:
+        _add_payload(spec, scenario.payload)
     for name, kind in (
         ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
         ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
@@ -40,8 +45,29 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
             "or more"
         )
     _scale(model, scenario)
+    if scenario.payload.mass > 0.0:
+        _weigh_payload(model, scenario.payload)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
+    """A body without shape, fixed to the pelvis."""
+    place = np.add(robot.PELVIS.com, (payload.x, payload.y, payload.z))
+    body = spec.body("pelvis").add_body(name="payload", pos=place)
+    body.explicitinertial = True
+    body.mass, body.inertia = payload.mass, _ball_inertia(payload)
+
+
+def _weigh_payload(model: mujoco.MjModel, payload: Payload) -> None:
+    """Give the load its own mass again: what a seed draws is the mass of the robot's links."""
+    body = model.body("payload").id
+    model.body_mass[body] = payload.mass
+    model.body_inertia[body] = _ball_inertia(payload)
+
+
+def _ball_inertia(payload: Payload) -> FloatArray:
+    return np.full(3, 0.4 * payload.mass * _PAYLOAD_RADIUS**2)
 
 
 def _scale(model: mujoco.MjModel, scenario: Scenario) -> None:

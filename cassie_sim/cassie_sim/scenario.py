@@ -98,6 +98,16 @@ class ModelScale:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Payload:
+    """A load fixed to the pelvis, of which the controller is not told."""
+
+    mass: float = tunable(0.0, "kg", 0.0, 30.0, "Mass of the load; 0: there is none")
+    x: float = tunable(0.0, "m", -0.3, 0.3, "Its centre ahead of the pelvis's centre of mass")
+    y: float = tunable(0.0, "m", -0.3, 0.3, "Its centre left of the pelvis's centre of mass")
+    z: float = tunable(0.1, "m", -0.3, 0.5, "Its centre above the pelvis's centre of mass")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Push:
     """A constant force for a while."""
 
@@ -145,6 +155,7 @@ class Scenario:
     faults: tuple[SensorFault, ...] = ()
     delays: Delays = field(default_factory=Delays)
     model: ModelScale = field(default_factory=ModelScale)
+    payload: Payload = field(default_factory=Payload)
 
     @staticmethod
     def from_mapping(mapping: Mapping[str, Any]) -> Scenario:
@@ -170,6 +181,7 @@ class Scenario:
             faults=_events(SensorFault, mapping, "faults"),
             delays=from_mapping(Delays, _section(mapping, "delays")),
             model=from_mapping(ModelScale, _section(mapping, "model")),
+            payload=from_mapping(Payload, _section(mapping, "payload")),
         )
 
 

@@ -15,7 +15,7 @@ from cassie_sim.errors import CommandError, SimulationError
 from cassie_sim.plant import STANDING_DRIVES, Plant
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.poses import lowest_sole
-from cassie_sim.scenario import Delays, Draw, GantryMove, ModelScale, Push, Scenario
+from cassie_sim.scenario import Delays, Draw, GantryMove, ModelScale, Payload, Push, Scenario
 
 IDEAL = PlantConfig(sensors="ideal")
 
@@ -239,6 +239,19 @@ def test_drawn_robot_and_factors_are_in_the_model():
     assert 2.0 * math.asin(plant.pelvis_pose[1][3]) == pytest.approx(0.03)
     expected = np.tile(STANDING_DRIVES, 2) + 0.01
     np.testing.assert_allclose(plant.sense().drive_position, expected)
+
+
+def test_a_payload_moves_the_mass_of_the_pelvis_as_far_as_it_weighs():
+    plain = Plant(IDEAL).model
+    draw = Draw(mass=1.02)
+    loaded = Plant(IDEAL, Scenario(draw=draw, payload=Payload(mass=8.0, y=0.05))).model
+    pelvis = plain.body("pelvis").id
+    assert loaded.body_mass.sum() == pytest.approx(33.312 * 1.02 + 8.0)
+    assert loaded.body_subtreemass[pelvis] == pytest.approx(33.312 * 1.02 + 8.0)
+    place = loaded.body("payload").pos
+    np.testing.assert_allclose(place - plain.body_ipos[pelvis], [0.0, 0.05, 0.1], atol=1e-12)
+    np.testing.assert_allclose(loaded.body("payload").inertia, 0.4 * 8.0 * 0.08**2)
+    assert Plant(IDEAL, Scenario(payload=Payload())).model.nbody == plain.nbody
 
 
 def test_sample_is_written_in_place():

@@ -198,6 +198,7 @@ def as_content(experiment: Experiment) -> dict[str, Any]:
         "faults": [as_mapping(fault) for fault in scenario.faults],
         "delays": as_mapping(scenario.delays),
         "model": as_mapping(scenario.model),
+        "payload": as_mapping(scenario.payload),
         "operator": [dict(step) for step in experiment.operator],
         "rider": None if experiment.rider is None else dict(experiment.rider),
         "gait_library": experiment.gait_library,

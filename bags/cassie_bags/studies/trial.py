@@ -22,6 +22,7 @@ from cassie_bags.run.experiment import Experiment, read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import apply_changes
+from cassie_bags.signals.effort import measure_effort
 from cassie_bags.signals.falls import FALLEN_HEIGHT, FALLEN_TILT
 from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.riding import measure_ride
@@ -45,6 +46,8 @@ TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
 WINDOW_FIGURES = (
     *_MEANS,
     "vy_slip",
+    "velocity_off",
+    "step_rate",
     "drift",
     "drift_of_steps",
     "depth",
@@ -102,8 +105,8 @@ def run_trial(trial: Trial) -> Figures:
 
     Returns:
         Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode;
-        and of the window those of `measure_window` and `measure_ride`, NaN where the run did not
-        get there. Of the run beside the same with "beside_" in front.
+        and of the window those of `measure_window`, `measure_effort` and `measure_ride`, NaN where
+        the run did not get there. Of the run beside the same with "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
@@ -141,6 +144,8 @@ def _figures_of(trial: Trial) -> Figures:
     figures |= measure_window(
         track, recording.rows(RobotState), recording.rows(ControllerStatus), trial.window
     )
+    mass = float(cores.plant.model.body("pelvis").subtreemass[0])
+    figures |= measure_effort(track, trial.window, mass)
     return figures | measure_ride(recording, experiment.rider, trial.window)
 
 
@@ -167,8 +172,10 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     Returns:
         vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame, the last of means over
         two steps, which leaves out the sway at both ends; vy_slip: largest sideways mean over
-        two steps (m/s); drift: greatest distance from where the window
-        began (m); drift_of_steps: the same of the mean place over two steps, which leaves out
+        two steps (m/s); velocity_off: largest difference of the horizontal velocity, as a mean
+        over two steps, from the commanded one (m/s); step_rate: touchdowns in a second (1/s);
+        drift: greatest distance from where the window began (m);
+        drift_of_steps: the same of the mean place over two steps, which leaves out
         the sway (m); depth: of the lower sole below the height of the start, median (m);
         sole_pitch: as `metrics.sole_pitch` (deg);
         rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
@@ -186,6 +193,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     two_steps = round(AVERAGED_OVER / tick)
     figures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
     figures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
+    figures["velocity_off"] = _velocity_off(track, inside, two_steps)
     figures["drift"] = float(np.linalg.norm(away, axis=1).max())
     figures["drift_of_steps"] = _drift_of_steps(away, two_steps)
     figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
@@ -193,6 +201,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     figures |= _estimate(track, state, inside)
     figures |= measure_standing(track, state, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
+    figures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
     squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)
     figures["tracking"] = float(np.sqrt(squares.mean()))
@@ -208,6 +217,17 @@ def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
 def _slip(vy: FloatArray, width: int) -> float:
     """Largest mean of the sideways velocity over two steps."""
     return float(np.abs(_over_two_steps(vy, width)).max()) if len(vy) >= width else math.nan
+
+
+def _velocity_off(track: Track, inside: npt.NDArray[np.bool_], width: int) -> float:
+    """Largest difference of the mean velocity over two steps from the commanded one. In m/s."""
+    if np.count_nonzero(inside) < width:
+        return math.nan
+    errors = [
+        _over_two_steps(track.achieved[name][inside] - track.commanded[name][inside], width)
+        for name in ("vx", "vy")
+    ]
+    return float(np.linalg.norm(errors, axis=0).max())
 
 
 def _without_sway(values: FloatArray, width: int) -> float:

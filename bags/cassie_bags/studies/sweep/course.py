@@ -123,17 +123,20 @@ def steady(budget: Budget, speed: float, seconds: float | None = None) -> tuple[
     return start, start + (budget.seconds if seconds is None else seconds)
 
 
-def push(time: float, impulse: float, angle_deg: float) -> dict[str, Any]:
+def push(
+    time: float, impulse: float, angle_deg: float, duration: float = PUSH_TIME
+) -> dict[str, Any]:
     """A push on the pelvis.
 
     Args:
         time: When it begins. In s.
         impulse: In Ns.
         angle_deg: Direction of the force from ahead, to the left. In deg.
+        duration: In s.
     """
-    force, angle = impulse / PUSH_TIME, math.radians(angle_deg)
+    force, angle = impulse / duration, math.radians(angle_deg)
     return {
         "t": time,
-        "duration": PUSH_TIME,
+        "duration": duration,
         "force": [force * math.cos(angle), force * math.sin(angle), 0.0],
     }

@@ -20,8 +20,11 @@ DISTANCE = 10.0
 TIME_FACTOR = 2.0
 """Longest time for a distance, by that at the commanded speed; and shortest, one by it."""
 
-_LEVEL_PART = 1.0
-_PAST_STEP = 2.0
+LEVEL_PART = 1.0
+"""Before what is to be crossed. In m."""
+
+PAST_STEP = 2.0
+"""Distance beyond a step at which it counts as taken. In m."""
 
 
 def ground_rows() -> list[Row]:
@@ -33,31 +36,48 @@ def across(
     budget: Budget, scene: str, parameters: dict[str, Any], distance: float = DISTANCE
 ) -> list[Trial]:
     """Walking over a scene for a distance beyond its level part."""
-    ahead = _LEVEL_PART + distance
-    end = COMMAND_AT + TIME_FACTOR * ahead / SPEED
-    return [
-        walk(
-            budget,
-            seed,
-            (COMMAND_AT, end),
-            vx=SPEED,
-            ahead=ahead,
-            scene=scene,
-            scene_parameters=parameters,
-        )
-        for seed in budget.each_seed()
-    ]
+    return [crossing(budget, seed, scene, parameters, distance) for seed in budget.each_seed()]
 
 
-def got_across(figures: Figures, distance: float = DISTANCE) -> bool:
+def crossing(
+    budget: Budget,
+    seed: int,
+    scene: str,
+    parameters: dict[str, Any],
+    distance: float,
+    speed: float = SPEED,
+) -> Trial:
+    """One robot that walks over a scene.
+
+    Args:
+        budget: How much to run.
+        seed: Robot.
+        scene: Its name.
+        parameters: Of the scene.
+        distance: To walk beyond its level part. In m.
+        speed: Commanded. In m/s.
+    """
+    ahead = LEVEL_PART + distance
+    return walk(
+        budget,
+        seed,
+        (COMMAND_AT, COMMAND_AT + TIME_FACTOR * ahead / speed),
+        vx=speed,
+        ahead=ahead,
+        scene=scene,
+        scene_parameters=parameters,
+    )
+
+
+def got_across(figures: Figures, distance: float = DISTANCE, speed: float = SPEED) -> bool:
     """Whether a robot went all the way, and did not run away on it."""
-    ahead = _LEVEL_PART + distance
-    return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / SPEED / TIME_FACTOR
+    ahead = LEVEL_PART + distance
+    return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
 
 
 def _slopes() -> list[Row]:
     def ahead(sign: float, budget: Budget, angle: float) -> list[Trial]:
-        return across(budget, "slope", {"rise_deg": sign * angle, "start": _LEVEL_PART})
+        return across(budget, "slope", {"rise_deg": sign * angle, "start": LEVEL_PART})
 
     def side(budget: Budget, angle: float) -> list[Trial]:
         return across(budget, "slope", {"rise_deg": 0.0, "side_deg": angle})
@@ -118,7 +138,7 @@ def _frictions() -> list[Row]:
 def _sinking() -> list[Row]:
     def over(budget: Budget, ground: dict[str, float]) -> list[Trial]:
         sand = {"surface": "sand", "uneven": 0.0, "length": 60.0, **ground}
-        found = across(budget, "course", {"stretches": [sand]}, DISTANCE - _LEVEL_PART)
+        found = across(budget, "course", {"stretches": [sand]}, DISTANCE - LEVEL_PART)
         return [dataclasses.replace(trial, window=(10.0, 20.0)) for trial in found]
 
     def row(
@@ -137,7 +157,7 @@ def _sinking() -> list[Row]:
             target[0],
             levels,
             lambda budget, level: over(budget, ground(level)),
-            holds=lambda figures, _: got_across(figures, DISTANCE - _LEVEL_PART),
+            holds=lambda figures, _: got_across(figures, DISTANCE - LEVEL_PART),
             figure=lambda figures, _: figures[figure],
             start=levels.index(start),
         )
@@ -167,8 +187,8 @@ def _dug(heel_dig: float) -> dict[str, float]:
 
 def _steps() -> list[Row]:
     def trials(sign: float, budget: Budget, height: float) -> list[Trial]:
-        step = {"height": sign * height, "start": _LEVEL_PART}
-        return across(budget, "step", step, _PAST_STEP)
+        step = {"height": sign * height, "start": LEVEL_PART}
+        return across(budget, "step", step, PAST_STEP)
 
     def row(name: str, sign: float, target: float, levels: list[float]) -> Row:
         return Row(
@@ -178,7 +198,7 @@ def _steps() -> list[Row]:
             target,
             levels,
             partial(trials, sign),
-            holds=lambda figures, _: got_across(figures, _PAST_STEP),
+            holds=lambda figures, _: got_across(figures, PAST_STEP),
             start=levels.index(target),
         )
 

@@ -48,6 +48,7 @@ def _delays() -> list[Row]:
         row("torque", "torque", "torques", 3.0, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0]),
         row("set_point", "set_point", "set-points", 40.0, late),
         row("both", "set_point", "set-points, and of torques by 2 ms,", 20.0, late, torque=0.002),
+        row("both_3ms", "set_point", "set-points, and torques by 3 ms,", 25.0, late, torque=0.003),
     ]
 
 

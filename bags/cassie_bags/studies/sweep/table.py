@@ -12,6 +12,8 @@ from typing import Any
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.text import finite
 from cassie_bags.run.provenance import Origin, versions
+from cassie_bags.studies.sweep.beyond_ground_rows import beyond_ground_rows
+from cassie_bags.studies.sweep.beyond_rows import beyond_rows
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.ground_rows import ground_rows
 from cassie_bags.studies.sweep.loop_rows import loop_rows
@@ -29,7 +31,7 @@ Results = Mapping[str, Mapping[str, RowResult]]
 def all_rows() -> list[Row]:
     """Every row, in the order of the table."""
     rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
-    return [*rows, *standing_rows()]
+    return [*rows, *standing_rows(), *beyond_rows(), *beyond_ground_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
