@@ -163,7 +163,11 @@ def test_rows_are_chosen_by_name_and_by_group():
     assert len(names) == len(set(names))
     assert [row.name for row in chosen_rows(["speed.+0.5"])] == ["speed.+0.5"]
     assert len(chosen_rows(["push_in_place"])) == 8
-    assert [row.name for row in chosen_rows([])] == names
+    promised, beyond = chosen_rows([]), chosen_rows(["beyond"])
+    assert [row.name for row in (*promised, *beyond)] == names
+    assert chosen_rows(["speed.everything"])[0].name in {row.name for row in beyond}
+    assert not {row.name for row in chosen_rows(["speed"])} & {row.name for row in beyond}
+    assert {row.group for row in chosen_rows(["payload"])} == {"payload"}
     with pytest.raises(ExperimentError, match="unknown row spede: did you mean speed"):
         chosen_rows(["spede"])
 

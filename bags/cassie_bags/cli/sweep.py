@@ -42,8 +42,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_extent(parser: argparse.ArgumentParser) -> None:
     """How much to run."""
-    parser.add_argument("rows", nargs="*", help="rows or groups of rows, all if left out")
-    parser.add_argument("--list", action="store_true", help="name all rows and exit")
+    parser.add_argument(
+        "rows", nargs="*", help="rows or groups of rows; if left out, all that are promised"
+    )
+    parser.add_argument(
+        "--list",
+        action="store_true",
+        help="name all rows and exit; `beyond` is all that are not promised",
+    )
     parser.add_argument("--seeds", type=positive, help="robots tried for each setting (10)")
     parser.add_argument(
         "--phases", type=positive, help="moments over two steps for pushes and stops (10)"

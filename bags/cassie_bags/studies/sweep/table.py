@@ -28,24 +28,46 @@ Results = Mapping[str, Mapping[str, RowResult]]
 """Result of each row by the name of the variant (such as "own" and "paper's law") and row."""
 
 
+BEYOND = "beyond"
+"""Names the rows whose targets are not promised."""
+
+
 def all_rows() -> list[Row]:
     """Every row, in the order of the table."""
+    return [*promised_rows(), *rows_beyond()]
+
+
+def promised_rows() -> list[Row]:
+    """Rows whose targets the robot is to reach."""
     rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
-    return [*rows, *standing_rows(), *beyond_rows(), *beyond_ground_rows()]
+    return [*rows, *standing_rows()]
+
+
+def rows_beyond() -> list[Row]:
+    """Rows that look for the limits, with targets that are not promised."""
+    return [*beyond_rows(), *beyond_ground_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
-    """Rows by name or group; all if none is named.
+    """Rows by name or group; those that are promised if none is named.
+
+    A group has no row beyond what is promised if it has one that is.
 
     Raises:
         ExperimentError: if there is no such row; the message names the nearest.
     """
-    rows = all_rows()
-    known = {row.name for row in rows} | {row.group for row in rows}
+    promised, beyond = promised_rows(), rows_beyond()
+    if not names:
+        return promised
+    rows, groups = [*promised, *beyond], {row.group for row in promised}
+    known = {row.name for row in rows} | {row.group for row in rows} | {BEYOND}
     for name in names:
         if name not in known:
             raise ExperimentError(unknown_name(name, known, "row"))
-    return [row for row in rows if not names or row.name in names or row.group in names]
+    by_group = {row.name for row in promised if row.group in names}
+    by_group |= {row.name for row in beyond if row.group in set(names) - groups}
+    by_group |= {row.name for row in beyond if BEYOND in names}
+    return [row for row in rows if row.name in names or row.name in by_group]
 
 
 def table(rows: Sequence[Row], results: Results) -> str:
