@@ -79,11 +79,24 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
 
 
 def overlapping(figure: Figure) -> list[tuple[str, str]]:
-    """Pairs of words that lie on each other, by more than a pixel."""
+    """Pairs of words that lie on each other, however little."""
     return [
         (one, other)
         for (one, a), (other, b) in itertools.combinations(list(texts(figure)), 2)
-        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1.0
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 0.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 0.0
+    ]
+
+
+def words_over_bars(figure: Figure) -> list[str]:
+    """Words within axes that lie on a bar."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    return [
+        text.get_text()
+        for axes in figure.axes
+        for text in axes.texts
+        for bar in axes.patches
+        if bar.get_window_extent().width > 1.0
+        and bar.get_window_extent().overlaps(text.get_window_extent(renderer))
     ]
 
 
@@ -179,6 +192,21 @@ def some(*groups: str) -> list[StoredRow]:
     return [row for row in ROWS if row.group in groups]
 
 
+def as_if(name: str, other: str) -> StoredRow:
+    """A row under the name of another one, to fill the picture."""
+    return dataclasses.replace(next(row for row in ROWS if row.name == name), name=other)
+
+
+EVERY_GROUND = [
+    *some("slope", "step", "stand_block", "friction"),
+    as_if("slope.up", "sinking.heel"),
+    as_if("step.down", "sinking.sand"),
+    as_if("stand_block.left", "stand_sinking.sand"),
+    as_if("stand_block.left", "stand_block.right"),
+    as_if("friction.0.5", "friction.0.2"),
+]
+
+
 @pytest.mark.parametrize(
     "rows",
     [
@@ -186,15 +214,28 @@ def some(*groups: str) -> list[StoredRow]:
         some("push_in_place"),
         some("speed", "sideways"),
         some("slope", "step"),
+        EVERY_GROUND,
+        [*EVERY_GROUND, *some("speed", "push_in_place")],
         some("stand_push", "slope"),
         some("push_walking", "speed"),
         [dataclasses.replace(r, results={"measured": r.results["measured"]}) for r in ROWS],
     ],
-    ids=["all", "pushes", "speeds", "grounds", "standing", "walking", "own law alone"],
+    ids=[
+        "all",
+        "pushes",
+        "speeds",
+        "grounds",
+        "every ground",
+        "full",
+        "standing",
+        "walking",
+        "own law alone",
+    ],
 )
 def test_no_words_lie_on_each_other_or_beyond_the_edge(rows: list[StoredRow]):
     figure = picture(rows)
     assert overlapping(figure) == []
+    assert words_over_bars(figure) == []
     width, height = figure.canvas.get_width_height()
     for word, box in texts(figure):
         assert box.x0 >= -1.0 and box.y0 >= -1.0, word

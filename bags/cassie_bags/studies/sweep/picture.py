@@ -26,6 +26,7 @@ _SHADE = "#ececec"
 _SMALL = 7.5  # size of letters
 _WIDTH = 10.5  # of the figure, in inches
 _POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
+_BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # of a bar with its words; of what bars stand in
 
 _CM = 100.0  # per m
 _FINEST = 1.0  # cm/s to which differences of speeds are drawn to scale, beyond it by ratio
@@ -56,6 +57,7 @@ _AROUND = (
     ),
 )
 _LINES = ("-", "--")  # of the kinds
+_INNERMOST = 0.35  # of the strongest, below which rings have no number
 _WIDEST = 90.0  # deg between directions that a line joins
 _COMPASS = ((0.0, "fore"), (90.0, "left"), (180.0, "aft"), (270.0, "right"))
 
@@ -117,7 +119,9 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
         return None
     variants = list(dict.fromkeys(name for row in rows for name in row.results))
     colours = dict(zip(variants, _COLOURS, strict=False))
-    heights = [_EDGE_HEIGHT, *[_POLAR_HEIGHT] * bool(around), *[_LOWER_HEIGHT] * bool(lower)]
+    bars = len(colours) * sum(len(shown) + 0.7 for _, shown in grounds)
+    lowest = max(_LOWER_HEIGHT, _BAR_HEIGHT * bars + _AXES_HEIGHT * len(grounds))
+    heights = [_EDGE_HEIGHT, *[_POLAR_HEIGHT] * bool(around), *[lowest] * bool(lower)]
     heights.append(_EDGE_HEIGHT)
     figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
     strips = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights).flat
@@ -211,7 +215,9 @@ def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
     most = max(*limits, *(row.target for row in rows))
     rings = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
     axis.set_ylim(0.0, 1.08 * most)
-    axis.set_yticks([ring for ring in rings if 0.0 < ring <= 1.08 * most])
+    rings = [ring for ring in rings if 0.0 < ring <= 1.08 * most]
+    # Numbers of the innermost rings would lie on points.
+    axis.set_yticks(rings, [f"{ring:g}" if ring > _INNERMOST * most else "" for ring in rings])
     for label in axis.get_yticklabels():
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8})
 
@@ -387,5 +393,5 @@ def _words(result: RowResult, value: float, falling: bool) -> str:
 def _name_limit(axis: Axes, place: float, value: float, words: str) -> None:
     axis.annotate(
         words, (value, place), xytext=(4, 0), textcoords="offset points", va="center",
-        fontsize=_SMALL, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+        fontsize=_SMALL, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.2},
     )  # fmt: skip
