@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from closed_loop import PERIOD, Robot
+from kinematic_gaits import kinematic_library
 from robot_states import leg_joints
 
 from cassie_control.config import ControllerConfig, WalkConfig
@@ -38,7 +39,9 @@ def on_ice():
             "pushes": [{"t": 5.1, "duration": 0.2, "force": [0.0, -60.0, 0.0]}],
         }
     )
-    robot = Robot(scenario, "faithful", ControllerConfig(walk=walk), record=True)
+    robot = Robot(
+        scenario, "faithful", ControllerConfig(walk=walk), library=kinematic_library(), record=True
+    )
     robot.ask(height=0.98)
     robot.run(1.8)
     robot.ask(mode=int(RobotMode.WALK))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from closed_loop import Robot
 from faulty_samples import IN_TIME, LIMITS, reports, samples, spoil
+from kinematic_gaits import kinematic_library
 from supervised import WALK
 
 from cassie_control.errors import SensorError
@@ -98,7 +99,7 @@ def test_of_a_pair_the_late_one_is_named_whenever_it_begins(walked_faithful, cha
 def ahead(request):
     """Walks ahead, to the side and round, with a body that is not the nominal one."""
     scenario = Scenario.from_mapping({"start": "standing", "model": request.param})
-    robot = Robot(scenario, "faithful", record=True)
+    robot = Robot(scenario, "faithful", library=kinematic_library(), record=True)
     robot.ask(height=0.98)
     robot.run(1.8)
     robot.ask(mode=int(WALK))
