@@ -11,7 +11,7 @@ from cassie_control.control.figures import Figures, figures
 from cassie_control.control.outputs import Step, begin_step, desire, measure
 from cassie_control.control.robot import Readings, RecordArray, Robot
 from cassie_control.planner.footstep import placement
-from cassie_control.planner.hold import PositionHold, release, velocity_back
+from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.plan import Commanded, Placement, StepAhead
 from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
@@ -29,34 +29,24 @@ _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
 
 @compiled
 def go_on(
-    states: RecordArray,
-    modes: RecordArray,
     robots: Records[Robot],
     timings: Records[StepTiming],
-    holds: Records[PositionHold],
+    yaw_rate: float,
     steps: Records[Step],
-) -> tuple[bool, float, float]:
-    """Let a tick pass: the place to hold, the heading to follow, the phase of the step.
+) -> bool:
+    """Let a tick pass: the heading to follow, the phase of the step; says whether the step ended.
 
     Args:
-        states, modes: `RobotState.record` and `Mode.record`. Shape (1,).
         robots: The robot now. Shape (1,).
-        timings, holds, steps: Changed in place. Shape (1,).
-
-    Returns:
-        Whether the step ended, and the velocity to walk with, forward and to the left. In m/s.
+        timings, steps: Changed in place. Shape (1,).
+        yaw_rate: Commanded. In rad/s.
     """
-    mode, step, timing = modes[0], steps[0], timings[0]
-    vx, vy, yaw_rate = mode.vx, mode.vy, mode.yaw_rate
-    if vx == 0.0 and vy == 0.0 and yaw_rate == 0.0:
-        vx, vy = velocity_back(holds, states, robots)
-    else:
-        release(holds)
+    step, timing = steps[0], timings[0]
     # The heading waits where the robot does not come along.
     lead = step.heading - robots[0].yaw
     if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
         step.heading += yaw_rate * timing.period
-    return advance(timings, robots), vx, vy
+    return advance(timings, robots)
 
 
 @compiled
@@ -142,7 +132,7 @@ class WalkingController:
         self.library = library
         self._gaits, self._speeds = library.table, library.speed_range
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
-        self._hold = PositionHold(config, period)
+        self._hold = PositionHold(period)
         self._slope = GroundSlope(config, period)
         self._step = step = Step()
         self.outputs: FloatArray = step.measured
@@ -160,7 +150,7 @@ class WalkingController:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
         if config.as_in_paper != self.config.as_in_paper:
             self._placement = placement(config)
-        for part in (self.timing, self._hold, self._slope):
+        for part in (self.timing, self._slope):
             part.configure(config)
         self.config = config
         self.allow_for(self._latency)
@@ -200,7 +190,7 @@ class WalkingController:
     def start(self, readings: Readings, stance: int) -> None:
         """Begin with a step on a stance leg."""
         self.timing.start(stance)
-        self._hold.start()
+        self._hold.release()
         self._slope.start()
         self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
         self._placement.reset()
@@ -215,14 +205,13 @@ class WalkingController:
             Whether a step ended at this tick.
         """
         commanded, timing = self._commanded, self.timing.records
-        ended, commanded.vx, commanded.vy = go_on(
-            readings.state.record,
-            mode.record,
-            readings.records,
-            timing,
-            self._hold.records,
-            self._step.records,
-        )
+        _, vx, vy, yaw_rate = mode.floats[:4].tolist()
+        if vx == vy == yaw_rate == 0.0:
+            vx, vy = self._hold.velocity(self.config, readings)
+        else:
+            self._hold.release()
+        commanded.vx, commanded.vy = vx, vy
+        ended = go_on(readings.records, timing, yaw_rate, self._step.records)
         commanded.spread = spread
         commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
@@ -237,7 +226,7 @@ class WalkingController:
             self._step.records,
         )
         self._adjust(readings, StepAhead(*ahead), mode, command)
-        return bool(ended)
+        return ended
 
     def _end_step(self, readings: Readings) -> None:
         """A foot touched down: the other leg swings from now on."""
