@@ -134,7 +134,6 @@ class PendulumPlacement:
             ahead.remaining,
             ahead.earliest,
             ahead.step_time,
-            ahead.velocity[0],
             ahead.yaw,
             ahead.rise,
             ahead.slope[0],

@@ -116,7 +116,7 @@ class Now(NamedTuple):
         velocity_x, velocity_y: Of the CoM, from the angular momentum about the stance toe joint.
         pitch: Of the torso. In rad.
         side: Of the swing leg.
-        elapsed, remaining, earliest, step_time, speed, yaw, rise, slope_x, slope_y: `StepAhead`.
+        elapsed, remaining, earliest, step_time, yaw, rise, slope_x, slope_y: `StepAhead`.
         lead: Time from the swing foot's first contact to the end of the step.
         commanded_vx, commanded_vy, spread, roll_trim: `Commanded`.
         offset_x, offset_y: Of the foot, from the disturbance observer.
@@ -136,7 +136,6 @@ class Now(NamedTuple):
     remaining: float
     earliest: float
     step_time: float
-    speed: float
     yaw: float
     rise: float
     slope_x: float
@@ -228,7 +227,6 @@ def landing(
     remaining: float,
     earliest: float,
     step_time: float,
-    speed: float,
     yaw: float,
     rise: float,
     slope_x: float,
@@ -271,7 +269,6 @@ def landing(
         remaining,
         earliest,
         step_time,
-        speed,
         yaw,
         rise,
         slope_x,
