@@ -158,7 +158,7 @@ class WalkingController:
     def allow_for(self, latency: float) -> None:
         """Take over how late the drives act on commands, beyond their own delay. In s."""
         self._latency = latency
-        self._placement.config = self.config.late.placement(self.config, latency)
+        self._placement.config = self.config
         self._figures = figures(self.config, self._period, latency)
 
     def _practise(self) -> None:
