@@ -36,10 +36,12 @@ from cassie_bags.studies.toe_gains import (
 )
 from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_gaits.robot import WEIGHT
+from cassie_msgs.experiment.script import RiderScript
+from cassie_msgs.structured import structure
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 GATES = {"first": 2.0, "spacing": 3.0, "offset": 0.2, "count": 2}
-RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
+RIDER = structure(RiderScript, {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]})
 
 
 def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
@@ -77,7 +79,8 @@ def test_gates_are_where_the_rider_saw_the_robot_when_he_wanted_them():
 
 def test_a_gate_that_is_not_reached_is_missed_and_without_gates_there_is_no_figure():
     assert gate_miss(ride(seconds=5.0), RIDER) == math.inf
-    assert math.isnan(gate_miss(ride(), {"targets": [{"t": 1.0, "speed": 1.0}]}))
+    without = structure(RiderScript, {"targets": [{"t": 1.0, "speed": 1.0}]})
+    assert math.isnan(gate_miss(ride(), without))
     assert math.isnan(gate_miss(ride(), None))
 
 
@@ -149,7 +152,7 @@ def test_nominal_gains_are_those_of_two_feet():
 def test_each_setting_stands_on_a_segway_with_its_law():
     for setting in (Setting("standing", 1.0, 2.0), Setting("riding", None, 0.5)):
         experiment = experiment_of(trial_of(setting, 1))
-        modes = {step.get("mode") for step in experiment.operator}
+        modes = {step.changes.get("mode") for step in experiment.operator}
         assert ("segway" in modes) == (setting.law == "riding")
         assert experiment.scenario.scene_parameters["softness"] == setting.softness
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.run.cores import connect, make_cores, tick_count
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_control.estimator.channels import CHANNELS
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState
 
 FALLEN_HEIGHT = 0.5  # m, of the pelvis

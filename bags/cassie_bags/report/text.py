@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.run.judge import Outcome
-from cassie_bags.signals.metrics import PHASE_METRICS, RUN_METRICS, PhaseMetrics
-from cassie_bags.signals.track import TRACKED
+from cassie_bags.run.judge import Outcome, checks
+from cassie_bags.signals.metrics import PhaseMetrics
+from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import as_mapping
 
 _HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
@@ -35,7 +35,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
         "failures": list(outcome.failures),
         "checks": [
             {**vars(check), "passed": not check.problem}
-            for check in experiment.expect.checks(metrics)
+            for check in checks(experiment.expect, metrics)
         ],
         "fell": metrics.fell,
         "fall_time": metrics.fall_time,
@@ -56,7 +56,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
         "seed": experiment.seed,
         "draw": as_mapping(experiment.scenario.draw),
         "event_times": {
-            "operator": [step["t"] for step in experiment.operator],
+            "operator": [step.t for step in experiment.operator],
             "gantry": [move.t for move in experiment.scenario.gantry],
             "pushes": [push.t for push in experiment.scenario.pushes],
             "faults": [fault.t for fault in experiment.scenario.faults],
@@ -85,11 +85,11 @@ def table(outcome: Outcome) -> str:
         lines.append(f"{100 * missed:.2f} % of the control ticks without a new command")
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
-    if checks := outcome.experiment.expect.checks(metrics):
+    if found := checks(outcome.experiment.expect, metrics):
         rows = [["expected of", "measured", "value", "target", "pass"]]
         rows += [
             [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
-            for c in checks
+            for c in found
         ]
         lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]

@@ -24,9 +24,9 @@ from cassie_bags.ros.processes import (
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.spectator import Spectator
 from cassie_bags.run.cores import library_path, simulator_config
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
+from cassie_msgs.experiment.file import Experiment
 from cassie_sim.simulator_config import SimulatorConfig
 
 START_TIMEOUT = 90.0

@@ -25,7 +25,7 @@ from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
-from cassie_bags.run.experiment import Experiment, load_experiment, packaged_experiments
+from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import Outcome, evaluate
 from cassie_bags.run.observers import BagObserver, both
 from cassie_bags.run.provenance import versions
@@ -34,6 +34,7 @@ from cassie_bags.run.simulate import Store
 from cassie_bags.run.simulate import run as run_loop
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers
+from cassie_msgs.experiment.file import Experiment
 
 NOT_RUN = "the run did not come to its end"
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.run.simulate import Loop, Observer
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
@@ -21,6 +20,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec

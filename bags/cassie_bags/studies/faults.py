@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_cores
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Loop
@@ -28,11 +28,12 @@ from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import FAULT_KINDS, SensorFault
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.events import ActiveFault
 from cassie_sim.plant import Plant
-from cassie_sim.scenario import FAULT_KINDS, SensorFault
 
 SECTION = "Failing sensors"
 """Heading of its table in a file of results."""

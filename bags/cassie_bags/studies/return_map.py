@@ -18,15 +18,16 @@ import numpy.typing as npt
 
 from cassie_bags.errors import RunError
 from cassie_bags.run.cores import make_cores
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Loop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.trial import has_fallen
 from cassie_control.estimator.fusion import GRAVITY
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import Push
 from cassie_msgs.layout import Mode
-from cassie_sim.scenario import Push
 
 FloatArray = npt.NDArray[np.float64]
 

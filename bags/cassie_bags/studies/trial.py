@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Rows, stamps, stamps_ns
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import apply_changes
@@ -29,11 +29,12 @@ from cassie_bags.signals.riding import measure_ride
 from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
 from cassie_bags.signals.track import AVERAGED_OVER, Track, make_track
 from cassie_gaits.gait_library import OUTPUTS
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import Draw
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
 from cassie_msgs.tunables import as_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
-from cassie_sim.scenario import Draw
 
 FloatArray = npt.NDArray[np.float64]
 Figures = dict[str, float]

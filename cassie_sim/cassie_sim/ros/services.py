@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from cassie_msgs.experiment.scenario import STARTS, Draw
 from cassie_msgs.srv import Gantry, Push, Reset, Step
 from cassie_sim import orders
 from cassie_sim.errors import SimulationError
 from cassie_sim.loop import Loop
 from cassie_sim.plant import Plant
-from cassie_sim.scenario import STARTS, Draw
 
 T = TypeVar("T")
 _TIMEOUT = 10.0  # s; the loop looks at requests between ticks and while it waits

@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from cassie_gaits.compiled import load_kept
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
@@ -23,7 +24,6 @@ from cassie_sim.plant import Plant
 from cassie_sim.robot_urdf import robot_urdf
 from cassie_sim.ros.lane import SimulatorLane
 from cassie_sim.ros.services import Services
-from cassie_sim.scenario import Scenario
 from cassie_sim.simulator_config import SimulatorConfig, scenario_of
 from cassie_sim.video import Film, RenderError, frame_of
 from cassie_sim.window import Window

@@ -10,6 +10,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from cassie_msgs.experiment.file import read_experiment
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
@@ -26,7 +27,7 @@ from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
-from cassie_teleop.script import ScriptedOperator, read_script
+from cassie_teleop.script import ScriptedOperator
 
 # Every one counts for a rider, who looks at some of them by their time.
 _TRUTH = QoSProfile(
@@ -56,7 +57,8 @@ class ScriptedOperatorNode(Node):
         config = parameters.declare(self, Config())
         if not config.script:
             raise ParameterError("script must be given: -p script:=FILE.yaml")
-        self._operator = ScriptedOperator(*read_script(Path(config.script).expanduser()))
+        script = read_experiment(Path(config.script).expanduser(), needs=("operator",))
+        self._operator = ScriptedOperator(script.operator, script.rider)
         self._stop = stop
         self._scheduling = Scheduling(self.get_logger().warning, beside=True)
         estimator = OneWriter(RobotState)

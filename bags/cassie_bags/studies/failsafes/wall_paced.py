@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.run.cores import Cores, make_cores
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.studies.trial import has_fallen
 from cassie_control.guarded import (
     BRIDGED,
@@ -22,6 +21,7 @@ from cassie_control.guarded import (
     GuardedSupervisor,
 )
 from cassie_control.schedule import ModeInForce
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.operators import Operators, write_sender
 from cassie_msgs.schedule import PERIOD_TICKS
