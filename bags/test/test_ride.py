@@ -20,7 +20,8 @@ from cassie_bags.signals.riding import gate_miss, measure_ride
 from cassie_bags.signals.track import rolled
 from cassie_bags.studies import toe_gains
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.sweep.segway_rows import GO, leans, segway_rows
+from cassie_bags.studies.sweep.random_commands import riding_commands
+from cassie_bags.studies.sweep.segway_rows import GO, segway_rows
 from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
 from cassie_bags.studies.toe_gains import (
     SOFTNESS,
@@ -118,8 +119,8 @@ def test_the_runs_of_each_row_can_be_run(row):
 
 
 def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
-    steps = leans(1, 16.0, 316.0)
-    assert steps == leans(1, 16.0, 316.0) != leans(2, 16.0, 316.0)
+    steps = riding_commands(1, 16.0, 316.0)
+    assert steps == riding_commands(1, 16.0, 316.0) != riding_commands(2, 16.0, 316.0)
     assert max(step["com_x"] for step in steps) > 0.09
     assert min(step["height"] for step in steps) < 0.45
 

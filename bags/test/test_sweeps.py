@@ -15,7 +15,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.signals.effort import GRAVITY, measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
-from cassie_bags.studies.sweep.radio_rows import jumps
+from cassie_bags.studies.sweep.random_commands import radio_commands
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
 from cassie_bags.studies.trial import (
@@ -100,9 +100,9 @@ def test_rows_that_look_at_the_same_runs_share_them():
 
 
 def test_a_radio_that_jumps_is_the_same_for_the_same_seed():
-    steps = jumps(3, 5.0, 35.0)
-    assert steps == jumps(3, 5.0, 35.0)
-    assert steps != jumps(4, 5.0, 35.0)
+    steps = radio_commands(3, 5.0, 35.0)
+    assert steps == radio_commands(3, 5.0, 35.0)
+    assert steps != radio_commands(4, 5.0, 35.0)
     times = [step["t"] for step in steps]
     assert times == sorted(times)
     assert 5.0 <= times[0] < times[-1] < 35.0
@@ -177,7 +177,7 @@ def test_every_row_can_be_run_at_its_first_and_its_last_levels(name: str):
     (row,) = chosen_rows([name])
     for level in (row.levels[0], row.levels[-1]):
         experiment_of(row.trials(Budget(seeds=1, phases=1), level)[0])
-    trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.start])
+    trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.first])
     assert {trial.seed for trial in trials} == {1, 2}
     for trial in (trials[0], trials[-1]):
         assert 0.0 < trial.window[0] < trial.window[1] <= experiment_of(trial).duration

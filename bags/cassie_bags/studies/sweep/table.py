@@ -17,7 +17,6 @@ from cassie_bags.studies.sweep.beyond_rows import beyond_rows
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.ground_rows import ground_rows
 from cassie_bags.studies.sweep.loop_rows import loop_rows
-from cassie_bags.studies.sweep.radio_rows import radio_rows
 from cassie_bags.studies.sweep.row import Level, Row, RowResult
 from cassie_bags.studies.sweep.segway_rows import segway_rows
 from cassie_bags.studies.sweep.standing_rows import standing_rows
@@ -39,8 +38,7 @@ def all_rows() -> list[Row]:
 
 def promised_rows() -> list[Row]:
     """Rows whose targets the robot is to reach."""
-    rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
-    return [*rows, *standing_rows()]
+    return [*walking_rows(), *ground_rows(), *loop_rows(), *segway_rows(), *standing_rows()]
 
 
 def rows_beyond() -> list[Row]:
