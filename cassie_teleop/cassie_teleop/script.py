@@ -21,7 +21,7 @@ from cassie_msgs.experiment.script import RiderScript, Step
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.operators import write_sender
 from cassie_msgs.request import Request, write
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import effective_seq
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.rider import Rider
 from cassie_teleop.sight import Sight, see
@@ -90,7 +90,7 @@ class ScriptedOperator:
         if self.rider is not None:
             self._ride(self.rider, state.stamp_ns, command)
         command.answer(state)
-        command.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+        command.effective_seq[...] = effective_seq(int(state.seq))
         return command
 
     def _ride(self, rider: Rider, stamp_ns: int, command: OperatorCommand) -> None:

@@ -54,7 +54,7 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, period_of
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
 Key = tuple[int, int]
@@ -461,7 +461,7 @@ class _Controller(_Core):
     def _mode_at(self, episode: int, tick: int) -> Mode:
         if self._fallback is not None:
             return self._fallback.step()
-        first = tick - tick % PERIOD_TICKS if self._late is None else self._late
+        first = period_of(tick) if self._late is None else self._late
         return self._recorded_mode(episode, first)
 
     def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:

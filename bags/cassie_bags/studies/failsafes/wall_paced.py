@@ -24,15 +24,12 @@ from cassie_control.schedule import ModeInForce
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.operators import Operators, write_sender
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
 from cassie_teleop.script import ScriptedOperator
 
 ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
-
-CONTROLLER_TIMEOUT = 0.7
-"""Silence of the controller after which the supervisor counts it as lost. In s."""
 
 _LOOK = 25  # ticks between looks at whether the robot has fallen
 
@@ -230,7 +227,7 @@ class WallPaced:
         self._operators.follow(int(self._state.operator_lease))
         held = self._operators.command(self.now)
         silence = (self.plant.seq - self._spoken) * self.period
-        mode = self._supervisor.step(self._state, held, silence > CONTROLLER_TIMEOUT)
+        mode = self._supervisor.step(self._state, held, silence > ANSWER_AFTER)
         self._in_force.table.add(mode)
         kept = Mode()
         kept.copy_from(mode)

@@ -23,6 +23,7 @@ from cassie_bags.studies.tune.result import Score, table, write_result
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import Parameter, parameters, values
 from cassie_bags.studies.workers import Workers, workers
+from cassie_msgs.structured import unstructure
 from cassie_msgs.tunables import flatten
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,7 +47,7 @@ class Task:
     def purpose(self) -> str:
         """What makes two searches the same."""
         names = [(p.name, p.start, p.low, p.high) for p in self.space]
-        what = [names, self.objective.content, self.seeds, self.changes]
+        what = [names, unstructure(self.objective), self.seeds, self.changes]
         return json.dumps(what, sort_keys=True)
 
 
@@ -104,7 +105,7 @@ def _report(
 ) -> None:
     found = values(task.space, search.found)
     settings = {
-        "objective": task.objective.content,
+        "objective": unstructure(task.objective),
         "robots of a generation": task.seeds,
         "seed": arguments.seed,
         "changes": list(task.changes),
