@@ -27,7 +27,7 @@ from cassie_bags.studies.trial import (
     experiment_of,
     run_trial,
 )
-from cassie_bags.studies.workers import LocalProcesses, Remembering, ThisProcess
+from cassie_bags.studies.workers import CachedWorkers, LocalProcesses, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -87,7 +87,7 @@ def test_a_level_names_the_robots_that_missed_it():
 
 
 def test_rows_that_look_at_the_same_runs_share_them():
-    runs, crew = [], Remembering(ThisProcess())
+    runs, pool = [], CachedWorkers(ThisProcess())
 
     def counted(trial: Trial) -> Figures:
         runs.append(trial)
@@ -95,7 +95,7 @@ def test_rows_that_look_at_the_same_runs_share_them():
 
     for name in ("group.one", "group.other"):
         shown = row((3.0,), start=0, name=name)
-        assert measure_row(shown, BUDGET, crew, lambda word: None, counted).met
+        assert measure_row(shown, BUDGET, pool, lambda word: None, counted).met
     assert len(runs) == 10
 
 
@@ -327,13 +327,13 @@ def test_a_robot_that_falls_ends_its_run():
 def test_local_processes_give_what_this_process_gives():
     trials = [Trial(STAND, seed, (1.0, 1.6)) for seed in (1, 2)]
     here = dict(ThisProcess().results(run_trial, trials))
-    crew = LocalProcesses(2)
+    pool = LocalProcesses(2)
     try:
-        there = dict(crew.results(run_trial, trials))
+        there = dict(pool.results(run_trial, trials))
         for index, figures in here.items():
             assert there[index] == pytest.approx(figures, rel=0.0, abs=0.0, nan_ok=True)
     finally:
-        crew.close()
+        pool.close()
 
 
 def test_results_are_kept_as_json_and_as_a_table(tmp_path: Path):

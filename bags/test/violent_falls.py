@@ -21,7 +21,7 @@ HUNG, LET_DOWN = 7.0, 7.5
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FallResult:
     """What became of a fall.
 
     Attributes:
@@ -122,7 +122,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def fall_and_stand(seed: int) -> Outcome:
+def fall_and_stand(seed: int) -> FallResult:
     """What becomes of a drawn fall."""
     experiment, hang = draw_fall(seed)
     cores = make_cores(experiment)
@@ -140,7 +140,7 @@ def fall_and_stand(seed: int) -> Outcome:
         if cores.estimator.faults != last:
             last, learned = cores.estimator.faults, cores.plant.time - hang
     height = float(cores.plant.pelvis_pose[0][2])
-    return Outcome(
+    return FallResult(
         fell=fell,
         lost=lost * cores.plant.tick_ns * 1e-9,
         words=loop.problems.get("mode_supervisor", ("", 0.0))[0],

@@ -25,7 +25,7 @@ _BROKEN_TIMEOUT = 0.02  # the chain may need longer than a tick at 2 kHz, so som
 _BROKEN_PERIOD = 0.1
 
 
-class Loop:
+class SimulationLoop:
     """Runs a plant tick by tick.
 
     lockstep: sample k, command k, step; the physics that no command acts on yet is made while

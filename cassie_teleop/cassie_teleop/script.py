@@ -17,7 +17,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Sequence
 
-from cassie_msgs.experiment.script import RiderScript, Step
+from cassie_msgs.experiment.script import OperatorStep, RiderScript
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.operators import write_sender
 from cassie_msgs.request import Request, write
@@ -30,7 +30,7 @@ from cassie_teleop.sight import Sight, see
 class ScriptedOperator:
     """Plays a script: the requests in force at each time."""
 
-    def __init__(self, steps: Sequence[Step], rider: RiderScript | None = None) -> None:
+    def __init__(self, steps: Sequence[OperatorStep], rider: RiderScript | None = None) -> None:
         """Begin before the first step.
 
         Args:

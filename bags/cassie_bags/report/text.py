@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cassie_bags.run.judge import Outcome, checks
+from cassie_bags.run.judge import RunResult, checks
 from cassie_bags.signals.metrics import PhaseMetrics
 from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
 from cassie_msgs.experiment.file import Experiment
@@ -20,12 +20,12 @@ _UNITS = "m/s, rad/s, m, deg"
 _WIDTH = 80  # of a terminal, in characters
 
 
-def json_line(outcome: Outcome) -> str:
+def json_line(outcome: RunResult) -> str:
     """The run as one line of JSON; what does not exist (NaN) is null."""
     return json.dumps(finite(outcome_content(outcome)), allow_nan=False)
 
 
-def outcome_content(outcome: Outcome) -> dict[str, Any]:
+def outcome_content(outcome: RunResult) -> dict[str, Any]:
     """The run as JSON has it, but for NaN."""
     experiment, metrics = outcome.experiment, outcome.metrics
     return {
@@ -65,7 +65,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def table(outcome: Outcome) -> str:
+def table(outcome: RunResult) -> str:
     """The run as a table: what was commanded and achieved in each phase, then the verdict."""
     metrics = outcome.metrics
     rows: list[Sequence[str]] = [_HEADINGS]
@@ -97,7 +97,7 @@ def table(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def _verdict(outcome: Outcome) -> str:
+def _verdict(outcome: RunResult) -> str:
     """Whether it passed, and where the pictures are."""
     count = len(outcome.failures)
     verdict = "passed" if outcome.passed else f"FAILED: {count} not as expected"

@@ -31,7 +31,7 @@ from cassie_bags.ros.processes import Processes, environment, executable, own_do
 from cassie_bags.run.cores import make_cores, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve, write_resolved
-from cassie_bags.run.simulate import Loop, run
+from cassie_bags.run.simulate import ControlLoop, run
 from cassie_msgs.experiment.file import Experiment
 
 FloatArray = npt.NDArray[np.float64]
@@ -232,7 +232,7 @@ def _tick(experiment: Experiment) -> dict[str, float]:
     """One tick of estimator and controller together."""
     cores = make_cores(experiment)
     estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
-    loop = Loop(
+    loop = ControlLoop(
         cores.plant,
         estimator,
         controller,

@@ -26,7 +26,7 @@ from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
-from cassie_bags.run.judge import Outcome, evaluate
+from cassie_bags.run.judge import RunResult, evaluate
 from cassie_bags.run.observers import BagObserver, both
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
@@ -81,7 +81,7 @@ def _play_all(arguments: argparse.Namespace) -> int:
 
 def run_experiment(
     experiment: Experiment, out: Path | None, *, in_process: bool, stack: bool = False
-) -> Outcome:
+) -> RunResult:
     """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
 
     Over DDS with `stack` estimator and controller share a process.
@@ -100,7 +100,7 @@ def run_experiment(
         return _over_dds(experiment, Path(folder), stack)
 
 
-def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
+def _in_process(experiment: Experiment, folder: Path | None) -> RunResult:
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
@@ -124,7 +124,7 @@ def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
         yield itertools.takewhile(lambda _: not came, ticks)
 
 
-def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
+def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
     from cassie_bags.ros.dds_run import run_over_dds
 
     bag = run_over_dds(experiment, folder, stack=stack)
@@ -133,8 +133,8 @@ def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
 
 
 def keep(
-    outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True
-) -> tuple[Outcome, Entry]:
+    outcome: RunResult, folder: Path, *, pictures: bool, film: bool = True
+) -> tuple[RunResult, Entry]:
     """Leave table, JSON, pictures and page beside the bag.
 
     Returns:
@@ -228,10 +228,10 @@ def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     """Run all tasks; the page is written anew after each, so that a stop leaves one."""
     found: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
-    crew: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
+    pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
     bar = tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty(), leave=False)
-    with contextlib.closing(crew), bar:
-        for index, content in crew.results(run_task, tasks):
+    with contextlib.closing(pool), bar:
+        for index, content in pool.results(run_task, tasks):
             found[index] = content
             entries = [found[key] for key in sorted(found)]
             sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.simulate import Loop, Observer
+from cassie_bags.run.simulate import ControlLoop, Observer
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
@@ -140,7 +140,7 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
-def make_loop(experiment: Experiment, observer: Observer) -> Loop:
+def make_loop(experiment: Experiment, observer: Observer) -> ControlLoop:
     """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
 
     Args:
@@ -157,9 +157,9 @@ def make_loop(experiment: Experiment, observer: Observer) -> Loop:
     return connect(make_cores(experiment), observer)
 
 
-def connect(cores: Cores, observer: Observer) -> Loop:
+def connect(cores: Cores, observer: Observer) -> ControlLoop:
     """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
-    return Loop(
+    return ControlLoop(
         cores.plant,
         cores.estimator,
         cores.controller,

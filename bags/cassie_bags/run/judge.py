@@ -15,7 +15,7 @@ from cassie_msgs.experiment.file import Experiment
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunResult:
     """What came of a run.
 
     Attributes:
@@ -47,7 +47,7 @@ def phases_of(experiment: Experiment) -> Sequence[Phase]:
 
 def evaluate(
     experiment: Experiment, recording: Recording, how: str, *, lockstep_broken: bool = False
-) -> Outcome:
+) -> RunResult:
     """Hold a run against what was expected of it.
 
     Args:
@@ -68,7 +68,7 @@ def evaluate(
         failures += [f"lost: {gap}" for gap in gaps(recording)]
         if len(episodes(recording)) > 1:
             failures.append(f"the simulator restarted: {len(episodes(recording))} episodes")
-    return Outcome(experiment, metrics, failures, how, lockstep_broken)
+    return RunResult(experiment, metrics, failures, how, lockstep_broken)
 
 
 @dataclass(frozen=True)

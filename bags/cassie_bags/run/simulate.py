@@ -30,7 +30,7 @@ Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
 
 
-class Loop:
+class ControlLoop:
     """One run of the cores on the schedule of lock-step.
 
     On tick k: sample k, state k; on every 10th the operator's command and the supervisor's
@@ -115,7 +115,7 @@ class Loop:
         self._observer(sample.TOPIC, sample.to_bytes(), stamp)
 
 
-def run(loop: Loop, ticks: Iterable[int]) -> float:
+def run(loop: ControlLoop, ticks: Iterable[int]) -> float:
     """Run a loop over ticks, which may show progress; returns the wall time it took. In s."""
     started = time.perf_counter()
     for _ in ticks:

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cassie_msgs.experiment.expectation import Phase
-from cassie_msgs.experiment.script import Step
+from cassie_msgs.experiment.script import OperatorStep
 
 _SHOWN = ("vx", "vy", "yaw_rate", "height", "roll", "pitch", "com_x", "com_y")
 
 
-def phases_of_steps(steps: Sequence[Step], duration: float) -> tuple[Phase, ...]:
+def phases_of_steps(steps: Sequence[OperatorStep], duration: float) -> tuple[Phase, ...]:
     """One phase for each interval between operator steps, named after what the step changes.
 
     Args:

@@ -23,7 +23,7 @@ from cassie_bags.run.cores import make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Loop
+from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.channels import CHANNELS
@@ -182,7 +182,7 @@ class PreparedRun:
         self._command = MotorCommand()
         self._plant = _FaultyPlant(cores.plant)
         self._estimator = cores.estimator
-        self._loop = Loop(
+        self._loop = ControlLoop(
             cast(Plant, self._plant),
             cores.estimator,
             cores.controller,

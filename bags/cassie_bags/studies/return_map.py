@@ -20,7 +20,7 @@ from cassie_bags.errors import RunError
 from cassie_bags.run.cores import make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Loop
+from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.trial import has_fallen
@@ -130,7 +130,7 @@ class Walk:
     def __init__(self, experiment: Experiment, speed: float) -> None:
         cores = make_cores(experiment)
         self._plant, self._timing = cores.plant, cores.controller.walking.timing
-        self._loop = Loop(
+        self._loop = ControlLoop(
             cores.plant,
             cores.estimator,
             cores.controller,
@@ -245,8 +245,8 @@ def measure(
     for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
         runs.append(run)
         advance()
-    nominal, pushed, whisper = runs[0], runs[1:-1], runs[-1]
-    if nominal.fell or whisper.fell:
+    nominal, pushed, small = runs[0], runs[1:-1], runs[-1]
+    if nominal.fell or small.fell:
         raise RunError(f"{experiment.name}: it fell or stopped without a push")
     found, dropped, fell = [], 0, 0
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
@@ -258,7 +258,7 @@ def measure(
             continue
         first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
         found.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
-    noise = float(np.median(size_of(whisper.states - nominal.states)))
+    noise = float(np.median(size_of(small.states - nominal.states)))
     return Measurement(speed, found, dropped, fell, noise, fit(found, noise))
 
 

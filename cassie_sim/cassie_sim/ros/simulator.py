@@ -19,7 +19,7 @@ from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.periodic import Periodic
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
-from cassie_sim.loop import Loop
+from cassie_sim.loop import SimulationLoop
 from cassie_sim.plant import Plant
 from cassie_sim.robot_urdf import robot_urdf
 from cassie_sim.ros.lane import SimulatorLane
@@ -32,7 +32,7 @@ _FLUSH = 1.0  # s; at the end, for what was published to arrive
 
 
 class Simulator(Node):
-    """Parameters, topics and services around a `Loop`."""
+    """Parameters, topics and services around a `SimulationLoop`."""
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("simulator")
@@ -56,7 +56,7 @@ class Simulator(Node):
         )
         self._lane = lane
         lane.keep_awake = self._config.hurries
-        self._loop = Loop(plant, lane, self._config, self._report)
+        self._loop = SimulationLoop(plant, lane, self._config, self._report)
         self._loop.requests.wake = lane.wake
         self._stop = stop
         stop.on_request(self._end_loop)

@@ -16,11 +16,11 @@ from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import (
     EVERY,
-    Doze,
     LanePublisher,
     LaneSubscription,
     LaneWaiter,
     RawSubscription,
+    WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.scheduling import Scheduling
@@ -74,7 +74,7 @@ class ScriptedOperatorNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""
-        self._doze = Doze()
+        self._wakes = WakeLimiter()
 
     def loop(self) -> None:
         """Answer states until stopped."""
@@ -106,7 +106,7 @@ class ScriptedOperatorNode(Node):
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
         self._commands.publish_raw(self._reply)
-        self._doze.doze()
+        self._wakes.limit()
 
     def _look(self, stamp_ns: int) -> None:
         """Take in what the rider sees; wait for what he must have seen, but not for long."""

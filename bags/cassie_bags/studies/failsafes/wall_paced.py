@@ -39,7 +39,7 @@ class UnsafeError(Exception):
 
 
 @dataclass
-class Person:
+class SimulatedOperator:
     """An operator: a script's commands, as a person sends them.
 
     Attributes:
@@ -99,8 +99,8 @@ class WallPaced:
         cores = self._make()
         self.plant = cores.plant
         self.period = self.plant.tick_ns * 1e-9
-        self.person = Person("person-1", cores.operator)
-        self.others: list[Person] = []
+        self.person = SimulatedOperator("person-1", cores.operator)
+        self.others: list[SimulatedOperator] = []
         self.silent: set[str] = set()
         self.drops: Callable[[], bool] | None = None
         self.charge = 1.0

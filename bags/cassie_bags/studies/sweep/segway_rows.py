@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,7 @@ from cassie_bags.studies.sweep.course import Budget, Trials, mirrored, push, rob
 from cassie_bags.studies.sweep.random_commands import riding_commands
 from cassie_bags.studies.sweep.row import Figure, Row
 from cassie_bags.studies.trial import Figures, Trial
+from cassie_gaits.robot import WEIGHT
 
 LET_GO = 10.0
 """When the operator lets go of the Segway; he watches from a second later. In s."""
@@ -24,6 +26,13 @@ GATE = 0.15
 STEADY = 0.2
 """Error of the speed while it is held. In m/s."""
 
+NOMINAL = (600.0, 80.0)
+"""The paper's gains of one foot, in Nm/m and Nms/m."""
+
+QUIET = 0.5
+"""RMS of the platform's pitch that gains of the feet may bring. In deg."""
+
+_WATCHED = 12.0  # s after the operator has let go
 _TURN = 0.82  # rad/s asked for, of which some per cent may be lacking
 
 
@@ -205,3 +214,68 @@ def _alone(budget: Budget, seed: int, speed: float) -> Trial:
 def _leans(budget: Budget, seed: int, _: float) -> Trial:
     end = GO + 300.0
     return ride(budget, seed, (end - 1.0, end), [], then=riding_commands(seed, GO, end))
+
+
+def shaking_rows() -> list[Row]:
+    """How the gains of the feet shake a Segway that is let go: the paper's oscillation, its cure.
+
+    The paper's nominal gains give each foot 600 Nm per m of CoM x and 80 Nms. With the standing
+    controller the Segway oscillated, with lower gains it did not. Both laws stand here while a
+    rider keeps the Segway in place, on platforms that are stiffer and softer than the nominal one.
+    """
+    rows = []
+    for softness, title in ((0.5, "stiff"), (1.0, "nominal"), (2.0, "soft")):
+        rows += [
+            Row(
+                f"segway_shaking.{law}_{title}",
+                f"gains of the feet by the nominal ones, law of {law}, {title} platform, "
+                f"pitch up to {QUIET:g} deg RMS",
+                "",
+                1.0,
+                [0.45, 0.6, 0.8, 1.0],
+                robots(_shaken(law, softness)),
+                holds=lambda figures, _: figures["platform_rms"] <= QUIET,
+            )
+            for law in ("standing", "riding")
+        ]
+        rows.append(
+            Row(
+                f"segway_shaking.shipped_{title}",
+                f"RMS of the platform's pitch with the shipped gains, {title} platform",
+                "deg",
+                QUIET,
+                (1.0,),
+                robots(_shaken("shipped", softness)),
+                figure="platform_rms",
+                at_least=False,
+            )
+        )
+    return rows
+
+
+def _shaken(law: str, softness: float) -> Callable[[Budget, int, float], Trial]:
+    """Standing on a Segway from the moment it is let go, with gains that the level gives."""
+
+    def trial(budget: Budget, seed: int, factor: float) -> Trial:
+        kd = 2.0 * factor * NOMINAL[1]
+        # Both laws have the weight's own stiffness; what is set lies over it.
+        kp = max(0.0, 2.0 * factor * NOMINAL[0] - WEIGHT)
+        gains = {"kp_com_x": kp, "kd_com_x": kd, "settled_kd_com_x": kd}
+        section = {"standing": {"stand": gains}, "riding": {"segway": gains}, "shipped": {}}[law]
+        made = ride(
+            budget,
+            seed,
+            (LET_GO + 1.0, LET_GO + 1.0 + _WATCHED),
+            [{"t": GO, "speed": 0.0}],
+            surface="floor",
+            scene_parameters={"softness": softness},
+            controller=section,
+        )
+        if law != "standing":
+            return made
+        content = dict(made.content)
+        content["operator"] = content["operator"][:1]  # it never rides, but leans as far and fast
+        content["supervisor"] = {"com_x_limit": 0.07, "shift_rate": 0.3}
+        return dataclasses.replace(made, content=content)
+
+    return trial

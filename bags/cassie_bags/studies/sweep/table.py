@@ -18,7 +18,7 @@ from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.ground_rows import ground_rows
 from cassie_bags.studies.sweep.loop_rows import loop_rows
 from cassie_bags.studies.sweep.row import Level, Row, RowResult
-from cassie_bags.studies.sweep.segway_rows import segway_rows
+from cassie_bags.studies.sweep.segway_rows import segway_rows, shaking_rows
 from cassie_bags.studies.sweep.standing_rows import standing_rows
 from cassie_bags.studies.sweep.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
@@ -43,7 +43,7 @@ def promised_rows() -> list[Row]:
 
 def rows_beyond() -> list[Row]:
     """Rows that look for the limits, with targets that are not promised."""
-    return [*beyond_rows(), *beyond_ground_rows()]
+    return [*beyond_rows(), *beyond_ground_rows(), *shaking_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:

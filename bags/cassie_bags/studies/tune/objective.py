@@ -45,8 +45,8 @@ class Impulse:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walk:
-    """One walk that every robot does."""
+class Manoeuvre:
+    """One manoeuvre that every robot does."""
 
     name: str = tunable("course", description="For people")
     vx: float = tunable(0.0, "m/s", -1.0, 2.0, "Speed forward")
@@ -61,14 +61,14 @@ class Walk:
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """Walks, errors of the model as [low, high] by name, and costs."""
+    """Manoeuvres, errors of the model as [low, high] by name, and costs."""
 
-    courses: tuple[Walk, ...] = ()
+    courses: tuple[Manoeuvre, ...] = ()
     model: Mapping[str, Any] = field(default_factory=dict)
     cost: Cost = field(default_factory=Cost)
 
     def __post_init__(self) -> None:
-        """Refuse an objective without walks, and errors of the model that are no ranges."""
+        """Refuse an objective without manoeuvres, and errors of the model that are no ranges."""
         if not self.courses:
             raise ParameterError("courses must be a list of at least one")
         refuse_unknown(self.model, names(ModelScale), "model")

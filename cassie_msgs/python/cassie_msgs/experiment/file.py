@@ -15,7 +15,7 @@ import yaml
 
 from cassie_msgs.experiment.expectation import Expectation
 from cassie_msgs.experiment.scenario import Draw, Scenario
-from cassie_msgs.experiment.script import RiderScript, Step, require_order
+from cassie_msgs.experiment.script import OperatorStep, RiderScript, require_order
 from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.structured import as_section, field_value, structure, structure_fields, unstructure
 from cassie_msgs.tunables import ParameterError, as_mapping, flatten, tunable
@@ -39,7 +39,7 @@ class Experiment(Scenario):
     )
     drawn: bool = tunable(False, description="Robot and times are final: nothing is drawn any more")
     duration: float = tunable(0.0, "s", 0.0, 86400.0, "Robot time of the run; 0: until it ends")
-    operator: tuple[Step, ...] = ()
+    operator: tuple[OperatorStep, ...] = ()
     rider: RiderScript | None = None
     gait_library: str | None = tunable(None, description="Path of the gait library")
     simulator: Mapping[str, Any] = field(default_factory=dict)

@@ -82,7 +82,7 @@ class RiderScript(RiderSettings):
 
 
 @dataclass(frozen=True)
-class Step:
+class OperatorStep:
     """What an operator changes at a time.
 
     Attributes:
@@ -94,7 +94,7 @@ class Step:
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def from_content(cls, mapping: Mapping[str, Any], where: str) -> Step:
+    def from_content(cls, mapping: Mapping[str, Any], where: str) -> OperatorStep:
         """From `{t, mode, vx, ...}`.
 
         Raises:
