@@ -125,9 +125,9 @@ def start_nodes(
 def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[str, set[int]]:
     """Which processors a node keeps to; those not named run anywhere.
 
-    In lock-step estimator and controller take turns, and the physics is made meanwhile. Where there
-    are just two processors, whoever is woken on one that is busy, or about to sleep, waits for an
-    interrupt from the other; so these three keep to places where that does not happen. Only where
+    In lock-step estimator and controller take turns, and the physics is made meanwhile. On
+    two processors a thread that is woken on a busy or idle one waits for an interrupt from the
+    other. So these three nodes keep to places where that does not happen. Only where
     robot time runs as fast as it goes, and no film, which would share the simulator's place, is
     made.
 

@@ -1,9 +1,9 @@
 """Replay of a recording through estimator, supervisor and controller, to the last bit.
 
-Each core gets what its node got in the recording: the samples, states and commands in it, and what
-the node told on /cassie/node_events beside them (parameters, late modes, lost nodes). So a
-difference shows in the node where it arises. A core is followed from where its node began; before
-that, and after a message that is missing, nothing can be said of it.
+Each core gets what its node got: samples, states and commands of the recording. It also gets what
+the node told on /cassie/node_events: parameters, late modes, lost nodes. So a difference shows in
+the node where it arises. A core is followed from where its node began; before that, and after a
+message that is missing, nothing can be said of it.
 """
 
 from __future__ import annotations

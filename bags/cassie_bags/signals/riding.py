@@ -36,11 +36,13 @@ def measure_ride(
         window: From and to. In s.
 
     Returns:
-        ride_min, ride_max: least and greatest speed forward of the chassis (m/s); ride_drift:
-        its greatest distance from where the window began (m); stop_time: from its beginning until
-        the speed was within `AT_REST` (s, infinite if it never was); platform_rms: of the
-        platform's pitch about its mean over `SHAKING` (deg); gate_miss: greatest distance from
-        the middle of a gate that the rider was to pass, over the whole run (m).
+        Figures by name:
+
+        - ride_min, ride_max (m/s): least and greatest speed forward of the chassis.
+        - ride_drift (m): greatest distance of the chassis from where the window began.
+        - stop_time (s): until the speed was within `AT_REST`; infinite if it never was.
+        - platform_rms (deg): of the platform's pitch about its mean over `SHAKING`.
+        - gate_miss (m): greatest distance from the middle of a gate, over the whole run.
     """
     rows = recording.segway
     t0, t1 = window

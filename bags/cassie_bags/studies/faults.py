@@ -1,7 +1,7 @@
 """What becomes of Cassie when a sensor fails, in every way, while it stands and walks.
 
-Each mode is run once up to the moment of the fault; from there on every fault runs in a process of
-its own that begins as a copy of that one.
+Each mode is run once up to the moment of the fault. From there on every fault runs in a process of
+its own, a copy of that one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How a gait answers small pushes from step to step, in the simulation under the controller.
 
 A run walks at a constant speed to the touchdown of a left foot. From there on it goes on as it
-is, and with each of several small pushes in a process of its own that begins as a copy of it.
+is. With each of several small pushes it goes on in another process, a copy of it.
 Robot and sensor noise are the same in all of them, so what differs is what the push did.
 """
 
@@ -65,10 +65,10 @@ class Touchdowns:
 
     Attributes:
         time: Of each touchdown since the copy was made. Shape (n,), in s.
-        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y) in the
-            heading frame, y mirrored where the right foot has landed, positions by
-            `POSITION_RATE`, in m/s; and where the CoM is from the place of the copy, in m, which
-            the controller's hold on its place and on its mean speed act on. Shape (n, 6).
+        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y), in the
+            heading frame. In m/s: positions by `POSITION_RATE`. y is mirrored where the right foot
+            has landed. The last two are where the CoM is from the place of the copy, in m. The
+            controller holds its place and its mean speed by them. Shape (n, 6).
         fell: Whether the robot fell or stopped.
     """
 

@@ -1,7 +1,7 @@
 """One run of a sweep or of tuning: in process, ended as soon as it is decided, in figures.
 
-A trial draws its robot from a seed but keeps the written times, so that events meet the phase
-of the step that they were written for.
+A trial draws its robot from a seed but keeps the written times. So events meet the phase of the
+step that they were written for.
 """
 
 from __future__ import annotations
@@ -105,9 +105,9 @@ def run_trial(trial: Trial) -> Figures:
     """Run a trial until its end, a fall, or `ahead`, and then the one beside it.
 
     Returns:
-        Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode;
-        and of the window those of `measure_window`, `measure_effort` and `measure_ride`, NaN where
-        the run did not get there. Of the run beside the same with "beside_" in front.
+        Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
+        Those of the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
+        the run did not get there. The same of the second run have "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
@@ -171,18 +171,21 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         window: From and to. In s.
 
     Returns:
-        vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame, the last of means over
-        two steps, which leaves out the sway at both ends; vy_slip: largest sideways mean over
-        two steps (m/s); velocity_off: largest difference of the horizontal velocity, as a mean
-        over two steps, from the commanded one (m/s); step_rate: touchdowns in a second (1/s);
-        drift: greatest distance from where the window began (m);
-        drift_of_steps: the same of the mean place over two steps, which leaves out
-        the sway (m); depth: of the lower sole below the height of the start, median (m);
-        sole_pitch: as `metrics.sole_pitch` (deg);
-        rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
-        odometry: error of the estimated displacement by its length; tracking: RMS of the
-        errors of the nine outputs (rad and m), and that of each as `TRACKING` names them; and
-        those of `measure_standing`.
+        Figures by name, also those of `measure_standing`. "Over two steps" is a moving mean, which
+        leaves out the sway.
+
+        - vx, vy (m/s): means in the heading frame.
+        - yaw_rate (rad/s): mean of means over two steps.
+        - vy_slip (m/s): largest sideways velocity over two steps.
+        - velocity_off (m/s): largest error of the horizontal velocity over two steps.
+        - step_rate (1/s): touchdowns in a second.
+        - drift (m): greatest distance from where the window began.
+        - drift_of_steps (m): greatest distance of the place over two steps.
+        - depth (m): of the lower sole below the height of the start, median.
+        - sole_pitch (deg): as `metrics.sole_pitch`.
+        - rmse_vx, rmse_vy, rmse_vz (m/s): of the estimated velocity in the heading frame.
+        - odometry: error of the estimated displacement by its length.
+        - tracking (rad and m): RMS of the errors of the nine outputs; of each by `TRACKING`.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)

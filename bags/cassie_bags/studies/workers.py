@@ -142,8 +142,8 @@ class LocalProcesses:
     def close(self) -> None:
         """End the processes; what they are at is lost.
 
-        It waits for the pool's thread: one that still closes its pipes while Python ends, which
-        writes to them, makes for "Bad file descriptor" now and then.
+        It waits for the pool's thread. A thread that closes its pipes while Python ends leads to
+        "Bad file descriptor" now and then, as Python writes to them.
         """
         with self._starting:
             if not all(future.done() for future in self._given):

@@ -1,7 +1,7 @@
 """The cores of all nodes as if each ran by the wall clock: nobody waits for anybody.
 
-What a node would do that is silent, restarted, or driven by a person is done here on robot time, so
-that a run is the same on every machine.
+Silence, restarts and operators' commands happen on robot time here, so that a run is the same on
+every machine.
 """
 
 from __future__ import annotations
