@@ -19,7 +19,6 @@ from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Rows, stamps, stamps_ns
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.run.experiment import read_experiment
-from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import apply_changes
 from cassie_bags.signals.effort import measure_effort
@@ -30,9 +29,7 @@ from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
 from cassie_bags.signals.track import AVERAGED_OVER, Track, make_track
 from cassie_gaits.gait_library import OUTPUTS
 from cassie_msgs.experiment.file import Experiment
-from cassie_msgs.experiment.scenario import Draw
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
-from cassie_msgs.tunables import as_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
 
@@ -94,11 +91,10 @@ def experiment_of(trial: Trial) -> Experiment:
     """
     content = {key: _copy(value) for key, value in trial.content.items()}
     apply_changes(content, trial.changes)
-    drawn = as_mapping(Draw.from_seed(trial.seed)) if trial.seed else {}
-    content["draw"] = {**drawn, **(content.get("draw") or {})}
-    experiment = resolve(read_experiment({"name": "trial", **content, "seed": 0}))
+    experiment = read_experiment({"name": "trial", **content, "seed": trial.seed})
+    experiment = dataclasses.replace(experiment, drawn=True)
     check_parameters(experiment)
-    return dataclasses.replace(experiment, seed=trial.seed)
+    return experiment
 
 
 def run_trial(trial: Trial) -> Figures:
