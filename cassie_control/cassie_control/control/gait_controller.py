@@ -21,7 +21,16 @@ from cassie_control.planner.timing import LEFT
 from cassie_gaits import robot
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
-from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotMode, RobotState
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Gait,
+    GaitRequest,
+    Mode,
+    MotorCommand,
+    RobotMode,
+    RobotState,
+)
+from cassie_msgs.schedule import GAIT_TICKS
 
 _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
 """As plain numbers: to find a member of an Enum takes Python 0.3 us."""
@@ -90,6 +99,7 @@ class GaitController:
         self.recovery = RecoveryStep(period)
         self.latency = CommandLatency(period)
         self._status = ControllerStatus()
+        self._request = GaitRequest()
         self._state = RobotState()
         self._mode = Mode()
         self._command = MotorCommand()
@@ -243,6 +253,23 @@ class GaitController:
             now, before = getattr(self._command, field), getattr(self._last, field)
             now *= 1.0 - share
             now += share * before
+
+    def offer(self, gait: Gait) -> None:
+        """Take up a gait at the next touchdown of walking, see `WalkingController.offer`."""
+        self.walking.offer(gait)
+
+    def request(self) -> GaitRequest | None:
+        """For which gait to ask after the last step, on the schedule of `GAIT_TICKS`; reused."""
+        state, mode = self._state, self._mode
+        if int(state.seq) % GAIT_TICKS or self.activity is not Activity.WALKING:
+            return None
+        request = self._request
+        request.answer(state)
+        request.effective_seq[...] = int(state.seq) + GAIT_TICKS
+        request.vx[...], request.vy[...], request.yaw_rate[...] = mode.vx, mode.vy, mode.yaw_rate
+        request.payload[...] = self.walking.payload.mass
+        request.slope[...] = self.walking.slope
+        return request
 
     @property
     def status(self) -> ControllerStatus:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive, figures
+from cassie_control.control.load import Payload
 from cassie_control.control.outputs import (
     FOOT_SW,
     LENGTH_ST,
@@ -24,8 +27,9 @@ from cassie_control.planner.plan import Commanded, Placement, StepAhead
 from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import LEFT, StepTiming
 from cassie_gaits import robot
+from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_msgs.layout import Mode, MotorCommand, RobotState
+from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,8 +58,13 @@ class WalkingController:
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
     damps it at 2 kHz. The stance toe gives no torque. `planner.timing` says when a step ends.
 
+    A gait that is made while the robot walks (`offer`) moves the whole library by its difference to
+    the library's gait of the same speeds, from a touchdown on. So the gait still follows the
+    measured velocity. The slope of its swing foot stays this controller's own.
+
     Attributes:
         timing: Phase, stance leg and velocities.
+        payload: What the feet carry beyond the robot's own mass.
         outputs, rates: As last measured. Shape (9,), in rad, m, rad/s and m/s.
         desired, desired_rates: The same, desired.
 
@@ -85,6 +94,10 @@ class WalkingController:
         self._ahead = StepAhead()
         self._hold = PositionHold(period)
         self._slope = GroundSlope(period)
+        self.payload = Payload()
+        self._offered, self._is_offered = Gait(), False
+        self._moved = np.zeros_like(library.table[2])
+        self._change = np.zeros(self._moved.shape[1])
         self._heading = 0.0
         self._sideways = 0.0
         self._latency = 0.0
@@ -133,6 +146,8 @@ class WalkingController:
         self._sideways = 0.0
         self._hold.release()
         self._slope.reset()
+        self.payload.reset()
+        self._gaits, self._is_offered = self.library.table, False
         self._step["tracked"] = 0.0
         self._placement.reset()
         self._begin_step(readings)
@@ -160,11 +175,43 @@ class WalkingController:
             mean_velocity = timing.end_step()
             self._sideways = mean_velocity[1]
             self._placement.touchdown(mean_velocity, timing.velocity, commanded)
+            if self._is_offered:
+                self._take_up()
             self._begin_step(readings)
+        self.payload.step(readings.legs[0].force + readings.legs[1].force, ended)
         self._find_slope(readings, ended)
         self._look_ahead(readings, yaw_rate)
         self._adjust(readings, roll + trims[3], pitch + trims[2], command)
         return ended
+
+    @property
+    def slope(self) -> float:
+        """Rise of the ground ahead, as the feet find it. In rad."""
+        return math.atan(self._slope.ahead)
+
+    def offer(self, gait: Gait) -> None:
+        """Walk on a gait from the next touchdown on; on the library if it was not found."""
+        self._offered.copy_from(gait)
+        self._is_offered = True
+
+    def _take_up(self) -> None:
+        """Move the library to the gait that was offered."""
+        gait, change = self._offered, self._change
+        self._is_offered = False
+        axes, lengths, rows = self.library.table
+        if int(gait.result) != GaitResult.FOUND:
+            self._gaits = self.library.table
+            return
+        vx, vy, yaw_rate = gait.floats[:3].tolist()
+        read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
+        np.negative(change, out=change)
+        change[:54] += gait.right_stance
+        change[54:108] += gait.left_stance
+        change[108] += 1.0 / float(gait.step_time)
+        for stance in (change[:54], change[54:108]):
+            stance.reshape(9, 6)[FOOT_SW] -= float(gait.slope)
+        np.add(rows, change, out=self._moved)
+        self._gaits = axes, lengths, self._moved
 
     def _turn(self, yaw: float, yaw_rate: float) -> None:
         """Turn the heading to follow; it waits where the robot does not come along."""
