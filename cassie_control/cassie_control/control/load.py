@@ -26,19 +26,19 @@ class Payload:
         """No payload, and a new stride."""
         self.mass = 0.0
         self._forces = 0.0
-        self._ticks = self._steps = 0
+        self._ticks, self._since = 0, -1
 
-    def step(self, force: float, touchdown: bool) -> None:
+    def step(self, force: float, steps: int) -> None:
         """Take in a tick.
 
         Args:
             force: Sum of the vertical forces on both feet. In N.
-            touchdown: Whether a step ends at this tick.
+            steps: Since walking began.
         """
+        if not 0 <= steps - self._since < 2:
+            if self._ticks and steps - self._since == 2:
+                found = self._forces / self._ticks / GRAVITY - self._own
+                self.mass += _SHARE * (max(0.0, min(_MOST, found)) - self.mass)
+            self._forces, self._ticks, self._since = 0.0, 0, steps
         self._forces += force
         self._ticks += 1
-        self._steps += touchdown
-        if self._steps == 2:
-            found = self._forces / self._ticks / GRAVITY - self._own
-            self.mass += _SHARE * (max(0.0, min(_MOST, found)) - self.mass)
-            self._forces, self._ticks, self._steps = 0.0, 0, 0
