@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cassie_control.finite import fault
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import Gait, GaitResult, Mode, RobotMode
-from cassie_msgs.schedule import GAIT_TICKS, PERIOD_TICKS
+from cassie_msgs.schedule import GAIT_TICKS, PERIOD_TICKS, effective_seq, period_of
 
 LEAD = 1000
 """Control ticks by which a mode, or a script's answer, may be ahead of whoever receives it."""
@@ -31,7 +31,7 @@ def refusal(mode: Mode, tick: int) -> str:
     """
     seq = int(mode.seq)
     return outside("mode seq", seq, 0, tick + LEAD) or outside(
-        "effective_seq", int(mode.effective_seq), seq, seq + PERIOD_TICKS
+        "effective_seq", int(mode.effective_seq), seq, effective_seq(seq)
     )
 
 
@@ -87,14 +87,14 @@ class ModeTable:
         Tick 0 needs the answer to state 0, although off holds until tick 10: so the supervisor
         takes part before robot time passes.
         """
-        first = PERIOD_TICKS if tick == 0 else tick - tick % PERIOD_TICKS
+        first = PERIOD_TICKS if tick == 0 else period_of(tick)
         return first == 0 or first in self._modes
 
     def at(self, tick: int) -> Mode | None:
         """The mode made for a tick, or None if it has not come."""
         if tick < PERIOD_TICKS:
             return self._off
-        return self._modes.get(tick - tick % PERIOD_TICKS)
+        return self._modes.get(period_of(tick))
 
     @property
     def newest(self) -> Mode:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.run.simulate import Loop, Observer
+from cassie_bags.run.simulate import ControlLoop, Observer
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
@@ -21,6 +20,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec
@@ -163,7 +163,7 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
-def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> Loop:
+def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> ControlLoop:
     """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
 
     Args:
@@ -188,9 +188,9 @@ def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = Fals
     return connect(cores, observer)
 
 
-def connect(cores: Cores, observer: Observer) -> Loop:
+def connect(cores: Cores, observer: Observer) -> ControlLoop:
     """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
-    return Loop(
+    return ControlLoop(
         cores.plant,
         cores.estimator,
         cores.controller,

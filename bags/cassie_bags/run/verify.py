@@ -1,9 +1,9 @@
 """Replay of a recording through estimator, supervisor and controller, to the last bit.
 
-Each core gets what its node got in the recording: the samples, states and commands in it, and what
-the node told on /cassie/node_events beside them (parameters, late modes, lost nodes). So a
-difference shows in the node where it arises. A core is followed from where its node began; before
-that, and after a message that is missing, nothing can be said of it.
+Each core gets what its node got: samples, states and commands of the recording. It also gets what
+the node told on /cassie/node_events: parameters, late modes, lost nodes. So a difference shows in
+the node where it arises. A core is followed from where its node began; before that, and after a
+message that is missing, nothing can be said of it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, period_of
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
 Key = tuple[int, int]
@@ -476,7 +476,7 @@ class _Controller(_Core):
     def _mode_at(self, episode: int, tick: int) -> Mode:
         if self._fallback is not None:
             return self._fallback.step()
-        first = tick - tick % PERIOD_TICKS if self._late is None else self._late
+        first = period_of(tick) if self._late is None else self._late
         return self._recorded_mode(episode, first)
 
     def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:

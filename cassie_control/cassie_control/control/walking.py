@@ -25,7 +25,6 @@ from cassie_gaits.records import FloatArray, Records
 from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
-Pair = tuple[float, float]
 
 _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
 
@@ -63,7 +62,8 @@ def look_ahead(
     rows: FloatArray,
     slopes: Records[GroundSlope],
     steps: Records[Step],
-) -> tuple[float, float, float, float, Pair, float, float, float, float, float, Pair]:
+    aheads: Records[StepAhead],
+) -> None:
     """Desired outputs at this phase as the gait has them, and the rest of the step.
 
     Args:
@@ -71,27 +71,18 @@ def look_ahead(
         modes: `Mode.record`. Shape (1,).
         timings, slopes, steps: Changed in place. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-
-    Returns:
-        The fields of a `StepAhead`, in their order.
+        aheads: Result: what leg-angle adjustment is to know. Shape (1,).
     """
-    timing, step, slope = timings[0], steps[0], slopes[0]
+    timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
     stand_on(slopes, robots, timing.stance, timing.phase)
     desire(figures, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
     left = max(0.0, 1.0 - timing.phase)
-    return (
-        timing.elapsed,
-        left * timing.step_time,
-        left * figures[0].quickest_step,
-        timing.step_time,
-        (timing.velocity[0], timing.velocity[1]),
-        step.gait_pitch,
-        step.gait_roll,
-        step.gait_length,
-        step.rise - slope.sunk,
-        step.yaw,
-        (slope.ahead, slope.left),
-    )
+    ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
+    ahead.remaining, ahead.earliest = left * timing.step_time, left * figures[0].quickest_step
+    ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
+    ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
+    ahead.rise, ahead.yaw = step.rise - slope.sunk, step.yaw
+    ahead.slope[0], ahead.slope[1] = slope.ahead, slope.left
 
 
 class WalkingController:
@@ -150,6 +141,7 @@ class WalkingController:
         self.desired: FloatArray = step.desired
         self.desired_rates: FloatArray = step.desired_rates
         self._commanded = Commanded()
+        self._ahead = StepAhead()
         self._latency = 0.0
         self._placement: Placement = placement(config)
         self.config = config
@@ -227,7 +219,7 @@ class WalkingController:
         commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
             self._end_step(readings)
-        ahead = look_ahead(
+        look_ahead(
             self._figures.records,
             readings.records,
             mode.record,
@@ -235,8 +227,9 @@ class WalkingController:
             *self._gaits,
             self._slope.records,
             self._step.records,
+            self._ahead.records,
         )
-        self._adjust(readings, StepAhead(*ahead), mode, command)
+        self._adjust(readings, mode, command)
         return ended
 
     def _end_step(self, readings: Readings) -> None:
@@ -284,13 +277,11 @@ class WalkingController:
         """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
         measure(readings.records, self.timing.stance, self._step.records)
 
-    def _adjust(
-        self, readings: Readings, ahead: StepAhead, mode: Mode, command: MotorCommand
-    ) -> None:
+    def _adjust(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
         stance, legs = self.timing.stance, readings.legs
         end = self._placement.swing_end(
-            readings, legs[stance], legs[1 - stance], self._commanded, ahead
+            readings, legs[stance], legs[1 - stance], self._commanded, self._ahead
         )
         drive(
             self._figures.records,

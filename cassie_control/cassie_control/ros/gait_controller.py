@@ -13,8 +13,6 @@ from cassie_control.guarded import GuardedController
 from cassie_control.learning.torques import load_beside, path_beside
 from cassie_control.ros.common import (
     LOOK_PERIOD,
-    SILENT_AFTER,
-    START_TIMEOUT,
     Conditions,
     LaneConfig,
     RateCheck,
@@ -40,7 +38,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
-from cassie_msgs.schedule import STATUS_TICKS
+from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT, STATUS_TICKS
 from cassie_msgs.tunables import tunable
 
 _COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
