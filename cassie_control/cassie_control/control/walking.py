@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive
 from cassie_control.control.figures import Figures, figures
-from cassie_control.control.outputs import Step, begin_step, desire, measure
+from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, measure
 from cassie_control.control.robot import Readings, RecordArray, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
@@ -17,9 +19,10 @@ from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.records import FloatArray, Records
-from cassie_msgs.layout import Mode, MotorCommand, RobotState
+from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
 
@@ -104,6 +107,10 @@ class WalkingController:
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
     damps it at 2 kHz. The stance toe gives no torque. `planner.timing` says when a step ends.
 
+    A gait that is made while the robot walks (`offer`) moves the whole library by its difference to
+    the library's gait of the same speeds, from a touchdown on. So the gait still follows the
+    measured velocity. The slope of its swing foot stays this controller's own.
+
     Attributes:
         timing: Phase, stance leg and velocities.
         outputs, rates: As last measured. Shape (9,), in rad, m, rad/s and m/s.
@@ -125,6 +132,9 @@ class WalkingController:
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
         self._hold = PositionHold(period)
         self._slope = GroundSlope(config, period)
+        self._offered, self._is_offered = Gait(), False
+        self._moved = np.zeros_like(library.table[2])
+        self._change = np.zeros(self._moved.shape[1])
         self._step = step = Step()
         self.outputs: FloatArray = step.measured
         self.rates: FloatArray = step.measured_rates
@@ -184,6 +194,7 @@ class WalkingController:
         self.timing.start(stance)
         self._hold.release()
         self._slope.start()
+        self._gaits, self._is_offered = self.library.table, False
         self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self._step.records)
@@ -228,8 +239,39 @@ class WalkingController:
         step.sideways = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
         keeps_lengths = not self.config.as_in_paper
+        if self._is_offered:
+            self._take_up()
         begin_step(readings.records, timing.stance, keeps_lengths, step.records)
         touch_down(self._slope.records, readings.records, timing.stance)
+
+    @property
+    def slope(self) -> float:
+        """Rise of the ground ahead, as the feet find it. In rad."""
+        return math.atan(float(self._slope.ahead))
+
+    def offer(self, gait: Gait) -> None:
+        """Walk on a gait from the next touchdown on; on the library if it was not found."""
+        self._offered.copy_from(gait)
+        self._is_offered = True
+
+    def _take_up(self) -> None:
+        """Move the library to the gait that was offered."""
+        gait, change = self._offered, self._change
+        self._is_offered = False
+        axes, lengths, rows = self.library.table
+        if int(gait.result) != GaitResult.FOUND:
+            self._gaits = self.library.table
+            return
+        vx, vy, yaw_rate = gait.floats[:3].tolist()
+        read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
+        np.negative(change, out=change)
+        change[:54] += gait.right_stance
+        change[54:108] += gait.left_stance
+        change[108] += 1.0 / float(gait.step_time)
+        for stance in (change[:54], change[54:108]):
+            stance.reshape(9, 6)[FOOT_SW] -= float(gait.slope)
+        np.add(rows, change, out=self._moved)
+        self._gaits = axes, lengths, self._moved
 
     def measure(self, readings: Readings) -> None:
         """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
