@@ -412,6 +412,13 @@ class WalkConfig:
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
     )
+    friction: float = tunable(
+        0.2,
+        "",
+        0.05,
+        2.0,
+        "Friction cone that every ground bears; a step to a foot outside of it is made quicker",
+    )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
     )

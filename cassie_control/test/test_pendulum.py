@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from cassie_control.planner.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
 
 RATE = 3.5
-LEFT_SWINGS = Reach(side=1.0, hip_x=0.0, hip_y=0.135, far=0.4, inward=0.2, outward=0.3, apart=0.12)
+LEFT_SWINGS = Reach(side=1.0, hip_x=0.0, hip_y=0.135, far=0.4, inward=0.2, outward=0.3, apart=0.12, cone=1.0)
 IN_PLACE = Aim(ux=0.0, uy=0.13, vx=0.0, vy=0.23, gain=0.35, loss_x=0.5, loss_y=0.2)
 
 
@@ -95,3 +95,14 @@ def test_the_touchdown_time_moves_without_jumps():
         for vy in np.linspace(0.0, 0.8, 401)
     ]
     assert np.abs(np.diff(times)).max() < 0.01
+
+
+def test_a_foot_outside_of_the_friction_cone_makes_the_step_quicker():
+    """The sooner a foot lands to catch a fall, the nearer: that needs less friction."""
+    fall = Fall(0.0, 0.05, 0.0, 0.3, RATE, 0.0)
+    planned = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
+    narrow = LEFT_SWINGS._replace(cone=0.15)
+    sooner = touchdown_time(fall, IN_PLACE, narrow, 0.3, 0.1, 0.4)
+    assert sooner < planned - 0.02
+    nearer, farther = (foot(IN_PLACE, narrow, fallen(fall, t))[1] for t in (sooner, planned))
+    assert nearer < farther - 0.01

@@ -45,6 +45,7 @@ class Reach(NamedTuple):
         far: Greatest distance from the hip fore and aft.
         inward, outward: Greatest distance from the hip sideways.
         apart: Least sideways distance from the stance foot.
+        cone: Distance from the CoM outward up to which every ground bears a foot.
     """
 
     side: float
@@ -54,6 +55,7 @@ class Reach(NamedTuple):
     inward: float
     outward: float
     apart: float
+    cone: float
 
 
 @compiled
@@ -63,7 +65,8 @@ def foot(
     """Where the foot goes for a CoM that touches down as `end` says, kept within reach.
 
     Returns:
-        u_x, u_y, and how far from there the law wanted it. In m.
+        u_x, u_y, and how far from there the law wanted it, or how far outside of the friction cone
+        it is, whichever is more. In m.
     """
     _, y_end, vx, vy = end
     side = reach.side
@@ -73,7 +76,8 @@ def foot(
     out = min(reach.outward, max(-reach.inward, side * (wanted_y - reach.hip_y)))
     # Feet that would meet are worse than a foot out of the hip's reach.
     out = max(side * reach.hip_y + out, reach.apart - side * y_end)
-    return ux, side * out, math.hypot(wanted_x - ux, wanted_y - side * out)
+    missed = math.hypot(wanted_x - ux, wanted_y - side * out)
+    return ux, side * out, max(missed, out - reach.cone)
 
 
 @compiled
@@ -101,6 +105,7 @@ class Law(Record):
     reach_inward: float
     reach_outward: float
     least_foot_distance: float
+    friction: float
     level: float
     landing_depth: float
     offset_x: float
@@ -218,6 +223,7 @@ def landing(
         law.reach_inward,
         law.reach_outward,
         law.least_foot_distance,
+        law.friction * GRAVITY / (fall.rate * fall.rate),
     )
     aim = _steady(law, ahead.step_time - lead, commanded, side, fall.rate)
     trim = math.sin(commanded.roll_trim) * down
