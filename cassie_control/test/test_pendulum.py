@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 from cassie_control.planner.pendulum import Aim, Fall, Reach, fallen, foot, touchdown_time
 
 RATE = 3.5
-LEFT_SWINGS = Reach(side=1.0, hip_x=0.0, hip_y=0.135, far=0.4, inward=0.2, outward=0.3, apart=0.12, cone=1.0)
+LEFT_SWINGS = Reach(
+    side=1.0, hip_x=0.0, hip_y=0.135, far=0.4, inward=0.2, outward=0.3, apart=0.12, cone=1.0
+)
 IN_PLACE = Aim(ux=0.0, uy=0.13, vx=0.0, vy=0.23, gain=0.35, loss_x=0.5, loss_y=0.2)
 
 
