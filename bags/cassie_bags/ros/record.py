@@ -39,6 +39,8 @@ from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
+    "/cassie/gait",
+    "/cassie/gait_request",
     "/cassie/node_events",
     "/cassie/operator_in_force",
     "/cassie/supervisor_status",

@@ -13,6 +13,9 @@ CONTROL_RATE = 500
 PERIOD_TICKS = 10
 """Control ticks between commands of a scripted operator and between modes, and their lead."""
 
+GAIT_TICKS = 250
+"""Control ticks between requests for a gait, and the lead of each answer: 0.5 s at 500 Hz."""
+
 STATUS_TICKS = 5
 """Control ticks between two messages of the controller's status."""
 
