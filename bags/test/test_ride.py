@@ -97,7 +97,7 @@ def test_without_a_segway_there_are_no_figures():
 
 @pytest.mark.parametrize("row", segway_rows(), ids=lambda row: row.name)
 def test_the_runs_of_each_row_can_be_run(row):
-    for trial in row.trials(Budget(seeds=2), row.levels[row.start]):
+    for trial in row.trials(Budget(seeds=2), row.levels[row.first]):
         experiment = experiment_of(trial)
         assert experiment.scenario.scene == "segway"
         assert experiment.duration >= trial.window[1]
