@@ -11,10 +11,9 @@ import math
 from typing import NamedTuple
 
 from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, Robot, aim_leg
-from cassie_control.planner.momentum import momentum_velocity
+from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.plan import Commanded, StepAhead
 from cassie_gaits.compiled import compiled
-from cassie_gaits.linkage import RecordArray
 from cassie_gaits.records import Record, Records
 
 
@@ -188,7 +187,7 @@ def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> flo
 def landing(
     laws: Records[Law],
     robots: Records[Robot],
-    momenta: RecordArray,
+    momenta: Records[Masses],
     swing: int,
     aheads: Records[StepAhead],
     commands: Records[Commanded],
@@ -197,8 +196,7 @@ def landing(
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
     Args:
-        laws, robots, aheads, commands: What it is to know. Shape (1,).
-        momenta: Of `momentum.MOMENTUM_TYPE`. Shape (1,).
+        laws, robots, momenta, aheads, commands: What it is to know. Shape (1,).
         swing: Number of the swing leg.
         lead: Time from the swing foot's first contact to the end of the step. In s.
 
