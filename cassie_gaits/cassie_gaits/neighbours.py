@@ -45,8 +45,9 @@ def pairs(gaits: Sequence[Gait]) -> list[Pair]:
         for speeds, gait in by_speeds.items():
             if speeds[k] not in following:
                 continue
-            after = (*speeds[:k], following[speeds[k]], *speeds[k + 1 :])
-            other = by_speeds.get(after)
+            after = list(speeds)
+            after[k] = following[speeds[k]]
+            other = by_speeds.get((after[0], after[1], after[2]))
             if other is not None:
                 found.append(Pair(axis, gait, other, _distance(gait, other)))
     return found
