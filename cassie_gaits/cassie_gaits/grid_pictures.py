@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_pictures import SPEED_NAMES, STYLE, draw_outputs
+from cassie_gaits.neighbours import greatest
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,17 +37,19 @@ MAPS: tuple[tuple[str, Callable[[Gait], float]], ...] = (
     ("torque by limit", _certified("torque of the drives, share of the limit")),
     ("torque at speed by limit", _certified("torque at speed, share of the limit")),
 )
-"""What the maps show: its name, and its value for a gait."""
+"""What the maps show: its name, and its value for a gait. Beside them there is one of distances."""
 
 
 def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
     """Maps over sagittal and lateral speed, a column for each turning rate."""
     axes = [sorted({getattr(gait, name) for gait in gaits}) for name in SPEED_NAMES]
     with matplotlib.rc_context(STYLE):
-        size = (1.9 * len(axes[2]) + 1.6, 1.7 * len(MAPS) + 0.8)
+        apart = greatest(gaits)
+        maps = (*MAPS, ("farthest neighbour by median", lambda gait: apart[_speeds(gait)]))
+        size = (1.9 * len(axes[2]) + 1.6, 1.7 * len(maps) + 0.8)
         figure = Figure(figsize=size, layout="constrained")
-        panels = figure.subplots(len(MAPS), len(axes[2]), sharex=True, sharey=True, squeeze=False)
-        for row, (label, value) in zip(panels, MAPS, strict=True):
+        panels = figure.subplots(len(maps), len(axes[2]), sharex=True, sharey=True, squeeze=False)
+        for row, (label, value) in zip(panels, maps, strict=True):
             table = _table(gaits, axes, value)
             for k, panel in enumerate(row):
                 mesh = _map(panel, axes, table[:, :, k], (np.nanmin(table), np.nanmax(table)))
@@ -71,6 +74,10 @@ def draw_slices(gaits: Sequence[Gait], folder: Path) -> None:
         nearest = min((gait.vx for gait in part), key=lambda vx: abs(vx - speed))
         chosen = [gait for gait in part if gait.vx == nearest]
         draw_outputs(chosen, folder / f"outputs_{name}.png", name, f", {nearest:g} m/s ahead")
+
+
+def _speeds(gait: Gait) -> tuple[float, float, float]:
+    return gait.vx, gait.vy, gait.yaw_rate
 
 
 def _table(

@@ -3,7 +3,8 @@
 Every gait is integrated on the 20-DoF model under its own torques, and every row of the table is
 looked at on 401 points. Then the certificates in the file are held against its content; --certify
 writes new ones where all is met. Exit status: 0 when all is met and the file's certificates hold, 1
-when not, 2 for a file that cannot be read or written.
+when not, 2 for a file that cannot be read or written. With --neighbours nothing is certified: it
+tells how far gaits are from those next to them, and where some sit in another optimum.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from cassie_gaits.gait_library_file import (
     save_library,
 )
 from cassie_gaits.model_hash import model_hash
+from cassie_gaits.neighbours import report
 from cassie_gaits.processes import available_cores, local_processes
 
 
@@ -41,11 +43,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     jobs = "processes (default: one for each core)"
     parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
     parser.add_argument("--certify", action="store_true", help="write certificates into the file")
+    apart = "only tell how far the gaits are from their neighbours"
+    parser.add_argument("--neighbours", action="store_true", help=apart)
     options = parser.parse_args(given)
     try:
         library = load_library(options.file)
         if library.model_hash != model_hash():
             raise GaitLibraryError(f"gait library {options.file}: it is for another model")
+        if options.neighbours:
+            print(report(library.gaits))
+            return 0
         if options.jobs < 1:
             raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
         certified = _check(library.gaits, options.jobs)

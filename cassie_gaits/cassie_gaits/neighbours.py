@@ -1,0 +1,107 @@
+"""How far gaits of a grid are from their neighbours, and which sit in another optimum.
+
+Gaits change smoothly with the speeds as long as the optimizer stays in one optimum. Where it went
+to another one, two neighbours differ by several times what others of the same direction do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from cassie_gaits.gait_library import Gait
+
+AXES = ("vx", "vy", "yaw_rate")
+
+Speeds = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two gaits that are next to each other on the grid.
+
+    Attributes:
+        axis: Speed in which they differ.
+        one, other: The gaits, `one` at the lower speed.
+        distance: RMS difference of the outputs' coefficients, in rad and m.
+    """
+
+    axis: str
+    one: Gait
+    other: Gait
+    distance: float
+
+
+def pairs(gaits: Sequence[Gait]) -> list[Pair]:
+    """All neighbours along each axis of the grid; those beside a hole have fewer."""
+    by_speeds = {_speeds(gait): gait for gait in gaits}
+    found = []
+    for k, axis in enumerate(AXES):
+        values = sorted({speeds[k] for speeds in by_speeds})
+        following = dict(pairwise(values))
+        for speeds, gait in by_speeds.items():
+            if speeds[k] not in following:
+                continue
+            after = list(speeds)
+            after[k] = following[speeds[k]]
+            other = by_speeds.get((after[0], after[1], after[2]))
+            if other is not None:
+                found.append(Pair(axis, gait, other, _distance(gait, other)))
+    return found
+
+
+def greatest(gaits: Sequence[Gait]) -> dict[Speeds, float]:
+    """Of each gait the greatest distance to a neighbour, by the median of its direction."""
+    found = pairs(gaits)
+    medians = {axis: _median(found, axis) for axis in AXES}
+    result = {_speeds(gait): 0.0 for gait in gaits}
+    for pair in found:
+        ratio = pair.distance / medians[pair.axis] if medians[pair.axis] > 0.0 else 0.0
+        for gait in (pair.one, pair.other):
+            result[_speeds(gait)] = max(result[_speeds(gait)], ratio)
+    return result
+
+
+def report(gaits: Sequence[Gait], most: int = 10) -> str:
+    """Distances along each axis in words, and the pairs that are farthest apart.
+
+    Args:
+        gaits: Of a library.
+        most: Pairs that are named for each axis.
+    """
+    found = pairs(gaits)
+    lines = [f"{'neighbours in':14s} {'pairs':>6s} {'median':>8s} {'99 %':>8s} {'greatest':>8s}"]
+    for axis in AXES:
+        distances = [pair.distance for pair in found if pair.axis == axis]
+        if distances:
+            middle, most_of, top = np.quantile(distances, [0.5, 0.99, 1.0])
+            lines.append(f"{axis:14s} {len(distances):6d} {middle:8.4f} {most_of:8.4f} {top:8.4f}")
+    for axis in AXES:
+        median = _median(found, axis)
+        apart = sorted(
+            (pair for pair in found if pair.axis == axis), key=lambda pair: -pair.distance
+        )
+        for pair in apart[:most]:
+            if pair.distance > 2.0 * median:
+                lines.append(
+                    f"{pair.distance / median:5.1f} times the median of {axis}: "
+                    f"{pair.one.speeds} (cost {pair.one.cost or np.nan:.0f}) and "
+                    f"{pair.other.speeds} (cost {pair.other.cost or np.nan:.0f})"
+                )
+    return "\n".join(lines)
+
+
+def _speeds(gait: Gait) -> Speeds:
+    return gait.vx, gait.vy, gait.yaw_rate
+
+
+def _distance(one: Gait, other: Gait) -> float:
+    return float(np.sqrt(((one.coefficients - other.coefficients) ** 2).mean()))
+
+
+def _median(found: Sequence[Pair], axis: str) -> float:
+    distances = [pair.distance for pair in found if pair.axis == axis]
+    return float(np.median(distances)) if distances else 0.0
