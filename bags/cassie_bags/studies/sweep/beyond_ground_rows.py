@@ -40,13 +40,34 @@ ICE_PATCHES = 5
 ICE_DISTANCE = ICE_PATCHES * (ICE_LENGTH + 1.0) + 1.0
 """Over which the patches lie. In m."""
 
+STAIRS, TREAD, LANDING = 5, 0.3, 1.5
+"""Steps of a flight of stairs, their depth, and the way between two flights. In m."""
+
+FIVE_KILOMETRES = 5000.0
+"""In m."""
+
+COURSE_SPEED = 0.6
+"""At which a course of all grounds is walked. In m/s."""
+
+KEPT = 20.0
+"""Of long runs this much is kept in memory. In s."""
+
 MOST = 0.9
 """Share of the trials that must hold where 18 of 20 are asked for."""
 
 
 def beyond_ground_rows() -> list[Row]:
     """All rows of this module."""
-    return [_rough(), *_grass(), *_steep(), *_steps(), *_turning(), _ice()]
+    return [
+        _rough(),
+        *_grass(),
+        *_steep(),
+        *_steps(),
+        *_stairs(),
+        *_turning(),
+        _ice(),
+        _course(),
+    ]
 
 
 def _rough() -> Row:
@@ -182,6 +203,74 @@ def _steps() -> list[Row]:
         row("up", 1.0, 0.1, [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]),
         row("down", -1.0, 0.2, [0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22]),
     ]
+
+
+def _stairs() -> list[Row]:
+    stride = 2.0 * step_time(FAST) * FAST
+
+    def row(way: str, title: str, target: float, levels: list[float]) -> Row:
+        flights = 1 + way.count("_and_")
+        over = flights * (STAIRS - 1) * TREAD + (flights - 1) * LANDING
+        distance = stride + over + PAST_STEP
+
+        def trials(budget: Budget, riser: float) -> list[Trial]:
+            stairs = {"way": way, "flights": flights, "riser": riser, "number": STAIRS}
+            stairs |= {"tread": TREAD, "landing": LANDING}
+            return [
+                crossing(
+                    budget,
+                    seed,
+                    "stairs",
+                    {**stairs, "start": LEVEL_PART + further},
+                    distance,
+                    FAST,
+                )
+                for seed, further in _spread(budget, stride)
+            ]
+
+        return Row(
+            f"stairs.{way}",
+            f"blind stairs {title}, {STAIRS} steps of {TREAD:g} m at {FAST:g} m/s, 9 of 10 robots",
+            "m",
+            target,
+            levels,
+            trials,
+            holds=lambda figures, _: got_across(figures, distance, FAST),
+            share=MOST,
+            start=levels.index(target),
+        )
+
+    low = [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]
+    high = [*low[1:], 0.14, 0.17, 0.2]
+    return [
+        row("up", "up", 0.17, high),
+        row("down", "down", 0.17, high),
+        row("up_and_down", "up, then down", 0.1, low),
+        row("down_and_up", "down, then up", 0.17, high),
+    ]
+
+
+def _course() -> Row:
+    def trials(budget: Budget, distance: float) -> list[Trial]:
+        return [
+            dataclasses.replace(
+                crossing(budget, seed, "random_course", {"seed": seed}, distance, COURSE_SPEED),
+                kept=KEPT,
+            )
+            for seed in budget.each_seed()
+        ]
+
+    levels = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, FIVE_KILOMETRES]
+    return Row(
+        "far.course",
+        f"way over a course of all grounds at {COURSE_SPEED:g} m/s, each robot its own",
+        "m",
+        FIVE_KILOMETRES,
+        levels,
+        trials,
+        holds=lambda figures, distance: got_across(figures, distance, COURSE_SPEED),
+        start=levels.index(FIVE_KILOMETRES),
+    )
 
 
 def _spread(budget: Budget, length: float) -> list[tuple[int, float]]:

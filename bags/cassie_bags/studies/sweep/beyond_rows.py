@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from functools import partial
 from typing import Any
 
+from cassie_bags.studies.sweep.beyond_ground_rows import FIVE_KILOMETRES, KEPT
 from cassie_bags.studies.sweep.course import (
     AFTER_EVENT,
     SETTLING,
@@ -17,7 +19,7 @@ from cassie_bags.studies.sweep.course import (
 )
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.sweep.standing_course import SETTLED, stand
-from cassie_bags.studies.sweep.walking_rows import SLIP
+from cassie_bags.studies.sweep.walking_rows import HELD, SLIP
 from cassie_bags.studies.trial import Figures, Trial
 
 PUSH_TIMES = (0.05, 0.1, 0.2, 0.4)
@@ -42,9 +44,15 @@ SPEED_ERROR = 0.03
 """That a payload may bring. In m/s."""
 
 
+FAR_SPEED = 1.65
+"""At which five kilometres are walked on level ground. In m/s."""
+
+
 def beyond_rows() -> list[Row]:
     """All rows of this module."""
     return [
+        *_fastest(),
+        _far(),
         _quarter_turn(),
         _everything(),
         *_forces(),
@@ -52,6 +60,53 @@ def beyond_rows() -> list[Row]:
         *_pushes(),
         *_costs(),
     ]
+
+
+def _fastest() -> list[Row]:
+    def trials(sign: float, budget: Budget, speed: float) -> list[Trial]:
+        window = steady(budget, speed, HELD)
+        return [walk(budget, seed, window, vx=sign * speed) for seed in budget.each_seed()]
+
+    def row(name: str, sign: float, target: float, levels: list[float]) -> Row:
+        return Row(
+            f"fastest.{name}",
+            f"top speed {name}, held {HELD:g} s",
+            "m/s",
+            target,
+            levels,
+            partial(trials, sign),
+            figure=lambda figures, _: sign * figures["vx"],
+            start=levels.index(target),
+            achieved=lambda figures, _: sign * figures["vx"],
+        )
+
+    return [
+        row("forward", 1.0, 2.2, [tenths / 10.0 for tenths in range(12, 25)]),
+        row("backward", -1.0, 1.2, [tenths / 10.0 for tenths in range(6, 14)]),
+    ]
+
+
+def _far() -> Row:
+    def trials(budget: Budget, speed: float) -> list[Trial]:
+        end = reached_at(speed) + 1.2 * FIVE_KILOMETRES / speed
+        return [
+            dataclasses.replace(
+                walk(budget, seed, (end - 1.0, end), vx=speed, ahead=FIVE_KILOMETRES), kept=KEPT
+            )
+            for seed in budget.each_seed()
+        ]
+
+    return Row(
+        "far.level",
+        f"time for five kilometres on level ground at {FAR_SPEED:g} m/s",
+        "min",
+        53.0,
+        (FAR_SPEED,),
+        trials,
+        holds=lambda figures, _: figures["ahead"] >= FIVE_KILOMETRES,
+        figure=lambda figures, _: figures["end"] / 60.0,
+        at_least=False,
+    )
 
 
 def _quarter_turn() -> Row:
