@@ -100,7 +100,7 @@ class Noise:
         if self._services[name].service_is_ready():
             self._services[name].call_async(SERVICES[name].Request(**fields[name]))
         value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=wild[1])
-        names = ("control_rate", "walk.pendulum_gain_x", "vx_forward", "no_such_name", "max_rate")
+        names = ("control_rate", "walk.map_gain", "vx_forward", "no_such_name", "max_rate")
         request = SetParameters.Request(
             parameters=[Parameter(name=str(rng.choice(names)), value=value)]
         )
@@ -109,7 +109,7 @@ class Noise:
             client.call_async(request)
 
 
-def _memory(robot: Robot, name: str) -> float:
+def memory(robot: Robot, name: str) -> float:
     """Resident memory of a node. In MB."""
     pid = robot.processes.pid(name)
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
@@ -134,7 +134,7 @@ def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None
                 assert robot.stands(), eyes.summary()
                 assert eyes.mode == "walk", eyes.summary()
                 if not before and left < 0.5 * SECONDS:
-                    before = {name: _memory(robot, name) for name in NODES}
+                    before = {name: memory(robot, name) for name in NODES}
         finally:
             noise.close()
         robot.processes.check()
@@ -142,5 +142,5 @@ def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None
         assert eyes.tick > ticks + 0.1 * rate * SECONDS
         assert eyes.is_well("simulator: lockstep")
         for name in NODES:
-            assert _memory(robot, name) < before[name] + 5.0, name
+            assert memory(robot, name) < before[name] + 5.0, name
             assert "Traceback" not in robot.processes.log(name).read_text(), name

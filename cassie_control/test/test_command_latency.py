@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.drives import figures
+from cassie_control.control.figures import figures
 from cassie_control.control.latency import CommandLatency
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -112,15 +112,15 @@ def test_states_that_are_missing_begin_a_new_record():
 def test_gains_go_over_with_the_latency_and_not_below_it():
     late = CONFIG.late
     usual = figures(CONFIG, 0.002)
-    assert figures(CONFIG, 0.002, late.walking_from) == usual
-    half = figures(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)[0]
-    assert half["thigh_rate"] == pytest.approx(0.5 * (CONFIG.thigh_rate + late.thigh_rate))
-    assert half["latency"] == late.walking_from + 0.5 * late.latency_span
-    whole = figures(CONFIG, 0.002, 0.05)[0]
-    assert whole["thigh_track"] == late.thigh_track
-    assert whole["thigh_rate"] == late.thigh_rate
+    assert figures(CONFIG, 0.002, late.walking_from).records == usual.records
+    half = figures(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)
+    assert half.thigh_rate == pytest.approx(0.5 * (CONFIG.thigh_rate + late.thigh_rate))
+    assert half.latency == late.walking_from + 0.5 * late.latency_span
+    whole = figures(CONFIG, 0.002, 0.05)
+    assert whole.thigh_track == late.thigh_track
+    assert whole.thigh_rate == late.thigh_rate
 
 
 def test_the_papers_law_stays_as_it_is():
     paper = replace(CONFIG, law="paper")
-    assert figures(paper, 0.002, 0.05) == figures(paper, 0.002)
+    assert figures(paper, 0.002, 0.05).records == figures(paper, 0.002).records

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loop import Robot
-from robot_states import leg_joints, readings_of, state_of
+from robot_states import leg_joints, put_ankle, readings_of, state_of
 from walkers import CONFIG
 
-from cassie_control.planner.terrain import GroundSlope
+from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import RobotMode
 from cassie_sim.scenario import Scenario
@@ -33,45 +33,43 @@ def walk_with(slope, *rises):
     known = {rise: [(p, standing_on(rise(p))) for p in phases] for rise in set(rises)}
     for rise in rises:
         for phase, readings in known[rise]:
-            slope.stand(CONFIG, readings, readings.legs[LEFT], phase)
+            stand_on(slope.records, readings.records, LEFT, phase)
             yield slope.ahead
 
 
 @pytest.mark.parametrize("rise", [-0.3, 0.0, 0.2])
 def test_the_sole_of_the_stance_foot_gives_the_slope_ahead(rise):
-    *_, ahead = walk_with(GroundSlope(PERIOD), *36 * [lambda phase: rise])
+    *_, ahead = walk_with(GroundSlope(CONFIG, PERIOD), *36 * [lambda phase: rise])
     assert ahead == pytest.approx(rise, abs=1e-3)
 
 
 def test_a_foot_that_has_just_landed_or_carries_little_tells_nothing():
-    slope, readings = GroundSlope(PERIOD), standing_on(0.2)
-    slope.stand(CONFIG, readings, readings.legs[LEFT], 0.1)
-    slope.stand(CONFIG, readings, readings.legs[RIGHT], 0.5)
+    slope, readings = GroundSlope(CONFIG, PERIOD), standing_on(0.2)
+    stand_on(slope.records, readings.records, LEFT, 0.1)
+    stand_on(slope.records, readings.records, RIGHT, 0.5)
     assert slope.ahead == 0.0
 
 
 def test_no_slope_is_believed_beyond_its_bound():
-    *_, ahead = walk_with(GroundSlope(PERIOD), *45 * [lambda phase: 3.0])
+    *_, ahead = walk_with(GroundSlope(CONFIG, PERIOD), *45 * [lambda phase: 3.0])
     assert ahead == pytest.approx(0.6, abs=1e-3)
 
 
 @pytest.mark.parametrize("side", [-0.15, 0.1])
 def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
-    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
-    legs = readings.legs
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    for leg in range(2):
+        x, y, _ = readings.legs[leg].ankle
+        put_ankle(readings, leg, (x, y, -0.8 + side * y))
     for step in range(60):
-        new, old = legs[step % 2], legs[1 - step % 2]
-        for leg in legs:
-            x, y, _ = leg.ankle
-            leg.ankle = (x, y, -0.8 + side * y)
-        slope.touchdown(CONFIG, new, old)
+        touch_down(slope.records, readings.records, step % 2)
     assert slope.left == pytest.approx(side, abs=1e-3)
 
 
 def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
     """A foot that expects the ground too high lands late, and the robot speeds up meanwhile."""
     footholds = [lambda phase: 0.15, lambda phase: -0.15]
-    seen = list(walk_with(GroundSlope(PERIOD), *10 * footholds))
+    seen = list(walk_with(GroundSlope(CONFIG, PERIOD), *10 * footholds))
     assert max(seen) < 0.05
     assert -0.15 < np.mean(seen) < 0.0
 
@@ -84,45 +82,44 @@ def ever_slower(phase):
 @pytest.mark.parametrize("rise", [lambda phase: np.tan(0.36 * phase), ever_slower])
 def test_a_foot_that_the_ground_gives_way_under_shows_no_slope(rise):
     """Heels that sink into sand turn the feet up by 30 degrees: taken for a rise it ran away."""
-    assert max(map(abs, walk_with(GroundSlope(PERIOD), *10 * [rise]))) < 0.02
+    assert max(map(abs, walk_with(GroundSlope(CONFIG, PERIOD), *10 * [rise]))) < 0.02
 
 
 @pytest.mark.parametrize(("rise", "least", "most"), [(0.2, 0.0, 0.01), (-0.2, -0.201, -0.19)])
 def test_a_rise_is_believed_no_longer_where_the_ground_gives_way(rise, least, most):
     """A fall is: a foot that lands early costs a little speed, one that lands late throws it."""
-    slope = GroundSlope(PERIOD)
+    slope = GroundSlope(CONFIG, PERIOD)
     *_, before = walk_with(slope, *25 * [lambda phase: rise])
     *_, after = walk_with(slope, *20 * [ever_slower])
     assert before == pytest.approx(rise, abs=0.01)
     assert least <= after <= most
 
 
+def land(slope, readings, new, higher):
+    """A foot lands 0.2 m ahead of the other one, and so much higher. In m."""
+    for leg, x, z in ((new, 0.1, -0.8 + higher), (1 - new, -0.1, -0.8)):
+        put_ankle(readings, leg, (x, readings.legs[leg].ankle[1], z))
+    touch_down(slope.records, readings.records, new)
+
+
 @pytest.mark.parametrize(("higher", "sunk"), [(0.04, 0.03), (0.008, 0.0), (-0.04, 0.0)])
 def test_feet_that_always_land_higher_tell_how_far_the_other_one_sinks(higher, sunk):
-    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for step in range(40):
-        new, old = readings.legs[step % 2], readings.legs[1 - step % 2]
-        new.ankle, old.ankle = (
-            (x, leg.ankle[1], z) for leg, x, z in ((new, 0.1, -0.8 + higher), (old, -0.1, -0.8))
-        )
-        slope.touchdown(CONFIG, new, old)
+        land(slope, readings, step % 2, higher)
     assert slope.sunk == pytest.approx(sunk, abs=5e-3)
 
 
 def test_steps_up_and_down_on_uneven_ground_are_no_sinking():
-    slope, readings = GroundSlope(PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for step in range(40):
-        new, old = readings.legs[step % 2], readings.legs[1 - step % 2]
-        higher = (0.06, 0.05, -0.03)[step % 3]
-        new.ankle = (0.1, new.ankle[1], -0.8 + higher)
-        old.ankle = (-0.1, old.ankle[1], -0.8)
-        slope.touchdown(CONFIG, new, old)
+        land(slope, readings, step % 2, (0.06, 0.05, -0.03)[step % 3])
         assert slope.sunk == 0.0
 
 
 def test_it_can_be_switched_off():
-    slope, readings = GroundSlope(PERIOD), standing_on(0.2)
-    slope.stand(replace(CONFIG, slope_time=0.0), readings, readings.legs[LEFT], 0.5)
+    slope = GroundSlope(replace(CONFIG, slope_time=0.0), PERIOD)
+    stand_on(slope.records, standing_on(0.2).records, LEFT, 0.5)
     assert slope.ahead == 0.0
 
 

@@ -10,7 +10,7 @@ from closed_loop import PERIOD, Robot
 from kinematic_gaits import kinematic_library
 from robot_states import leg_joints
 
-from cassie_control.config import ControllerConfig, WalkConfig
+from cassie_control.config import ControllerConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
@@ -30,8 +30,7 @@ def replay(moments, **figures):
 
 @pytest.fixture(scope="module")
 def on_ice():
-    """Steps in place on smooth ground, pushed so that the feet slide; the law lets them."""
-    walk = WalkConfig(easy_lean=2.0)
+    """Steps in place on smooth ground, pushed so that the feet slide."""
     scenario = Scenario.from_mapping(
         {
             "start": "standing",
@@ -40,7 +39,7 @@ def on_ice():
         }
     )
     robot = Robot(
-        scenario, "faithful", ControllerConfig(walk=walk), library=kinematic_library(), record=True
+        scenario, "faithful", ControllerConfig(), library=kinematic_library(), record=True
     )
     robot.ask(height=0.98)
     robot.run(1.8)

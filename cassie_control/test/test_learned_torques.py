@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cassie_control.config import ControllerConfig
+from cassie_control.control.robot import Robot
 from cassie_control.learning.torques import (
     JOINTS,
     LearnedTorques,
@@ -54,7 +55,10 @@ class Walker:
             phase=0.0, stance=LEFT, steps=0, elapsed=0.0, velocity=(0.5, 0.0)
         )
         legs = [SimpleNamespace(load=1.0, contact=0.0) for _ in range(2)]
-        self.readings = SimpleNamespace(legs=legs, roll=0.0, pitch=0.0, state=RobotState())
+        self.robot = Robot(load=(1.0, 1.0))
+        self.readings = SimpleNamespace(
+            legs=legs, roll=0.0, pitch=0.0, state=RobotState(), records=self.robot.records
+        )
         self.mode, self.command = Mode(), MotorCommand()
         self.mode.mode[...] = RobotMode.WALK
         self.mode.vx[...] = 0.5
@@ -66,6 +70,8 @@ class Walker:
     def tick(self) -> np.ndarray:
         """One tick; what was added, by drive."""
         timing, state = self.timing, self.readings.state
+        self.robot.load[:] = [leg.load for leg in self.readings.legs]
+        self.robot.contact[:] = [leg.contact for leg in self.readings.legs]
         timing.elapsed += PERIOD
         timing.phase += 1.0 / STEP
         if timing.phase > 1.0 - 1e-9:

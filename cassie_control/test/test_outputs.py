@@ -8,17 +8,24 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, random_state, readings_of, state_of
 
-from cassie_control.control.outputs import FOOT_SW, LENGTH_ST, LENGTH_SW, PITCH_SW, ROLL_SW, measure
+from cassie_control.control.outputs import (
+    FOOT_SW,
+    LENGTH_ST,
+    LENGTH_SW,
+    PITCH_SW,
+    ROLL_SW,
+    Step,
+    measure,
+)
 from cassie_control.control.robot import HIP_X, HIP_Y, HIP_Z
 from cassie_gaits.gait_library import OUTPUTS
 
 
 def outputs_of(state, stance=1):
     """Outputs and rates, right leg in stance unless told otherwise."""
-    readings = readings_of(state)
-    values, rates = np.zeros(9), np.zeros(9)
-    measure(readings, readings.legs[stance], readings.legs[1 - stance], values, rates)
-    return values, rates
+    step = Step()
+    measure(readings_of(state).records, stance, step.records)
+    return step.measured, step.measured_rates
 
 
 def test_lengths_and_swing_angles_are_those_of_forward_kinematics():

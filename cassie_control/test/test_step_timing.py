@@ -6,7 +6,7 @@ import pytest
 from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.config import WalkConfig
-from cassie_control.planner.timing import LEFT, RIGHT, StepTiming
+from cassie_control.planner.timing import LEFT, RIGHT, StepTiming, advance, end_step
 
 CONFIG = WalkConfig()
 PERIOD = 0.002
@@ -26,7 +26,7 @@ def readings(swing_force, stance=LEFT, velocity=(0.0, 0.0)):
 def phase_at_end(core, swing_force, stance=LEFT):
     seen = readings(swing_force, stance)
     for _ in range(1000):
-        if core.advance(seen):
+        if advance(core.records, seen.records):
             return core.phase
     raise AssertionError("the step never ends")
 
@@ -50,7 +50,7 @@ def test_load_on_the_stance_foot_ends_no_step():
 def test_the_legs_exchange_and_the_phase_begins_anew():
     core = timing(RIGHT)
     phase_at_end(core, 300.0, RIGHT)
-    core.end_step()
+    end_step(core.records)
     assert (core.stance, core.steps, core.phase, core.elapsed) == (LEFT, 1, 0.0, 0.0)
 
 
@@ -59,8 +59,8 @@ def test_mean_velocity_is_that_of_the_last_two_steps():
     for velocity in ((1.0, 0.0), (0.5, 0.2), (0.3, -0.2)):
         seen = readings(0.0, velocity=velocity)
         for _ in range(100):
-            core.advance(seen)
-        means.append(core.end_step())
+            advance(core.records, seen.records)
+        means.append(end_step(core.records))
     assert means[0] == pytest.approx((1.0, 0.0))
     assert means[1] == pytest.approx((0.75, 0.1))
     assert means[2] == pytest.approx((0.4, 0.0))
@@ -71,5 +71,5 @@ def test_low_passed_velocity_has_its_cut_off():
     time_constant = 1.0 / (2.0 * 3.14159265 * CONFIG.speed_filter)
     seen = readings(0.0, velocity=(1.0, -1.0))
     for _ in range(round(time_constant / PERIOD)):
-        core.advance(seen)
+        advance(core.records, seen.records)
     assert core.velocity == pytest.approx((0.632, -0.632), abs=0.005)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.drives import figures, steady_hip, track_thighs
-from cassie_control.control.outputs import STEP_TYPE
-from cassie_control.control.robot import ROBOT_TYPE
+from cassie_control.control.drives import steady_hip, track_thighs
+from cassie_control.control.figures import figures
+from cassie_control.control.outputs import Step
+from cassie_control.control.robot import Robot
 
 PERIOD = 0.002
 LEFT, PITCH = 0, 1
@@ -19,15 +20,13 @@ TORSO_PITCH, TORSO_RATE = 0.05, 0.1
 
 def hips_of(angles, rates, config=CONFIG):
     """Left hip pitch and rate as the set-points take them, tick by tick. Shape (n, 2)."""
-    figure = figures(config, PERIOD)
-    robots, steps = np.zeros(1, ROBOT_TYPE), np.zeros(1, STEP_TYPE)
-    robot = robots[0]
-    robot["pitch"], robot["pitch_rate"] = TORSO_PITCH, TORSO_RATE
+    robot, step = Robot(pitch=TORSO_PITCH, pitch_rate=TORSO_RATE), Step()
+    figure, here, steps = (each.records[0] for each in (figures(config, PERIOD), robot, step))
     taken = []
     for angle, rate in zip(angles, rates, strict=True):
-        robot["joints"][LEFT, 2], robot["rates"][LEFT, 2] = angle, rate
-        track_thighs(figure[0], robots[0], steps[0])
-        taken.append(steady_hip(figure[0], robots[0], LEFT, PITCH, steps[0]))
+        robot.joints[LEFT, 2], robot.rates[LEFT, 2] = angle, rate
+        track_thighs(figure, here, steps)
+        taken.append(steady_hip(figure, here, LEFT, PITCH, steps))
     return np.array(taken)
 
 

@@ -101,7 +101,7 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     found = []
     for _ in range(3):
         core.step(readings_of(state), mode_of(yaw_rate=0.3), command)
-        accelerations = core._step[0]["accelerations"]
+        accelerations = core._step.accelerations
         found.append(np.array([core.desired, core.desired_rates, accelerations]))
         state.q[:] += period * state.v
     slopes = (found[2] - found[1])[:2] / period

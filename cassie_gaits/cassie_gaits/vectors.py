@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray
 
 Vector = tuple[float, float, float]
 
@@ -37,3 +38,12 @@ def cross(a: Any, b: Any) -> Vector:
 def dot(a: Any, b: Any) -> float:
     total: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total
+
+
+@compiled
+def is_within(values: FloatArray, most: float) -> bool:
+    """Whether every number of an array (n,) is within +- `most`; NaN is not."""
+    for value in values:  # noqa: SIM110 - compiled code has no generators
+        if not abs(value) <= most:
+            return False
+    return True

@@ -1,5 +1,7 @@
 """The virtual leg: from the hip pitch axis to the toe joint, for one leg, on plain floats.
 
+What a control tick needs is compiled, for Python and for other compiled functions.
+
 With relaxed springs (eq:SpringRelaxed) the tarsus keeps 13 degrees to the thigh, so hip and toe
 joint are joined by two sides of fixed length: thigh with tarsus, and shin. Length and pitch of
 the virtual leg follow from the law of cosines.
@@ -14,6 +16,7 @@ from __future__ import annotations
 import math
 
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import LegLengthError
 
 THIGH = 0.5292
@@ -41,6 +44,7 @@ _SUM_OF_SQUARES = THIGH * THIGH + SHIN * SHIN
 _PRODUCT = 2.0 * THIGH * SHIN
 
 
+@compiled
 def length(knee: float) -> float:
     """Leg length.
 
@@ -52,6 +56,7 @@ def length(knee: float) -> float:
     return math.sqrt(_SUM_OF_SQUARES + _PRODUCT * math.cos(knee + KNEE_OFFSET))
 
 
+@compiled
 def length_rate(knee: float, knee_rate: float) -> float:
     """Time derivative of `length`. In m/s."""
     bend = knee + KNEE_OFFSET
@@ -64,12 +69,14 @@ def length_rate(knee: float, knee_rate: float) -> float:
     )
 
 
+@compiled
 def lean(knee: float) -> float:
     """Angle at the hip between the side `THIGH` and the virtual leg, >= 0 for a bent knee."""
     bend = knee + KNEE_OFFSET
     return math.atan2(-SHIN * math.sin(bend), SHIN * math.cos(bend) + THIGH)
 
 
+@compiled
 def pitch(torso_pitch: float, hip_pitch: float, knee: float) -> float:
     """Leg pitch against the vertical, in the plane of the leg.
 
@@ -81,6 +88,7 @@ def pitch(torso_pitch: float, hip_pitch: float, knee: float) -> float:
     return -torso_pitch + hip_pitch - lean(knee) + HIP_OFFSET
 
 
+@compiled
 def pitch_rate(
     knee: float, torso_pitch_rate: float, hip_pitch_rate: float, knee_rate: float
 ) -> float:
@@ -90,11 +98,13 @@ def pitch_rate(
     return -torso_pitch_rate + hip_pitch_rate + share * knee_rate
 
 
+@compiled
 def roll(torso_roll: float, hip_roll: float) -> float:
     """Leg roll. Source: fifth row of eq:AbsolteQuantities."""
     return torso_roll + hip_roll
 
 
+@compiled
 def foot_pitch(
     torso_pitch: float,
     hip_pitch: float,
@@ -129,11 +139,17 @@ def knee_angle(leg_length: float) -> float:
     """
     if not SHORTEST <= leg_length <= LONGEST:
         raise LegLengthError.outside(leg_length, SHORTEST, LONGEST)
+    return nearest_knee_angle(leg_length)
+
+
+@compiled
+def nearest_knee_angle(leg_length: float) -> float:
+    """`knee_angle`; that of the nearest length which a leg has, for any number."""
     cosine = (leg_length * leg_length - _SUM_OF_SQUARES) / _PRODUCT
-    # Rounding may carry the cosine past 1 at the very ends of the range.
     return -math.acos(min(1.0, max(-1.0, cosine))) - KNEE_OFFSET
 
 
+@compiled
 def knee_rate(knee: float, leg_length: float, leg_length_rate: float) -> float:
     """Knee rate that gives the rate of leg length; `knee` is `knee_angle(leg_length)`.
 
@@ -156,6 +172,7 @@ def hip_pitch_angle(leg_pitch: float, torso_pitch: float, leg_length: float) -> 
     return leg_pitch + torso_pitch + lean(knee_angle(leg_length)) - HIP_OFFSET
 
 
+@compiled
 def hip_pitch_rate(
     knee: float, leg_pitch_rate: float, torso_pitch_rate: float, knee_rate_: float
 ) -> float:
@@ -163,6 +180,7 @@ def hip_pitch_rate(
     return leg_pitch_rate - pitch_rate(knee, torso_pitch_rate, 0.0, knee_rate_)
 
 
+@compiled
 def toe_angle(
     pitch_of_foot: float,
     torso_pitch: float,

@@ -1,4 +1,4 @@
-"""MuJoCo's own functions and structures, for compiled code that calls them."""
+"""What compiled code needs of C: MuJoCo's functions and structures, and words shared by threads."""
 
 from __future__ import annotations
 
@@ -28,6 +28,38 @@ def call(_context: Any, function: Any, first: Any, second: Any) -> Any:
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def _word(builder: Any, address: Any) -> Any:
+    return builder.inttoptr(address, ir.IntType(64).as_pointer())
+
+
+@intrinsic
+def load(_context: Any, address: Any) -> Any:
+    """The 64-bit integer at an address, as the last `store` of any thread left it."""
+    signature = types.int64(types.intp)
+
+    def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        return builder.load_atomic(_word(builder, arguments[0]), "seq_cst", 8)
+
+    return signature, generate
+
+
+@intrinsic
+def store(_context: Any, address: Any, value: Any) -> Any:
+    """Write a 64-bit integer; what this thread wrote before is there for who sees it by `load`."""
+    signature = types.void(types.intp, types.int64)
+
+    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        builder.store_atomic(arguments[1], _word(builder, arguments[0]), "seq_cst", 8)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def libc_address(name: str) -> int:
+    """Address of a function of the C library."""
+    return int(ctypes.cast(getattr(ctypes.CDLL(None), name), ctypes.c_void_p).value or 0)
 
 
 def mj_step_address() -> int:

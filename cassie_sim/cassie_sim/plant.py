@@ -6,14 +6,14 @@ One control tick is `Plant.sense()` followed by `Plant.step(command)`. Everythin
 A torque acts 3 ms after the drives have set it, so the physics of a tick of 2 ms never waits for
 its command: `Plant.run_ahead()` in between makes it while the command is computed.
 
-A tick of Python costs more than its physics, so compiled code makes as many physics steps at once
-as pass without an event. Its arrays are changed in place; records are those of drives and sensors,
-in arrays of shape (1,).
+A tick of Python costs more than its physics, so compiled code (`physics`) makes as many physics
+steps at once as pass without an event.
 """
 
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -26,72 +26,21 @@ from cassie_sim.drives import Drives, RecordArray, drive_steps
 from cassie_sim.errors import CommandError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
-from cassie_sim.native import addresses, call, mj_step_address
+from cassie_sim.native import addresses, mj_step_address
+from cassie_sim.physics import physics_steps
+from cassie_sim.physics_thread import PhysicsThread
 from cassie_sim.plant_config import PlantConfig, check_rates
 from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import height_over_ground, set_drives
 from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion
 from cassie_sim.segway_drive import SegwayDrive
-from cassie_sim.sensors import IdealSensors, make_sensors, observe
-
-IntArray = npt.NDArray[np.int64]
+from cassie_sim.sensors import IdealSensors, make_sensors
 
 BATTERY = (72.0, 1.0)
 """Voltage in V and state of charge, which the simulation keeps."""
 
 _SECOND = 1_000_000_000  # in ns
-
-
-@compiled
-def physics_steps(
-    step: int,
-    model: int,
-    data: int,
-    steps: int,
-    qpos: FloatArray,
-    qvel: FloatArray,
-    ctrl: FloatArray,
-    quaternion: FloatArray,
-    imu: FloatArray,
-    q_indices: IntArray,
-    v_indices: IntArray,
-    drives: RecordArray,
-    pipeline: FloatArray,
-    sensors: RecordArray,
-    attitudes: FloatArray,
-    noise: FloatArray,
-    seen: FloatArray,
-) -> None:
-    """Physics and sensors for some physics steps, with the torques under way.
-
-    What the drives make of these steps, `drive_steps`, acts only after them.
-
-    Args:
-        step: Address of MuJoCo's `mj_step`.
-        model, data: Addresses of its model and data.
-        steps: How many; at most as long as a torque takes.
-        qpos, qvel, ctrl: Of `data`.
-        quaternion, imu: In `data`, see `observe`.
-        q_indices, v_indices: Where drives and joints are in `qpos` and `qvel`. Shape (16,).
-        drives, pipeline: See `drive_steps`; not changed.
-        sensors, attitudes, noise: See `observe`.
-        seen: Result: what the drives measure before each step, position in rad, then velocity in
-            rad/s. Shape (n, 20).
-    """
-    drive, sensor, rows = drives[0], sensors[0], pipeline.shape[0]
-    angles, rates = np.empty(16), np.empty(16)
-    for k in range(steps):
-        row = (drive.head + 1 + k) % rows
-        for i in range(10):
-            seen[k, i] = sensor.position[i]
-            seen[k, 10 + i] = sensor.velocity[i]
-            ctrl[i] = pipeline[row, i] * drive.torque_constant[i] if drive.powered else 0.0
-        call(step, model, data)
-        for i in range(16):
-            angles[i] = qpos[q_indices[i]]
-            rates[i] = qvel[v_indices[i]]
-        observe(sensors, attitudes, noise, angles, rates, quaternion, imu)
 
 
 @compiled
@@ -161,6 +110,9 @@ COMMAND_WATCHDOG = 0.02
 class Plant:
     """Cassie in a scene.
 
+    Attributes:
+        beside: Whether `run_ahead` leaves the physics to a thread of its own.
+
     Args:
         config: Rates and sensor grade.
         scenario: Scene, start, events, delays and the robot drawn.
@@ -202,10 +154,17 @@ class Plant:
         self._sample = Sensors()
         self._seen = np.zeros((len(self.drives.pipeline) - 1, 20))
         self._before = Snapshot(self.model, self.data, self._robot)
+        self._in_thread = 0  # physics steps under way there
+        self._thread: PhysicsThread | None = None
+        self.beside = False
         self.reset()
 
     def reset(self) -> None:
         """Back to the start pose at time 0, with the same robot and the same noise."""
+        self._await_thread()
+        if self._thread is not None:
+            self._thread.end()
+            self._thread = None
         mujoco.mj_resetData(self.model, self.data)
         self.seq = 0
         self._physics_steps = 0
@@ -217,8 +176,14 @@ class Plant:
         self._move_ground()
         self._place()
         mujoco.mj_forward(self.model, self.data)
-        self.sensors = self._make_sensors()
-        self.sensors.reset(*self._robot.measured())
+        self.sensors = sensors = self._make_sensors()
+        sensors.reset(*self._robot.measured())
+        robot, drives = self._robot, self.drives
+        self._arrays: tuple[Any, ...] = (
+            *(robot.qpos, robot.qvel, robot.torques, robot.quaternion, robot.imu),
+            *(robot.q_indices, robot.v_indices, drives.records, drives.pipeline),
+            *(sensors.records, sensors.attitudes, sensors.noise, self._seen),
+        )
 
     @property
     def vehicle(self) -> SegwayDrive | None:
@@ -255,11 +220,27 @@ class Plant:
         self._before.take(self.sensors)
         self._powered = self.drives.powered
         self._robot.wrench[:] = 0.0
-        self._run(steps)
+        if not self.beside:
+            self._run(steps)
+            self._arrive(steps)
+            return
+        if self._thread is None:
+            self._thread = PhysicsThread(self._native, self._arrays)
+        self._in_thread = steps
+        self._thread.begin(steps)
+
+    def _arrive(self, steps: int) -> None:
+        """The physics is ahead by some steps."""
         self._ahead = steps
         if steps == self.substeps:
             self.sensors.write(self._sample, again=self._drawn)
             self._written = True
+
+    def _await_thread(self) -> None:
+        if self._in_thread and self._thread is not None:
+            self._thread.finish()
+            steps, self._in_thread = self._in_thread, 0
+            self._arrive(steps)
 
     def _may_go_on(self) -> bool:
         """Whether nothing has come in between that acts on the steps made ahead."""
@@ -268,6 +249,7 @@ class Plant:
 
     def take_back(self) -> None:
         """Undo `run_ahead`, before anybody looks at the plant or changes it."""
+        self._await_thread()
         if self._ahead:
             self._before.restore(self.sensors)
             self._ahead = 0
@@ -284,6 +266,7 @@ class Plant:
         Raises:
             CommandError: if the command is refused; the tick has then run with damped drives.
         """
+        self._await_thread()
         if self._ahead and not self._may_go_on():
             self.take_back()
         if command is not None:
@@ -356,24 +339,8 @@ class Plant:
             self._motion.apply(self.model, self.data, self.time)
 
     def _run(self, steps: int) -> None:
-        robot, drives, sensors = self._robot, self.drives, self.sensors
-        physics_steps(
-            *self._native,
-            steps,
-            robot.qpos,
-            robot.qvel,
-            robot.torques,
-            robot.quaternion,
-            robot.imu,
-            robot.q_indices,
-            robot.v_indices,
-            drives.records,
-            drives.pipeline,
-            sensors.records,
-            sensors.attitudes,
-            sensors.noise,
-            self._seen,
-        )
+        step, model, data = self._native
+        physics_steps(step, model, data, steps, *self._arrays)
 
     def _place(self) -> None:
         data, draw = self.data, self.scenario.draw

@@ -11,6 +11,7 @@ import asyncio
 import hmac
 import ipaddress
 import json
+import logging
 import socket
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -21,6 +22,7 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from cassie_teleop.page_messages import Beat, MessageError, Press, Slide, read_message
 
@@ -111,8 +113,10 @@ class PageServer:
         app.router.add_static("/web", _WEB)
         for name, folder in _library_folders().items():
             app.router.add_static(f"/lib/{name}", folder)
+        log = logging.getLogger(__name__)
+        log.addFilter(_is_ours)
         runner = web.AppRunner(
-            app, handle_signals=False, access_log=None, shutdown_timeout=_SHUTDOWN
+            app, handle_signals=False, access_log=None, shutdown_timeout=_SHUTDOWN, logger=log
         )
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
@@ -234,6 +238,12 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether an error is one of the server: who sends what is no HTTP is told so, nobody else."""
+    kind = record.exc_info[0] if record.exc_info else None
+    return not (kind is not None and issubclass(kind, HttpProcessingError))
 
 
 async def _index(_: web.Request) -> web.StreamResponse:

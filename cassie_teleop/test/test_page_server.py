@@ -98,6 +98,21 @@ def test_the_page_its_libraries_the_robot_and_its_meshes_are_served(tmp_path):
     serve(test, pages=FakePages(mesh))
 
 
+def test_what_is_no_http_is_refused_without_a_word_in_the_log(caplog):
+    async def test(server, pages, session):
+        for garbage in (b"\x16\x03\x01\xff", b"GET / HTTP/1.1\r\nHost: \xff\x00\r\n\r\n"):
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(garbage)
+            writer.write_eof()
+            assert b"200" not in await asyncio.wait_for(reader.read(100), 10)
+            writer.close()
+        async with session.get(url(server)) as answer:
+            assert answer.status == 200
+
+    serve(test)
+    assert caplog.records == []
+
+
 def test_the_libraries_hold_what_the_page_imports():
     folders = page_server._library_folders()
     for name, words in {

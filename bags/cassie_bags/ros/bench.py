@@ -216,8 +216,8 @@ def _default_executor(experiment: Experiment) -> dict[str, float]:
 
 
 def _one_process(experiment: Experiment) -> dict[str, float]:
-    """The cores in one process, no transport at all."""
-    loop = make_loop(experiment, lambda *_: None)
+    """The cores in one process without transport; the physics beside, if it can be."""
+    loop = make_loop(experiment, lambda *_: None, beside=len(os.sched_getaffinity(0)) > 1)
     times: list[float] = []
 
     def ticks() -> Any:

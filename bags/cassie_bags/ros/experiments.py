@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import dataclasses
 import itertools
+import os
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -53,7 +54,11 @@ def _play_one(arguments: argparse.Namespace) -> int:
     experiment = resolve(load_experiment(arguments.files[0], changes, arguments.seed))
     check_parameters(experiment)
     outcome = run_experiment(
-        experiment, arguments.out, in_process=arguments.in_process, stack=arguments.stack
+        experiment,
+        arguments.out,
+        in_process=arguments.in_process,
+        stack=arguments.stack,
+        beside=len(os.sched_getaffinity(0)) > 1,
     )
     if arguments.out is not None:
         film = not arguments.no_video
@@ -79,11 +84,21 @@ def _play_all(arguments: argparse.Namespace) -> int:
 
 
 def run_experiment(
-    experiment: Experiment, out: Path | None, *, in_process: bool, stack: bool = False
+    experiment: Experiment,
+    out: Path | None,
+    *,
+    in_process: bool,
+    stack: bool = False,
+    beside: bool = False,
 ) -> Outcome:
     """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
 
-    Over DDS with `stack` estimator and controller share a process.
+    Args:
+        experiment: What to run.
+        out: Folder.
+        in_process: Whether all cores run here, without nodes.
+        stack: Whether estimator and controller share a process, over DDS.
+        beside: Whether the physics has a thread of its own, in one process.
 
     Raises:
         RunError: if it did not come to its end.
@@ -92,24 +107,24 @@ def run_experiment(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     if in_process:
-        return _in_process(experiment, out)
+        return _in_process(experiment, out, beside)
     if out is not None:
         return _over_dds(experiment, out, stack)
     with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
         return _over_dds(experiment, Path(folder), stack)
 
 
-def _in_process(experiment: Experiment, folder: Path | None) -> Outcome:
+def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Outcome:
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
     with stopped_between(bar) as whole:
         if folder is None:
-            loop = make_loop(experiment, store)
+            loop = make_loop(experiment, store, beside=beside)
             wall_time = run_loop(loop, whole)
         else:
             with BagObserver(folder / "bag.mcap", experiment) as bag:
-                loop = make_loop(experiment, both(store, bag))
+                loop = make_loop(experiment, both(store, bag), beside=beside)
                 wall_time = run_loop(loop, whole)
     for node, (problem, time) in loop.problems.items():
         print(f"{node} at {time:.3f} s: {problem}", file=sys.stderr)

@@ -140,12 +140,14 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
-def make_loop(experiment: Experiment, observer: Observer) -> Loop:
+def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> Loop:
     """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
 
     Args:
         experiment: What to run, drawn.
         observer: Gets every message.
+        beside: Whether the physics has a thread of its own. It wants a processor for itself, and
+            an observer that does not look at the plant.
 
     Raises:
         CassieError, ParameterError: naming what cannot be used.
@@ -154,7 +156,9 @@ def make_loop(experiment: Experiment, observer: Observer) -> Loop:
         raise ExperimentError(
             "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
         )
-    return connect(make_cores(experiment), observer)
+    cores = make_cores(experiment)
+    cores.plant.beside = beside
+    return connect(cores, observer)
 
 
 def connect(cores: Cores, observer: Observer) -> Loop:

@@ -76,6 +76,8 @@ class Loop:
         for topic, raw in self._segway.messages(plant):
             self._observer(topic, raw, stamp)
         self._operator.watch(stamp, truth)
+        if plant.beside:
+            plant.run_ahead()
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
         self._note("state_estimator", self._estimator.problem, stamp)

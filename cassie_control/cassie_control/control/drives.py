@@ -30,59 +30,22 @@ Source:
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from cassie_control.config import WalkConfig
+from cassie_control.control.figures import INERTIA, Figures
 from cassie_control.control.forces import carried_share, damped_weight, holding_torques
-from cassie_control.control.outputs import adjust
-from cassie_control.control.robot import HIP_X, HIP_Z, RecordArray
-from cassie_gaits import bezier, robot, virtual_leg
+from cassie_control.control.outputs import Step, adjust
+from cassie_control.control.robot import RecordArray, Robot
+from cassie_control.planner.terrain import GroundSlope
+from cassie_control.planner.timing import StepTiming, plan
+from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
-from cassie_gaits.names import LEG_DRIVES
-from cassie_gaits.robot import WEIGHT
-
-FloatArray = npt.NDArray[np.float64]
-
-FIGURES_TYPE = np.dtype(
-    [
-        # Of the configuration, see `config.WalkConfig`; 0 where the paper's law leaves it out:
-        *((name, float) for name in ("kp_torso_roll", "kd_torso_roll")),
-        *((name, float) for name in ("kp_torso_pitch", "kd_torso_pitch")),
-        *((name, float) for name in ("late_reach", "late_speed")),
-        *((name, float) for name in ("level", "level_back", "swing_inertia", "bounce_damping")),
-        *((name, float) for name in ("heading_gain", "yaw_limit")),
-        ("straight", float),  # 1 where the swing leg's angles go the way of least effort
-        ("share_force", float),  # 1 where legs carry it by their forces, 0 by their loads
-        ("weight", float),  # that is fed forward, N
-        ("mass", float),  # of the robot, kg
-        *((name, float) for name in ("thigh_track", "thigh_angle", "thigh_rate")),
-        ("period", float),  # of control, s
-        ("latency", float),  # of the drives, that is allowed for, s
-        ("handover", float),  # time in which the weight then goes from leg to leg, s
-        ("kp", float, 5),  # of hip_roll, hip_yaw, hip_pitch, knee, toe
-        ("kd", float, 5),
-        # Of the robot, see `virtual_leg`, `robot` and `swing_torques`:
-        ("hip_x", float),
-        ("hip_z", float),
-        ("thigh", float),
-        ("shin", float),
-        ("knee_offset", float),
-        ("hip_offset", float),
-        ("toe_offset", float),
-        ("neutral_tarsus", float),
-        ("inertia", float, (4, 4)),
-        # From a polynomial's two first and two last coefficients to the two between:
-        ("least_effort", float, (2, 4)),
-    ]
-)
-"""What the walking law takes for granted."""
+from cassie_gaits.records import FloatArray, Records
+from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angle
+from cassie_msgs.layout import MotorCommand
 
 
 @compiled
-def _thigh(robot: Any, i: int, axis: int) -> tuple[float, float]:
+def _thigh(robot: Robot, i: int, axis: int) -> tuple[float, float]:
     """Leg `i` in space, about roll (`axis` 0) or against pitch (1). In rad and rad/s."""
     if axis == 0:
         return robot.joints[i, 0] + robot.roll, robot.rates[i, 0] + robot.roll_rate
@@ -90,7 +53,7 @@ def _thigh(robot: Any, i: int, axis: int) -> tuple[float, float]:
 
 
 @compiled
-def track_thighs(figure: Any, robot: Any, step: Any) -> None:
+def track_thighs(figure: Figures, robot: Robot, step: Step) -> None:
     """Bring the tracks of both legs up to date; the first ones begin as measured."""
     w, dt = 2.0 * math.pi * figure.thigh_track, figure.period
     for i in range(2):
@@ -106,7 +69,7 @@ def track_thighs(figure: Any, robot: Any, step: Any) -> None:
 
 
 @compiled
-def steady_hip(figure: Any, robot: Any, i: int, axis: int, step: Any) -> tuple[float, float]:
+def steady_hip(figure: Figures, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
     """Hip roll (`axis` 0) or pitch (1) of a leg, with its share of the track. In rad, rad/s."""
     angle, rate = _thigh(robot, i, axis)
     joint = 2 * axis
@@ -124,39 +87,43 @@ _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and u
 
 @compiled
 def drive(
-    figures: RecordArray,
-    robots: RecordArray,
+    figures: Records[Figures],
+    robots: Records[Robot],
     pairs: RecordArray,
-    steps: RecordArray,
+    timings: Records[StepTiming],
+    slopes: Records[GroundSlope],
+    modes: RecordArray,
+    steps: Records[Step],
     commands: RecordArray,
-    rate: float,
     pitch: float,
     roll: float,
     length: float,
+    remaining: float,
     lead: float,
-    speed: float,
-    torso_roll: float,
-    torso_pitch: float,
-    slope_ahead: float,
-    slope_left: float,
 ) -> None:
     """Desired outputs, adjusted, as set-points of the drives.
 
-    Source: eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
-
     Args:
-        figures, robots, steps: Figures, the robot now and the step. Shape (1,).
+        figures, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
         pairs: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
+        timings: Phase, whose rate follows `remaining`. Shape (1,).
+        modes: `Mode.record`, with the torso's angles. Shape (1,).
+        steps: The step; changed in place. Shape (1,).
         commands: Result, `MotorCommand.record`. Shape (1,).
-        rate: Of the phase, new. In 1/s.
-        pitch to slope_left: What adjustment answers, and the torso wanted, see `STEP_TYPE`.
+        pitch, roll, length, remaining, lead: Answer of leg-angle adjustment, `plan.SwingEnd`.
+
+    Source:
+        eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
     """
     figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
-    step.new_rate, step.pitch, step.roll, step.length, step.lead = rate, pitch, roll, length, lead
-    step.speed, step.torso_roll, step.torso_pitch = speed, torso_roll, torso_pitch
-    step.slope_ahead, step.slope_left = slope_ahead, slope_left
+    timing, slope, mode = timings[0], slopes[0], modes[0]
+    plan(timing, remaining)
+    step.new_rate, step.speed = timing.rate, timing.velocity[0]
+    step.pitch, step.roll, step.length, step.lead = pitch, roll, length, lead
+    step.torso_roll, step.torso_pitch = mode.roll + mode.trims[3], mode.pitch + mode.trims[2]
+    step.slope_ahead, step.slope_left = slope.ahead, slope.left
     adjust(figure, robot, step)
-    stance = int(step.stance)
+    stance = step.stance
     track_thighs(figure, robot, step)
     _drive_stance(figure, robot, stance, step, command)
     _drive_swing(figure, robot, 1 - stance, step, command)
@@ -168,7 +135,7 @@ def drive(
 
 
 @compiled
-def _drive_stance(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+def _drive_stance(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Torso roll and pitch act through the hip, in proportion to the load on the leg.
 
     q_hip + (desired - measured torso angle) is its set-point, with q_hip of `steady_hip`. The toe
@@ -178,7 +145,7 @@ def _drive_stance(figure: Any, robot: Any, i: int, step: Any, command: Any) -> N
     hip_roll, roll_rate = steady_hip(figure, robot, i, 0, step)
     hip_pitch, pitch_rate = steady_hip(figure, robot, i, 1, step)
     desired, rates = step.desired, step.desired_rates
-    knee, knee_rate = _knee(figure, desired[LENGTH_ST], rates[LENGTH_ST])
+    knee, knee_rate = _knee(desired[LENGTH_ST], rates[LENGTH_ST])
     command.position[at] = hip_roll - load * (desired[ROLL] - robot.roll)
     command.position[at + 1] = desired[YAW_ST]
     command.position[at + 2] = hip_pitch + load * (desired[PITCH] - robot.pitch)
@@ -199,7 +166,7 @@ def _drive_stance(figure: Any, robot: Any, i: int, step: Any, command: Any) -> N
 
 
 @compiled
-def _drive_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+def _drive_swing(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Every joint tracks, the toe as far as the foot is unloaded.
 
     As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
@@ -207,21 +174,18 @@ def _drive_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> No
     """
     q, v, at = robot.joints[i], robot.rates[i], 5 * i
     desired, rates = step.desired, step.desired_rates
-    knee, knee_rate = _knee(figure, desired[LENGTH_SW], rates[LENGTH_SW])
-    sine, cosine = math.sin(knee + figure.knee_offset), math.cos(knee + figure.knee_offset)
-    lean = math.atan2(-figure.shin * sine, figure.shin * cosine + figure.thigh)
-    squares = figure.thigh * figure.thigh + figure.shin * figure.shin
-    share = figure.shin * (figure.shin + figure.thigh * cosine)
-    share /= squares + 2.0 * figure.thigh * figure.shin * cosine
-    toe = desired[FOOT_SW] + robot.pitch - q[2] - figure.neutral_tarsus
+    knee, knee_rate = _knee(desired[LENGTH_SW], rates[LENGTH_SW])
+    hip_pitch = desired[PITCH_SW] + robot.pitch + virtual_leg.lean(knee) - virtual_leg.HIP_OFFSET
     command.position[at] = desired[ROLL_SW] - robot.roll
     command.position[at + 1] = desired[YAW_SW]
-    command.position[at + 2] = desired[PITCH_SW] + robot.pitch + lean - figure.hip_offset
+    command.position[at + 2] = hip_pitch
     command.position[at + 3] = knee
-    command.position[at + 4] = toe - figure.toe_offset
+    command.position[at + 4] = virtual_leg.toe_angle(desired[FOOT_SW], robot.pitch, q[2])
     command.velocity[at] = rates[ROLL_SW] - robot.roll_rate
     command.velocity[at + 1] = rates[YAW_SW]
-    command.velocity[at + 2] = rates[PITCH_SW] - (share * knee_rate - robot.pitch_rate)
+    command.velocity[at + 2] = virtual_leg.hip_pitch_rate(
+        knee, rates[PITCH_SW], robot.pitch_rate, knee_rate
+    )
     command.velocity[at + 3] = knee_rate
     command.velocity[at + 4] = rates[FOOT_SW] + robot.pitch_rate - v[2]
     for k in range(5):
@@ -240,7 +204,7 @@ def _drive_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> No
 
 @compiled
 def _share(
-    command: Any,
+    command: MotorCommand,
     drive: int,
     own: float,
     share: float,
@@ -265,25 +229,17 @@ def _share(
 
 
 @compiled
-def _knee(figure: Any, length: float, length_rate: float) -> tuple[float, float]:
-    """Knee angle and rate of a leg length, see `virtual_leg`; in rad and rad/s."""
+def _knee(length: float, length_rate: float) -> tuple[float, float]:
+    """Knee angle and rate of a leg length, within what is set; in rad and rad/s."""
     length = min(_LONGEST, max(_SHORTEST, length))
-    knee = _knee_angle(figure, length)
-    product = 2.0 * figure.thigh * figure.shin
-    turn = 0.5 * product * math.sin(knee + figure.knee_offset)
-    return knee, -length * length_rate / turn
+    knee = nearest_knee_angle(length)
+    return knee, virtual_leg.knee_rate(knee, length, length_rate)
 
 
 @compiled
-def _knee_angle(figure: Any, length: float) -> float:
-    squares = figure.thigh * figure.thigh + figure.shin * figure.shin
-    cosine = (length * length - squares) / (2.0 * figure.thigh * figure.shin)
-    angle: float = -math.acos(min(1.0, max(-1.0, cosine))) - figure.knee_offset
-    return angle
-
-
-@compiled
-def _hold_weight(robot: Any, i: int, weight: float, jacobian: FloatArray, command: Any) -> None:
+def _hold_weight(
+    robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
+) -> None:
     """Torques that hold a weight (N) with a leg, along the line from foot to CoM."""
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
     z = max(0.4, robot.com[2] - robot.ankle[i, 2])
@@ -294,7 +250,7 @@ def _hold_weight(robot: Any, i: int, weight: float, jacobian: FloatArray, comman
 
 
 @compiled
-def _push_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> None:
+def _push_swing(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Add the torques that accelerate the swing leg, as far as it is off the ground.
 
     The stance hip takes what they do to the torso to the ground.
@@ -305,9 +261,8 @@ def _push_swing(figure: Any, robot: Any, i: int, step: Any, command: Any) -> Non
     roll, pitch, knee = inertia_torques(
         (v[ROLL_SW], v[PITCH_SW], v[LENGTH_SW]),
         (a[ROLL_SW], a[PITCH_SW], a[LENGTH_SW]),
-        _knee_angle(figure, length),
+        nearest_knee_angle(length),
         figure.inertia,
-        (figure.shin, figure.thigh, figure.knee_offset),
     )
     command.torque[5 * i] += share * roll
     command.torque[5 * i + 2] += share * pitch
@@ -323,21 +278,19 @@ def inertia_torques(
     accelerations: tuple[float, float, float],
     knee: float,
     inertia: FloatArray,
-    sides: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """See `swing_inertia.swing_torques`; `sides` are shin, thigh (m) and knee offset (rad)."""
-    shin, thigh, offset = sides
-    bend = knee + offset
+    """See `swing_torques`."""
+    bend = knee + KNEE_OFFSET
     sine, cosine = math.sin(bend), math.cos(bend)
-    squares, product = shin * shin + thigh * thigh, shin * thigh
+    squares, product = SHIN * SHIN + THIGH * THIGH, SHIN * THIGH
     length = math.sqrt(squares + 2.0 * product * cosine)
     # length(k) and hip pitch = leg pitch + lean(k), each differentiated twice by time.
     slope = -product * sine / length
     bow = (-product * cosine - slope * slope) / length
     knee_rate = rates[2] / slope
     knee_acceleration = (accelerations[2] - bow * knee_rate * knee_rate) / slope
-    share = shin * (shin + thigh * cosine) / (length * length)
-    share_slope = (-shin * thigh * sine - 2.0 * share * length * slope) / (length * length)
+    share = SHIN * (SHIN + THIGH * cosine) / (length * length)
+    share_slope = (-SHIN * THIGH * sine - 2.0 * share * length * slope) / (length * length)
     pitch_rate = rates[1] - share * knee_rate
     pitch_acceleration = accelerations[1] - share * knee_acceleration
     pitch_acceleration -= share_slope * knee_rate * knee_rate
@@ -363,19 +316,6 @@ def _cubic_slope(table: FloatArray, row: int, x: float) -> float:
     return value
 
 
-INERTIA = np.array(
-    [
-        [1.0411, -0.1591, -0.3106, -0.0599],  # A
-        [0.5699, -0.0817, -0.1565, -0.0302],  # B
-        [0.4899, -0.0042, -0.0024, -0.0004],  # C
-        [1.3723, -0.1943, -0.4381, -0.0809],  # R
-    ]
-)
-"""Coefficients of A, B, C and R by rising power of the knee angle. In kg m^2."""
-
-_SIDES = (virtual_leg.SHIN, virtual_leg.THIGH, virtual_leg.KNEE_OFFSET)
-
-
 def swing_torques(
     rates: tuple[float, float, float], accelerations: tuple[float, float, float], length: float
 ) -> tuple[float, float, float]:
@@ -389,63 +329,4 @@ def swing_torques(
     Returns:
         In Nm.
     """
-    return inertia_torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA, _SIDES)
-
-
-def _least_effort() -> FloatArray:
-    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
-
-    They give the least integral of the squared second derivative.
-    """
-    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
-    ends = bends[:, (0, 1, 4, 5)]
-    result: FloatArray = -np.linalg.lstsq(bends[:, 2:4], ends, rcond=None)[0]
-    return result
-
-
-_LEAST_EFFORT = _least_effort()
-_BESIDE_THE_PAPER = (
-    *("straight", "share_force", "level", "swing_inertia"),
-    *("bounce_damping", "thigh_angle", "thigh_rate"),
-)
-
-
-def figures(config: WalkConfig, period: float, latency: float = 0.0) -> RecordArray:
-    """Figures of a configuration, of the control period (s), of the robot, and of its drives.
-
-    They are of `FIGURES_TYPE`. Shape (1,).
-
-    What the walking law has beside the paper's is left out under the paper's own. As far as the
-    drives act late on commands (`latency`, in s), gains go over to those for late ones.
-    """
-    records = np.zeros(1, FIGURES_TYPE)
-    figure = records[0]
-    for name in FIGURES_TYPE.names or ():
-        if hasattr(config, name):
-            figure[name] = getattr(config, name)
-    figure["straight"] = figure["share_force"] = 1.0
-    figure["kp"] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
-    figure["kd"] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
-    if config.as_in_paper:
-        for name in _BESIDE_THE_PAPER:
-            figure[name] = 0.0
-    else:
-        _allow_for(figure, config, latency)
-    figure["period"] = period
-    figure["weight"], figure["mass"] = config.gravity * WEIGHT, robot.total_mass()
-    figure["hip_x"], figure["hip_z"] = HIP_X, HIP_Z
-    figure["thigh"], figure["shin"] = virtual_leg.THIGH, virtual_leg.SHIN
-    figure["knee_offset"], figure["hip_offset"] = virtual_leg.KNEE_OFFSET, virtual_leg.HIP_OFFSET
-    figure["toe_offset"], figure["neutral_tarsus"] = virtual_leg.TOE_OFFSET, robot.NEUTRAL_TARSUS
-    figure["inertia"], figure["least_effort"] = INERTIA, _LEAST_EFFORT
-    return records
-
-
-def _allow_for(figure: np.void, config: WalkConfig, latency: float) -> None:
-    """Gains for drives that act late."""
-    late, share = config.late, config.late.walking_share(latency)
-    if share == 0.0:
-        return
-    figure["latency"], figure["handover"] = latency, late.handover
-    for name in ("thigh_track", "thigh_angle", "thigh_rate"):
-        figure[name] += share * (getattr(late, name) - figure[name])
+    return inertia_torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA)

@@ -12,21 +12,22 @@ of it to the stance leg, t since its touchdown and t_end at the next one.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING
 
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
+    from cassie_control.control.figures import Figures
+    from cassie_control.control.outputs import Step
+    from cassie_control.control.robot import Robot
 
 _BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
 _GRAVITY = 9.81  # m/s^2
 
 
 @compiled
-def damped_weight(figure: Any, robot: Any, step: Any) -> float:
+def damped_weight(figure: Figures, robot: Robot, step: Step) -> float:
     """What the legs press with: the weight, less while the CoM rises off the ground's slope.
 
     The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
@@ -40,12 +41,12 @@ def damped_weight(figure: Any, robot: Any, step: Any) -> float:
 
 
 @compiled
-def carried_share(figure: Any, robot: Any, step: Any, i: int) -> float:
+def carried_share(figure: Figures, robot: Robot, step: Step, i: int) -> float:
     """Share of the weight that is fed forward to a leg."""
     share: float
     if figure.latency > 0.0:
         share = _due(figure, step)
-        return share if i == int(step.stance) else 1.0 - share
+        return share if i == step.stance else 1.0 - share
     if figure.share_force > 0.0:
         force = max(0.0, robot.force[i] - _BRUSHED)
         other = max(0.0, robot.force[1 - i] - _BRUSHED)
@@ -56,7 +57,7 @@ def carried_share(figure: Any, robot: Any, step: Any, i: int) -> float:
 
 
 @compiled
-def _due(figure: Any, step: Any) -> float:
+def _due(figure: Figures, step: Step) -> float:
     """Share that the stance leg will carry when the drives act on this command.
 
     Until the foot of the swing leg carries, its touchdown is taken to come at the end of the step.

@@ -9,18 +9,22 @@ import numpy as np
 from cassie_control.config import ControllerConfig
 from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
+from cassie_control.control.outputs import Step
 from cassie_control.control.recovery import RecoveryStep, brake, lift, rests
 from cassie_control.control.riding import RidingController
-from cassie_control.control.robot import Readings
+from cassie_control.control.robot import Readings, RecordArray
 from cassie_control.control.standing import StandingController
 from cassie_control.control.walking import WalkingController
 from cassie_control.errors import ControlError
-from cassie_control.finite import check
+from cassie_control.finite import LARGEST, check
 from cassie_control.learning.torques import LearnedTorques, TorqueLearning
-from cassie_control.planner.timing import LEFT
+from cassie_control.planner.timing import LEFT, StepTiming
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.records import FloatArray, Records
+from cassie_gaits.vectors import is_within
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotMode, RobotState
 
 _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
@@ -28,6 +32,49 @@ _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
 
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
 """Damping of the drives in mode DAMP. In Nms/rad."""
+
+
+@compiled
+def fill_in(
+    statuses: RecordArray,
+    states: RecordArray,
+    modes: RecordArray,
+    commands: RecordArray,
+    timings: Records[StepTiming],
+    steps: Records[Step],
+    torque_limit: FloatArray,
+    walks: bool,
+    gait_speed: float,
+    latency: float,
+) -> None:
+    """Say what a step of the controller did, in `ControllerStatus.record`.
+
+    Args:
+        statuses: Result. Shape (1,).
+        states, modes, commands: What it was given and what it answered; records. Shape (1,).
+        timings, steps: Of walking. Shape (1,).
+        torque_limit: Of the drives. Shape (10,), in Nm.
+        walks: Whether it walks.
+        gait_speed: At which the gait library is read. In m/s.
+        latency: Found in the drives. In s.
+    """
+    status, state, mode, timing, step = statuses[0], states[0], modes[0], timings[0], steps[0]
+    status.sec, status.nanosec = state.sec, state.nanosec
+    status.episode, status.seq = state.episode, state.seq
+    status.mode_seq, status.mode = mode.effective_seq, mode.mode
+    status.phase = timing.phase if walks else 0.0
+    status.stance_leg = float(timing.stance) if walks else -1.0
+    status.step_count = float(timing.steps) if walks else 0.0
+    status.gait_speed, status.step_time = gait_speed, timing.step_time
+    status.velocity[0], status.velocity[1] = timing.velocity[0], timing.velocity[1]
+    for i in range(9):
+        status.y[i] = step.measured[i] - step.desired[i] if walks else 0.0
+        status.dy[i] = step.measured_rates[i] - step.desired_rates[i] if walks else 0.0
+    status.saturation = 0.0
+    for i in range(10):
+        share = abs(commands[0].torque[i]) / torque_limit[i]
+        status.saturation = max(status.saturation, share)
+    status.command_latency = latency
 
 
 class Activity(enum.Enum):
@@ -67,7 +114,8 @@ class GaitController:
     ) -> None:
         self._period = period
         self._library, self._learned = library, learned
-        self._torque_limit = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
+        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
+        self._torque_limit = np.array(limits)
         self.config = config
         self.reset()
 
@@ -117,10 +165,12 @@ class GaitController:
                 unknown: everything then stays as it was. Or if the command came out not finite:
                 the controller then starts afresh.
         """
-        check(state, "state", ControlError)
-        check(mode, "mode", ControlError)
+        if not is_within(state.floats, LARGEST):
+            check(state, "state", ControlError)
+        if not is_within(mode.floats, LARGEST):
+            check(mode, "mode", ControlError)
         wanted = int(mode.mode)
-        if wanted > RobotMode.SEGWAY:
+        if wanted > _SEGWAY:
             raise ControlError(f"mode is {wanted}, must be 0 .. {_SEGWAY}")
         self.readings.update(state)
         if self.latency.observe(state):
@@ -128,9 +178,10 @@ class GaitController:
         command = self._command
         command.answer(state)
         self._since += self._period
-        self._choose(wanted, float(mode.height))
+        self._choose(wanted)
         self._act(mode)
-        self._blend_in()
+        if self._blend > 0.0:
+            self._blend_in()
         try:
             limit(command)
         except ControlError:
@@ -140,7 +191,9 @@ class GaitController:
         self._state, self._mode = state, mode
         return command
 
-    def _choose(self, mode: int, height: float) -> None:
+    def _choose(self, mode: int) -> None:
+        if mode == _WALK and self.activity is Activity.WALKING:
+            return
         if mode in (_OFF, _DAMP):
             self._enter(Activity.IDLE if mode == _OFF else Activity.DAMPING)
         elif mode == _STAND and self.activity is not Activity.WALKING:
@@ -171,7 +224,12 @@ class GaitController:
 
     def _act(self, mode: Mode) -> None:
         command = self._command
-        if self.activity is Activity.IDLE:
+        if self.activity is Activity.WALKING:
+            if self._walk(mode) and self._may_stop(mode):
+                self._enter(Activity.STANDING)
+                self.standing.start(self.readings)
+                self.standing.step(self.readings, mode, command, 0.0)
+        elif self.activity is Activity.IDLE:
             command.torque[:] = command.kp[:] = command.kd[:] = 0.0
         elif self.activity is Activity.DAMPING:
             command.torque[:] = command.kp[:] = command.velocity[:] = 0.0
@@ -181,14 +239,10 @@ class GaitController:
             self._recover(mode)
         elif self.activity is Activity.RIDING:
             self.riding.step(self.readings, mode, command)
-        elif self.activity is Activity.LEANING:
+        else:
             transition = self.config.transition
             share = min(1.0, self._since / transition.lean_time)
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
-        elif self._walk(mode) and self._may_stop(mode):
-            self._enter(Activity.STANDING)
-            self.standing.start(self.readings)
-            self.standing.step(self.readings, mode, command, 0.0)
 
     def _recover(self, mode: Mode) -> None:
         """Step, from this tick on, if standing cannot hold a push."""
@@ -234,8 +288,7 @@ class GaitController:
 
     def _blend_in(self) -> None:
         """Go over from the last set-points to the new ones, torques and gains alike."""
-        steady = (Activity.STANDING, Activity.LEANING, Activity.RIDING)
-        if self._blend <= 0.0 or self.activity not in steady:
+        if self.activity not in (Activity.STANDING, Activity.LEANING, Activity.RIDING):
             return
         self._blend -= self._period
         share = max(0.0, self._blend / self._blend_time)
@@ -247,26 +300,20 @@ class GaitController:
     @property
     def status(self) -> ControllerStatus:
         """What the last step did; reused. Filled in when asked for, which is not every tick."""
-        status, walking, state, mode = self._status, self.walking, self._state, self._mode
-        status.answer(state)
-        status.mode_seq[...] = mode.effective_seq
-        status.mode[...] = mode.mode
+        walking = self.walking
         walks = self.activity is Activity.WALKING
-        timing = walking.timing
-        status.phase[...] = timing.phase if walks else 0.0
-        status.stance_leg[...] = timing.stance if walks else -1.0
-        status.step_count[...] = timing.steps if walks else 0.0
-        status.gait_speed[...] = walking.gait_speed
-        status.step_time[...] = timing.step_time
-        status.velocity[:] = timing.velocity
         if walks:
             walking.measure(self.readings)
-            np.subtract(walking.outputs, walking.desired, out=status.y)
-            np.subtract(walking.rates, walking.desired_rates, out=status.dy)
-        else:
-            status.y[:] = 0.0
-            status.dy[:] = 0.0
-        torques = zip(self._command.torque.tolist(), self._torque_limit, strict=True)
-        status.saturation[...] = max(abs(torque) / limit for torque, limit in torques)
-        status.command_latency[...] = self.latency.latency
-        return status
+        fill_in(
+            self._status.record,
+            self._state.record,
+            self._mode.record,
+            self._command.record,
+            walking.timing.records,
+            walking.step_record,
+            self._torque_limit,
+            walks,
+            walking.gait_speed,
+            self.latency.latency,
+        )
+        return self._status

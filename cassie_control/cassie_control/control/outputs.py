@@ -1,112 +1,150 @@
 """The nine outputs of eq:h0: how they are measured, and how they are desired during a step.
 
-`STEP_TYPE` is the record of a step, which compiled functions share. `walking` has the reasoning.
+`Step` is the record of a step, which compiled functions share. `walking` has the reasoning.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.control.robot import LegReadings, Readings, RecordArray
+from cassie_control.control.figures import Figures
+from cassie_control.control.robot import Robot
+from cassie_control.planner.timing import StepTiming
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
+from cassie_gaits.records import FloatArray, Record, Records, array, whole
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 """Rows of eq:h0; `cassie_gaits.gait_library.OUTPUTS` names them."""
 
 
-def measure(
-    readings: Readings,
-    stance: LegReadings,
-    swing: LegReadings,
-    outputs: FloatArray,
-    rates: FloatArray,
-) -> None:
-    """Outputs h_0 and their rates.
+class Step(Record):
+    """A step of walking. Arrays over outputs have the order of eq:h0 and are in rad and m.
 
-    Args:
-        readings: The robot now.
-        stance, swing: Its legs.
-        outputs: Result. Shape (9,), in rad and m.
-        rates: Result, their time derivatives. Shape (9,), in rad/s and m/s.
+    Attributes:
+        stance: Number of the stance leg.
+        phase: The paper's tau.
+        rate: Of the phase, before leg-angle adjustment. In 1/s.
+        step_time: The gait's. In s.
+        heading: To follow. In rad.
+        sideways: Mean velocity to the left of the last two steps. In m/s.
+        yaw_rate: Commanded. In rad/s.
+        yaw: Swing hip yaw at touchdown. In rad.
+        turn: Half of the turn of this step. In rad.
+        rise: How much the gait's stance leg still grows. In m.
+        gait_pitch, gait_roll, gait_length: The gait's swing leg at touchdown. In rad and m.
+        new_rate: Of the phase, as leg-angle adjustment answers. In 1/s.
+        pitch, roll, length: Swing leg at touchdown, as it answers. In rad and m.
+        lead: By how much the foot touches down before the step's end. In s.
+        speed: Low-passed, forward. In m/s.
+        torso_roll, torso_pitch: Commanded. In rad.
+        slope_ahead, slope_left: Rise of the ground over distance.
+        start, start_rates: Outputs and their rates where this step began.
+        gait: Bezier coefficients of this step.
+        desired, desired_rates, accelerations: Desired outputs and their derivatives by time.
+        measured, measured_rates: Outputs and their rates as last measured.
+        tracked: 1 once the tracks of the thighs have begun.
+        thigh, thigh_rates: Of each leg, hip roll and pitch less the torso's, see `track_thighs`. In
+            rad and rad/s.
+    """
+
+    stance: int = whole()
+    phase: float
+    rate: float
+    step_time: float
+    heading: float
+    sideways: float
+    yaw_rate: float
+    yaw: float
+    turn: float
+    rise: float
+    gait_pitch: float
+    gait_roll: float
+    gait_length: float
+    new_rate: float
+    pitch: float
+    roll: float
+    length: float
+    lead: float
+    speed: float
+    torso_roll: float
+    torso_pitch: float
+    slope_ahead: float
+    slope_left: float
+    start: FloatArray = array(9)
+    start_rates: FloatArray = array(9)
+    gait: FloatArray = array(9, 6)
+    desired: FloatArray = array(9)
+    desired_rates: FloatArray = array(9)
+    accelerations: FloatArray = array(9)
+    measured: FloatArray = array(9)
+    measured_rates: FloatArray = array(9)
+    tracked: float
+    thigh: FloatArray = array(2, 2)
+    thigh_rates: FloatArray = array(2, 2)
+
+
+@compiled
+def measure(robots: Records[Robot], stance: int, steps: Records[Step]) -> None:
+    """Bring `Step.measured` and `Step.measured_rates` up to date, outputs h_0 and their rates.
 
     Source:
         eq:h0 and eq:AbsoluteQuantities (README of cassie_gaits, Errata).
     """
-    st, sw, st_rate, sw_rate = stance.joints, swing.joints, stance.rates, swing.rates
-    outputs[:] = (
-        readings.roll,
-        st[1],
-        readings.pitch,
-        virtual_leg.length(st[3]),
-        virtual_leg.roll(readings.roll, sw[0]),
-        sw[1],
-        virtual_leg.pitch(readings.pitch, sw[2], sw[3]),
-        virtual_leg.length(sw[3]),
-        virtual_leg.foot_pitch(readings.pitch, sw[2], sw[6]),
-    )
-    rates[:] = (
-        readings.roll_rate,
-        st_rate[1],
-        readings.pitch_rate,
-        virtual_leg.length_rate(st[3], st_rate[3]),
-        readings.roll_rate + sw_rate[0],
-        sw_rate[1],
-        virtual_leg.pitch_rate(sw[3], readings.pitch_rate, sw_rate[2], sw_rate[3]),
-        virtual_leg.length_rate(sw[3], sw_rate[3]),
-        -readings.pitch_rate + sw_rate[2] + sw_rate[6],
-    )
+    robot, h, rates = robots[0], steps[0].measured, steps[0].measured_rates
+    st, sw = robot.joints[stance], robot.joints[1 - stance]
+    st_rate, sw_rate = robot.rates[stance], robot.rates[1 - stance]
+    h[ROLL] = robot.roll
+    h[YAW_ST] = st[1]
+    h[PITCH] = robot.pitch
+    h[LENGTH_ST] = virtual_leg.length(st[3])
+    h[ROLL_SW] = virtual_leg.roll(robot.roll, sw[0])
+    h[YAW_SW] = sw[1]
+    h[PITCH_SW] = virtual_leg.pitch(robot.pitch, sw[2], sw[3])
+    h[LENGTH_SW] = virtual_leg.length(sw[3])
+    h[FOOT_SW] = virtual_leg.foot_pitch(robot.pitch, sw[2], sw[6])
+    rates[ROLL] = robot.roll_rate
+    rates[YAW_ST] = st_rate[1]
+    rates[PITCH] = robot.pitch_rate
+    rates[LENGTH_ST] = virtual_leg.length_rate(st[3], st_rate[3])
+    rates[ROLL_SW] = robot.roll_rate + sw_rate[0]
+    rates[YAW_SW] = sw_rate[1]
+    rates[PITCH_SW] = virtual_leg.pitch_rate(sw[3], robot.pitch_rate, sw_rate[2], sw_rate[3])
+    rates[LENGTH_SW] = virtual_leg.length_rate(sw[3], sw_rate[3])
+    rates[FOOT_SW] = -robot.pitch_rate + sw_rate[2] + sw_rate[6]
 
 
-STEP_TYPE = np.dtype(
-    [
-        # Before leg-angle adjustment:
-        ("stance", float),  # number of the leg
-        ("phase", float),
-        ("rate", float),  # of the phase, 1/s
-        ("step_time", float),  # s
-        ("heading", float),  # to follow, rad
-        ("yaw_rate", float),  # commanded, rad/s
-        # What adjustment is asked with:
-        ("yaw", float),  # swing hip yaw at touchdown, rad
-        ("turn", float),  # half of the turn of this step, rad
-        ("rise", float),  # how much the gait's stance leg still grows, m
-        ("gait_pitch", float),  # the gait's swing leg at touchdown, rad, rad, m
-        ("gait_roll", float),
-        ("gait_length", float),
-        # What it answers, and the torso wanted:
-        ("new_rate", float),  # of the phase, 1/s
-        ("pitch", float),  # swing leg at touchdown, rad, rad, m
-        ("roll", float),
-        ("length", float),
-        ("lead", float),  # s, by which the foot touches down before the step's end
-        ("speed", float),  # low-passed, forward, m/s
-        ("torso_roll", float),  # rad
-        ("torso_pitch", float),
-        ("slope_ahead", float),  # rise of the ground over distance
-        ("slope_left", float),
-        # Outputs of eq:h0, rad and m, in the order of `outputs`:
-        ("start", float, 9),  # where this step began
-        ("start_rates", float, 9),  # per s
-        ("gait", float, (9, 6)),  # Bezier coefficients of this step
-        ("desired", float, 9),
-        ("desired_rates", float, 9),  # per s
-        ("accelerations", float, 9),  # desired, per s^2
-        # Of each leg, hip roll and pitch less the torso's, see `track_thighs`:
-        ("tracked", float),  # 1 once the tracks have begun
-        ("thigh", float, (2, 2)),  # rad
-        ("thigh_rates", float, (2, 2)),  # rad/s
-    ]
-)
-"""A step of walking."""
+@compiled
+def begin_step(
+    robots: Records[Robot], stance: int, keeps_lengths: bool, steps: Records[Step]
+) -> None:
+    """Outputs of the new step start where the legs are, eq. of continuity.
+
+    Args:
+        robots: The robot now. Shape (1,).
+        stance: Number of the new stance leg.
+        keeps_lengths: Whether the legs' lengths go on from those desired. Knees hold the weight by
+            what lacks to the length they aim at: it must not jump.
+        steps: The step; changed in place. Shape (1,).
+    """
+    measure(robots, stance, steps)
+    step = steps[0]
+    for i in range(9):
+        step.start[i], step.start_rates[i] = step.measured[i], step.measured_rates[i]
+    if keeps_lengths:
+        step.start[LENGTH_ST], step.start[LENGTH_SW] = (
+            step.desired[LENGTH_SW],
+            step.desired[LENGTH_ST],
+        )
+    # Measured rates jump at the impact: what the motors hold goes on from rest.
+    step.start_rates[YAW_ST] = step.start_rates[LENGTH_ST] = 0.0
+    step.start_rates[YAW_SW] = step.start_rates[LENGTH_SW] = step.start_rates[FOOT_SW] = 0.0
 
 
 _LONGEST = 0.95  # m, of a stance leg that travels level
@@ -116,43 +154,32 @@ _LIFTED, _LIFTING = 30.0, 100.0  # beginning at this force, until as much beyond
 
 @compiled
 def desire(
-    figures: RecordArray,
-    robots: RecordArray,
+    figures: Records[Figures],
+    robots: Records[Robot],
+    timings: Records[StepTiming],
     axes: FloatArray,
     lengths: IntArray,
     rows: FloatArray,
-    speed: float,
-    sideways: float,
     yaw_rate: float,
-    steps: RecordArray,
-    stance: int,
-    phase: float,
-    rate: float,
-    heading: float,
-) -> tuple[float, float, float, float, float, float]:
+    steps: Records[Step],
+) -> None:
     """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
 
     Args:
-        figures: Constants of the law, `drives.FIGURES_TYPE`. Shape (1,).
-        robots: The robot now.
+        figures: Constants of the law. Shape (1,).
+        robots: The robot now. Shape (1,).
+        timings: Phase; gets the gait's step time. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        speed, sideways: At which the gait is read. In m/s.
-        yaw_rate: The same, as commanded. In rad/s.
-        steps: The step; changed in place.
-        stance: Number of the leg.
-        phase, rate: Of the step, and in 1/s.
-        heading: To follow. In rad.
-
-    Returns:
-        The gait's step time (s), and of the step: `yaw`, `rise`, `gait_pitch`, `gait_roll` and
-        `gait_length`.
+        yaw_rate: At which the gait is read, as commanded. In rad/s.
+        steps: The step; changed in place. Shape (1,).
     """
-    figure, robot, step = figures[0], robots[0], steps[0]
+    figure, robot, timing, step = figures[0], robots[0], timings[0], steps[0]
     row = np.empty(rows.shape[1])
-    read_row(axes, lengths, rows, speed, sideways, yaw_rate, row)
-    step.stance, step.phase, step.rate, step.step_time = stance, phase, rate, 1.0 / row[-1]
-    step.heading, step.yaw_rate = heading, yaw_rate
-    gait = step.gait
+    read_row(axes, lengths, rows, timing.velocity[0], step.sideways, yaw_rate, row)
+    step.stance, step.phase, step.rate = timing.stance, timing.phase, timing.rate
+    timing.step_time = step.step_time = 1.0 / row[-1]
+    step.yaw_rate = yaw_rate
+    gait, stance = step.gait, step.stance
     # The row has the gait in right stance, then that in left stance.
     _begin(figure, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
     basis = np.empty((6, 3))
@@ -172,11 +199,10 @@ def desire(
     step.rise = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
     step.gait_pitch, step.gait_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
     step.gait_length = gait[LENGTH_SW, 5]
-    return step.step_time, step.yaw, step.rise, step.gait_pitch, step.gait_roll, step.gait_length
 
 
 @compiled
-def _begin(figure: Any, library_gait: FloatArray, step: Any) -> None:
+def _begin(figure: Figures, library_gait: FloatArray, step: Step) -> None:
     """The gait, begun where the legs were at touchdown; the torso's own is continuous."""
     gait = step.gait
     for i in range(9):
@@ -194,11 +220,11 @@ def _begin(figure: Any, library_gait: FloatArray, step: Any) -> None:
 
 
 @compiled
-def adjust(figure: Any, robot: Any, step: Any) -> None:
+def adjust(figure: Figures, robot: Robot, step: Step) -> None:
     """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
 
     Args:
-        figure: Constants of the law, of `drives.FIGURES_TYPE`.
+        figure: Constants of the law.
         robot: The robot now.
         step: The step, with what adjustment answered; changed in place.
     """
@@ -227,7 +253,7 @@ def adjust(figure: Any, robot: Any, step: Any) -> None:
 
 
 @compiled
-def _fade_in(step: Any, row: int, change: float, phase: float, rate: float) -> None:
+def _fade_in(step: Step, row: int, change: float, phase: float, rate: float) -> None:
     r = 1.0 - phase
     step.desired[row] += _fade(phase) * change
     step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * change
@@ -235,7 +261,7 @@ def _fade_in(step: Any, row: int, change: float, phase: float, rate: float) -> N
 
 
 @compiled
-def _turn_body(step: Any, phase: float, rate: float) -> None:
+def _turn_body(step: Step, phase: float, rate: float) -> None:
     """Stance hip yaw from where the foot landed to the end of this step's turn.
 
     The commanded turn goes at an even rate, so that the foot need not accelerate the body, for
@@ -249,7 +275,7 @@ def _turn_body(step: Any, phase: float, rate: float) -> None:
 
 
 @compiled
-def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
+def _level_hips(figure: Figures, robot: Robot, step: Step, phase: float) -> None:
     """Let the stance leg grow and shrink so that its hip travels level, as far as wanted.
 
     On a slope the hip travels along it, at the height it has where the CoM is above the foot.
@@ -259,7 +285,7 @@ def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
     share *= 1.0 + back * (figure.level_back - 1.0)
     height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
     x = robot.tilt[0, 0] * figure.hip_x + robot.tilt[0, 2] * figure.hip_z
-    i = int(step.stance)
+    i = step.stance
     x -= robot.ankle[i, 0]
     height += step.slope_ahead * x + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
     length = min(_LONGEST, math.hypot(height, x))
@@ -269,15 +295,15 @@ def _level_hips(figure: Any, robot: Any, step: Any, phase: float) -> None:
 
 
 @compiled
-def _lift(robot: Any, step: Any, phase: float) -> None:
+def _lift(robot: Robot, step: Step, phase: float) -> None:
     """Draw up a swing leg whose foot is still pressed down, as where a push leans on it."""
-    pressed = min(1.0, max(0.0, (robot.force[1 - int(step.stance)] - _LIFTED) / _LIFTING))
+    pressed = min(1.0, max(0.0, (robot.force[1 - step.stance] - _LIFTED) / _LIFTING))
     due = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
     step.desired[LENGTH_SW] -= _LIFT * pressed * due
 
 
 @compiled
-def _reach_down(figure: Any, step: Any, rate: float) -> None:
+def _reach_down(figure: Figures, step: Step, rate: float) -> None:
     """The ground is later than planned: the swing leg grows until it finds it."""
     for i in range(9):
         step.desired_rates[i] = step.accelerations[i] = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,10 @@ from cassie_control.control.forces import holding_torques
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
+from cassie_gaits.records import FloatArray, Record, Records, array
 from cassie_msgs.layout import RobotState
 
 RecordArray = npt.NDArray[np.void]
-FloatArray = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 HIP_ROLL_X, HIP_Y = 0.021, 0.135
@@ -49,31 +50,48 @@ def aim_leg(
     return roll, math.atan2(along, depth) - torso_pitch, math.hypot(along, depth)
 
 
-ROBOT_TYPE = np.dtype(
-    [
-        ("height", float),  # m
-        ("yaw", float),  # rad
-        ("pitch", float),
-        ("roll", float),
-        ("yaw_rate", float),  # rad/s
-        ("pitch_rate", float),
-        ("roll_rate", float),
-        ("com", float, 3),  # from the pelvis origin, m
-        ("com_from_feet", float, 3),  # from the midpoint of the feet, m
-        ("com_velocity", float, 3),  # m/s
-        ("velocity", float, 3),  # of the pelvis origin, m/s
-        ("load", float, 2),  # 0..1
-        ("force", float, 2),  # N
-        ("contact", float, 2),  # 0..1
-        ("joints", float, (2, 7)),  # rad
-        ("ankle", float, (2, 3)),  # toe joint from the pelvis origin, m
-        ("foot", float, (2, 3)),  # middle of the sole from there, m
-        ("rates", float, (2, 7)),  # of the joints, rad/s
-        ("tilt", float, (3, 3)),  # rotation pelvis to heading frame
-        ("angular_velocity", float, 3),  # of the pelvis, pelvis frame, rad/s
-    ]
-)
-"""What the control laws read of the robot, see `Readings`."""
+class Robot(Record):
+    """What the control laws read of the robot; positions and velocities in the heading frame.
+
+    Attributes:
+        height: Pelvis origin above the loaded soles. In m.
+        yaw, pitch, roll: Of the torso. In rad.
+        yaw_rate, pitch_rate, roll_rate: Their rates. In rad/s.
+        com: Centre of mass from the pelvis origin. In m.
+        com_from_feet: Centre of mass from the midpoint of the feet. In m.
+        com_velocity: Velocity of the centre of mass. In m/s.
+        velocity: Velocity of the pelvis origin. In m/s.
+        load: Share of the load threshold that each foot carries, 0..1.
+        force: Vertical force on each foot. In N.
+        contact: Probability that each foot is on the ground, 0..1.
+        joints: The seven joints of each leg. In rad.
+        ankle: Toe joint of each leg from the pelvis origin. In m.
+        foot: Middle of each sole from the pelvis origin. In m.
+        rates: Rates of the joints. In rad/s.
+        tilt: Rotation from the pelvis to the heading frame.
+        angular_velocity: Of the pelvis, pelvis frame. In rad/s.
+    """
+
+    height: float
+    yaw: float
+    pitch: float
+    roll: float
+    yaw_rate: float
+    pitch_rate: float
+    roll_rate: float
+    com: FloatArray = array(3)
+    com_from_feet: FloatArray = array(3)
+    com_velocity: FloatArray = array(3)
+    velocity: FloatArray = array(3)
+    load: FloatArray = array(2)
+    force: FloatArray = array(2)
+    contact: FloatArray = array(2)
+    joints: FloatArray = array(2, 7)
+    ankle: FloatArray = array(2, 3)
+    foot: FloatArray = array(2, 3)
+    rates: FloatArray = array(2, 7)
+    tilt: FloatArray = array(3, 3)
+    angular_velocity: FloatArray = array(3)
 
 
 @compiled
@@ -98,13 +116,13 @@ def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, floa
 
 
 @compiled
-def read_robot(states: RecordArray, pairs: RecordArray, robots: RecordArray) -> None:
+def read_robot(states: RecordArray, pairs: RecordArray, robots: Records[Robot]) -> None:
     """What the control laws read of a state estimate.
 
     Args:
         states: `RobotState.record`. Shape (1,).
         pairs: Result, kinematics of both legs, `leg.LegPair.record`. Shape (1,).
-        robots: Result, of `ROBOT_TYPE`. Shape (1,).
+        robots: Result. Shape (1,).
     """
     estimate, pair, robot = states[0], pairs[0], robots[0]
     q, v = estimate.q, estimate.v
@@ -134,10 +152,10 @@ def read_robot(states: RecordArray, pairs: RecordArray, robots: RecordArray) -> 
 
 
 def _places(first: str, last: str = "", leg: int | None = None) -> slice:
-    """Where fields of `ROBOT_TYPE` stand among its figures, all of them or those of a leg."""
-    assert ROBOT_TYPE.fields is not None
-    begin = ROBOT_TYPE.fields[first][1] // 8
-    kind, offset = ROBOT_TYPE.fields[last or first][:2]
+    """Where fields of `Robot` stand among its figures, all of them or those of a leg."""
+    assert Robot.TYPE.fields is not None
+    begin = Robot.TYPE.fields[first][1] // 8
+    kind, offset = Robot.TYPE.fields[last or first][:2]
     end = (offset + kind.itemsize) // 8
     if leg is None:
         return slice(begin, end)
@@ -146,7 +164,7 @@ def _places(first: str, last: str = "", leg: int | None = None) -> slice:
 
 
 _VALUES = struct.Struct(f"{_places('rates').start}d")
-"""Figures that are looked at every tick: up to the joints' rates."""
+"""Figures that Python looks at: up to the joints' rates."""
 
 _HEIGHT_AND_ANGLES = _places("height", "roll_rate")
 _COM, _COM_FROM_FEET, _COM_VELOCITY, _VELOCITY = (
@@ -182,21 +200,35 @@ class LegReadings:
         hip_y: Sideways offset of the hip. In m.
     """
 
-    def __init__(self, number: int, rates: FloatArray, ankle_jacobian: FloatArray) -> None:
+    joints: tuple[float, ...]
+    ankle: Vector
+    foot: Vector
+    load: float
+    force: float
+    contact: float
+
+    def __init__(
+        self,
+        number: int,
+        rates: FloatArray,
+        ankle_jacobian: FloatArray,
+        unpack: Callable[[], Any],
+    ) -> None:
         self.number = number
-        self._rates = rates
         self.side = 1.0 - 2.0 * number
         self.hip_y = self.side * HIP_Y
-        self._ankle_jacobian = ankle_jacobian
-        self.joints: tuple[float, ...] = (0.0,) * 7
-        self.ankle: Vector = (0.0, 0.0, 0.0)
-        self.foot: Vector = (0.0, 0.0, 0.0)
-        self.load = 0.0
-        self.force = 0.0
-        self.contact = 0.0
+        self._rates, self._ankle_jacobian, self._unpack = rates, ankle_jacobian, unpack
+        self._bare = dict(self.__dict__)
+
+    def forget(self) -> None:
+        """Its numbers have changed."""
+        self.__dict__ = {**self._bare, "_bare": self._bare}
+
+    def __getattr__(self, name: str) -> Any:
+        return _unpacked(self, name)
 
     def take(self, values: tuple[Any, ...]) -> None:
-        """Take this leg's out of the figures of `ROBOT_TYPE`."""
+        """Take this leg's out of the figures of a `Robot`."""
         i = self.number
         (self.load,), (self.force,) = values[_LOAD[i]], values[_FORCE[i]]
         (self.contact,) = values[_CONTACT[i]]
@@ -228,7 +260,9 @@ class LegReadings:
 
 
 class Readings:
-    """The robot at one tick.
+    """The robot at one tick, for laws in Python as plain numbers.
+
+    Compiled laws take `records`, so the numbers are unpacked only when one is looked at.
 
     Attributes:
         yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
@@ -237,38 +271,49 @@ class Readings:
         com_velocity: Of the centre of mass, heading frame. In m/s.
         velocity: Of the pelvis origin, heading frame. In m/s.
         height: Pelvis origin above the loaded soles. In m.
-        time: Of the state, robot time. In s.
         legs: Left and right.
         state: The estimate itself.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
-        records: Most of this for compiled functions, of `ROBOT_TYPE`. Shape (1,).
+        records: `Robot`, for compiled functions. Shape (1,).
         pair: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
     """
 
+    height: float
+    yaw: float
+    pitch: float
+    roll: float
+    yaw_rate: float
+    pitch_rate: float
+    roll_rate: float
+    com: Vector
+    com_from_feet: Vector
+    com_velocity: Vector
+    velocity: Vector
+
     def __init__(self) -> None:
-        self.records: RecordArray = np.zeros(1, ROBOT_TYPE)
-        self._memory = self.records.view(np.uint8).data
-        pair = LegPair()
+        robot, pair = Robot(), LegPair()
+        self.records = robot.records
         self.pair = pair.record
-        self.legs = tuple(
-            LegReadings(i, self.records[0]["rates"][i], pair.states[i]["ankle_jacobian"])
-            for i in range(len(LEGS))
-        )
-        self.tilt: FloatArray = self.records[0]["tilt"]
-        self.height = self.time = 0.0
-        self.yaw = self.pitch = self.roll = 0.0
-        self.yaw_rate = self.pitch_rate = self.roll_rate = 0.0
-        self.com: Vector = (0.0, 0.0, 0.0)
-        self.com_from_feet: Vector = (0.0, 0.0, 0.0)
-        self.com_velocity: Vector = (0.0, 0.0, 0.0)
-        self.velocity: Vector = (0.0, 0.0, 0.0)
+        self.tilt: FloatArray = robot.tilt
         self.state = RobotState()
+        jacobians = [state["ankle_jacobian"] for state in pair.states]
+        self.legs = tuple(
+            LegReadings(i, robot.rates[i], jacobians[i], self._unpack) for i in range(len(LEGS))
+        )
+        self._memory = self.records.view(np.uint8).data
+        self._bare = dict(self.__dict__)
 
     def update(self, state: RobotState) -> None:
         """Take in a state estimate."""
-        self.state = state
-        self.time = state.stamp_ns * 1e-9
+        self.__dict__ = {**self._bare, "_bare": self._bare, "state": state}
+        for leg in self.legs:
+            leg.forget()
         read_robot(state.record, self.pair, self.records)
+
+    def __getattr__(self, name: str) -> Any:
+        return _unpacked(self, name)
+
+    def _unpack(self) -> None:
         values = _VALUES.unpack_from(self._memory)
         self.height, *angles = values[_HEIGHT_AND_ANGLES]
         self.yaw, self.pitch, self.roll, self.yaw_rate, self.pitch_rate, self.roll_rate = angles
@@ -276,3 +321,16 @@ class Readings:
         self.com_velocity, self.velocity = values[_COM_VELOCITY], values[_VELOCITY]
         for leg in self.legs:
             leg.take(values)
+
+    @property
+    def time(self) -> float:
+        """Of the state, robot time. In s."""
+        return self.state.stamp_ns * 1e-9
+
+
+def _unpacked(readings: Readings | LegReadings, name: str) -> Any:
+    """A number that is looked at and is not here since the last update."""
+    if name not in type(readings).__annotations__:
+        raise AttributeError(f"{type(readings).__name__} has no {name}")
+    readings._unpack()
+    return readings.__dict__[name]

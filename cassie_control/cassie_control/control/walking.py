@@ -6,30 +6,89 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.drives import drive, figures
-from cassie_control.control.outputs import (
-    FOOT_SW,
-    LENGTH_ST,
-    LENGTH_SW,
-    STEP_TYPE,
-    YAW_ST,
-    YAW_SW,
-    desire,
-    measure,
-)
-from cassie_control.control.robot import Readings, RecordArray
+from cassie_control.control.drives import drive
+from cassie_control.control.figures import Figures, figures
+from cassie_control.control.outputs import Step, begin_step, desire, measure
+from cassie_control.control.robot import Readings, RecordArray, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.plan import Commanded, Placement, StepAhead
-from cassie_control.planner.terrain import GroundSlope
-from cassie_control.planner.timing import LEFT, StepTiming
+from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
+from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.records import FloatArray, Records
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
-FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Pair = tuple[float, float]
 
 _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
+
+
+@compiled
+def go_on(
+    robots: Records[Robot],
+    timings: Records[StepTiming],
+    yaw_rate: float,
+    steps: Records[Step],
+) -> bool:
+    """Let a tick pass: the heading to follow, the phase of the step; says whether the step ended.
+
+    Args:
+        robots: The robot now. Shape (1,).
+        timings, steps: Changed in place. Shape (1,).
+        yaw_rate: Commanded. In rad/s.
+    """
+    step, timing = steps[0], timings[0]
+    # The heading waits where the robot does not come along.
+    lead = step.heading - robots[0].yaw
+    if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
+        step.heading += yaw_rate * timing.period
+    return advance(timings, robots)
+
+
+@compiled
+def look_ahead(
+    figures: Records[Figures],
+    robots: Records[Robot],
+    modes: RecordArray,
+    timings: Records[StepTiming],
+    axes: FloatArray,
+    lengths: IntArray,
+    rows: FloatArray,
+    slopes: Records[GroundSlope],
+    steps: Records[Step],
+) -> tuple[float, float, float, float, Pair, float, float, float, float, float, Pair]:
+    """Desired outputs at this phase as the gait has them, and the rest of the step.
+
+    Args:
+        figures, robots: Constants of the law and the robot now. Shape (1,).
+        modes: `Mode.record`. Shape (1,).
+        timings, slopes, steps: Changed in place. Shape (1,).
+        axes, lengths, rows: `GaitLibrary.table`.
+
+    Returns:
+        The fields of a `StepAhead`, in their order.
+    """
+    timing, step, slope = timings[0], steps[0], slopes[0]
+    stand_on(slopes, robots, timing.stance, timing.phase)
+    desire(figures, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
+    left = max(0.0, 1.0 - timing.phase)
+    return (
+        timing.elapsed,
+        left * timing.step_time,
+        left * figures[0].quickest_step,
+        timing.step_time,
+        (timing.velocity[0], timing.velocity[1]),
+        step.gait_pitch,
+        step.gait_roll,
+        step.gait_length,
+        step.rise - slope.sunk,
+        step.yaw,
+        (slope.ahead, slope.left),
+    )
 
 
 class WalkingController:
@@ -73,20 +132,14 @@ class WalkingController:
         self.library = library
         self._gaits, self._speeds = library.table, library.speed_range
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
-        self.outputs = np.zeros(9)
-        self.rates = np.zeros(9)
-        self._step: RecordArray = np.zeros(1, STEP_TYPE)
-        step = self._step[0]
-        self.desired: FloatArray = step["desired"]
-        self.desired_rates: FloatArray = step["desired_rates"]
-        self._start: FloatArray = step["start"]
-        self._start_rates: FloatArray = step["start_rates"]
-        self._commanded = Commanded()
-        self._ahead = StepAhead()
         self._hold = PositionHold(period)
-        self._slope = GroundSlope(period)
-        self._heading = 0.0
-        self._sideways = 0.0
+        self._slope = GroundSlope(config, period)
+        self._step = step = Step()
+        self.outputs: FloatArray = step.measured
+        self.rates: FloatArray = step.measured_rates
+        self.desired: FloatArray = step.desired
+        self.desired_rates: FloatArray = step.desired_rates
+        self._commanded = Commanded()
         self._latency = 0.0
         self._placement: Placement = placement(config)
         self.config = config
@@ -97,14 +150,15 @@ class WalkingController:
         """Take over new gains; walking goes on, with the sums it has unless the law changes."""
         if config.as_in_paper != self.config.as_in_paper:
             self._placement = placement(config)
-        self.timing.configure(config)
+        for part in (self.timing, self._slope):
+            part.configure(config)
         self.config = config
         self.allow_for(self._latency)
 
     def allow_for(self, latency: float) -> None:
         """Take over how late the drives act on commands, beyond their own delay. In s."""
         self._latency = latency
-        self._placement.config = self.config.late.placement(self.config, latency)
+        self._placement.config = self.config
         self._figures = figures(self.config, self._period, latency)
 
     def _practise(self) -> None:
@@ -118,24 +172,29 @@ class WalkingController:
         readings.update(state)
         self.start(readings, LEFT)
         self.step(readings, Mode(), MotorCommand())
+        self._end_step(readings)
         self.start(readings, LEFT)
+
+    @property
+    def step_record(self) -> Records[Step]:
+        """The present step, for compiled functions. Shape (1,)."""
+        records: Records[Step] = self._step.records
+        return records
 
     @property
     def gait_speed(self) -> float:
         """Speed at which the library is read. In m/s."""
         low, high = self._speeds
-        return max(low, min(high, self.timing.velocity[0]))
+        return max(low, min(high, float(self.timing.velocity[0])))
 
     def start(self, readings: Readings, stance: int) -> None:
         """Begin with a step on a stance leg."""
         self.timing.start(stance)
-        self._heading = readings.yaw
-        self._sideways = 0.0
         self._hold.release()
-        self._slope.reset()
-        self._step["tracked"] = 0.0
+        self._slope.start()
+        self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
         self._placement.reset()
-        self._begin_step(readings)
+        begin_step(readings.records, stance, False, self._step.records)
 
     def step(
         self, readings: Readings, mode: Mode, command: MotorCommand, spread: float = 0.0
@@ -145,103 +204,64 @@ class WalkingController:
         Returns:
             Whether a step ended at this tick.
         """
-        timing, commanded = self.timing, self._commanded
-        _, vx, vy, yaw_rate, _, _, _, roll, pitch, *trims = mode.floats.tolist()
-        commanded.vx, commanded.vy = vx, vy
+        commanded, timing = self._commanded, self.timing.records
+        _, vx, vy, yaw_rate = mode.floats[:4].tolist()
         if vx == vy == yaw_rate == 0.0:
-            commanded.vx, commanded.vy = self._hold.velocity(self.config, readings)
+            vx, vy = self._hold.velocity(self.config, readings)
         else:
             self._hold.release()
+        commanded.vx, commanded.vy = vx, vy
+        ended = go_on(readings.records, timing, yaw_rate, self._step.records)
         commanded.spread = spread
-        commanded.pitch_trim, commanded.roll_trim = trims[0], trims[1]
-        self._turn(readings.yaw, yaw_rate)
-        ended = timing.advance(readings)
+        commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
-            mean_velocity = timing.end_step()
-            self._sideways = mean_velocity[1]
-            self._placement.touchdown(mean_velocity, timing.velocity, commanded)
-            self._begin_step(readings)
-        self._find_slope(readings, ended)
-        self._look_ahead(readings, yaw_rate)
-        self._adjust(readings, roll + trims[3], pitch + trims[2], command)
+            self._end_step(readings)
+        ahead = look_ahead(
+            self._figures.records,
+            readings.records,
+            mode.record,
+            timing,
+            *self._gaits,
+            self._slope.records,
+            self._step.records,
+        )
+        self._adjust(readings, StepAhead(*ahead), mode, command)
         return ended
 
-    def _turn(self, yaw: float, yaw_rate: float) -> None:
-        """Turn the heading to follow; it waits where the robot does not come along."""
-        lead = self._heading - yaw
-        if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
-            self._heading += yaw_rate * self._period
-
-    def _find_slope(self, readings: Readings, touchdown: bool) -> None:
-        """Follow the ground's slope; the paper's law takes it for level."""
-        if self.config.as_in_paper:
-            return
-        stance, swing = readings.legs[self.timing.stance], readings.legs[1 - self.timing.stance]
-        if touchdown:
-            self._slope.touchdown(self.config, stance, swing)
-        self._slope.stand(self.config, readings, stance, self.timing.phase)
+    def _end_step(self, readings: Readings) -> None:
+        """A foot touched down: the other leg swings from now on."""
+        timing, step = self.timing, self._step
+        mean_velocity = end_step(timing.records)
+        step.sideways = mean_velocity[1]
+        self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
+        keeps_lengths = not self.config.as_in_paper
+        begin_step(readings.records, timing.stance, keeps_lengths, step.records)
+        touch_down(self._slope.records, readings.records, timing.stance)
 
     def measure(self, readings: Readings) -> None:
         """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
-        stance, swing = readings.legs[self.timing.stance], readings.legs[1 - self.timing.stance]
-        measure(readings, stance, swing, self.outputs, self.rates)
+        measure(readings.records, self.timing.stance, self._step.records)
 
-    def _begin_step(self, readings: Readings) -> None:
-        """Outputs of the new step start where the legs are, eq. of continuity."""
-        self.measure(readings)
-        self._start[:] = self.outputs
-        if not self.config.as_in_paper and self.timing.steps > 0:
-            # Knees hold the weight by what lacks to the length they aim at: it must not jump.
-            self._start[LENGTH_ST] = self.desired[LENGTH_SW]
-            self._start[LENGTH_SW] = self.desired[LENGTH_ST]
-        self._start_rates[:] = self.rates
-        # Measured rates jump at the impact: what the motors hold goes on from rest.
-        self._start_rates[[YAW_ST, LENGTH_ST, YAW_SW, LENGTH_SW, FOOT_SW]] = 0.0
-
-    def _look_ahead(self, readings: Readings, yaw_rate: float) -> None:
-        """Desired outputs at this phase as the gait has them, and the rest of the step."""
-        timing, ahead = self.timing, self._ahead
-        timing.step_time, ahead.yaw, rise, ahead.pitch, ahead.roll, ahead.length = desire(
-            self._figures,
-            readings.records,
-            *self._gaits,
-            self.gait_speed,
-            self._sideways,
-            yaw_rate,
-            self._step,
-            timing.stance,
-            timing.phase,
-            timing.rate,
-            self._heading,
-        )
-        left = max(0.0, 1.0 - timing.phase)
-        ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
-        ahead.remaining = left * timing.step_time
-        ahead.earliest = left * self.config.quickest_step
-        ahead.velocity = timing.velocity
-        ahead.rise = rise - self._slope.sunk
-        ahead.slope = self._slope.ahead, self._slope.left
-
-    def _adjust(self, readings: Readings, roll: float, pitch: float, command: MotorCommand) -> None:
+    def _adjust(
+        self, readings: Readings, ahead: StepAhead, mode: Mode, command: MotorCommand
+    ) -> None:
         """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
-        timing, ahead = self.timing, self._ahead
-        stance, swing = readings.legs[timing.stance], readings.legs[1 - timing.stance]
-        end = self._placement.swing_end(readings, stance, swing, self._commanded, ahead)
-        timing.plan(end.remaining)
+        stance, legs = self.timing.stance, readings.legs
+        end = self._placement.swing_end(
+            readings, legs[stance], legs[1 - stance], self._commanded, ahead
+        )
         drive(
-            self._figures,
+            self._figures.records,
             readings.records,
             readings.pair,
-            self._step,
+            self.timing.records,
+            self._slope.records,
+            mode.record,
+            self._step.records,
             command.record,
-            timing.rate,
             end.pitch,
             end.roll,
             end.length,
+            end.remaining,
             end.lead,
-            timing.velocity[0],
-            roll,
-            pitch,
-            ahead.slope[0],
-            ahead.slope[1],
         )

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import ControllerConfig
-from cassie_control.control.robot import Readings
+from cassie_control.control.robot import Readings, Robot
 from cassie_control.errors import ControlError
 from cassie_control.planner.timing import RIGHT, StepTiming
 from cassie_gaits import robot
@@ -36,6 +36,7 @@ from cassie_gaits.gait_library_file import library_path
 from cassie_gaits.json_file import check_free, read_json
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.names import DRIVE_IN_Q, LEG_DRIVES
+from cassie_gaits.records import Records
 from cassie_msgs.layout import Mode, MotorCommand, RobotMode, RobotState
 
 FloatArray = npt.NDArray[np.float64]
@@ -87,8 +88,8 @@ def add(
     table: FloatArray,
     speeds: FloatArray,
     now: tuple[float, float, float, float],
-    loads: tuple[float, float],
-    mirrored: bool,
+    robots: Records[Robot],
+    stance: int,
     fresh: bool,
     added: FloatArray,
     gaps: FloatArray,
@@ -100,8 +101,8 @@ def add(
         table: Shape (s, 10, n), in Nm.
         speeds: Shape (s,), in m/s.
         now: Phase, speed, the share that is left of the last step's torques, and that of all.
-        loads: Load of the stance leg, and how far the swing foot is free.
-        mirrored: Whether the right leg stands.
+        robots: The robot now. Shape (1,).
+        stance: Number of the stance leg.
         fresh: Whether a step begins.
         added: What was added at the last tick, by drive; what is added now. Shape (10,), in Nm.
         gaps: What this step began away from its own torques. Shape (10,), in Nm.
@@ -110,16 +111,18 @@ def add(
     s, to_speed = _place(speeds, now[1])
     p, to_phase = _phase_place(table.shape[2], now[0])
     after = min(s + 1, speeds.size - 1)
-    carried = loads[1] * max(0.0, min(1.0, -_BACK * now[1]))
+    mirrored = stance == RIGHT
+    load, free = robots[0].load[stance], 1.0 - robots[0].contact[1 - stance]
+    carried = free * max(0.0, min(1.0, -_BACK * now[1]))
     for j in range(10):
         value = _value(table, (s, to_speed, after), j, (p, to_phase))
         stands = j < 5
         if j == STANCE_HIP_PITCH:  # takes the torso's part of what swings the leg to the ground
             value -= carried * _value(table, (s, to_speed, after), SWING_HIP_PITCH, (p, to_phase))
         if stands:
-            value *= loads[0]
+            value *= load
         else:
-            value *= loads[1]
+            value *= free
         drive = j
         if mirrored:
             drive = j + 5 if stands else j - 5
@@ -539,30 +542,31 @@ class TorqueLearning:
             command: Set-points of this tick, complete.
         """
         failed = int(readings.state.sensor_faults) != 0
-        change = self._period / (_FADE_FAILED if failed else _FADE)
-        wanted = 1.0 if self._adds and not failed else 0.0
-        self._teaches = self._teaches and not failed
-        self._share += max(-change, min(change, wanted - self._share))
-        if self._share == 0.0:
-            return
-        fresh = timing.steps != self._steps
+        if self._share != 1.0 or failed or not self._adds:
+            change = self._period / (_FADE_FAILED if failed else _FADE)
+            wanted = 1.0 if self._adds and not failed else 0.0
+            self._teaches = self._teaches and not failed
+            self._share += max(-change, min(change, wanted - self._share))
+            if self._share == 0.0:
+                return
+        steps, stance = timing.steps, timing.stance
+        fresh = steps != self._steps
         if fresh:
             if self._learns:
                 self._end_step(timing, mode)
-            self._steps = timing.steps
-        swing = readings.legs[1 - timing.stance]
+            self._steps = steps
         bridge = max(0.0, 1.0 - timing.elapsed / _BRIDGE)
-        free = 1.0 - swing.contact
         if self._learns:
             upright = max(abs(readings.roll), abs(readings.pitch)) <= _UPRIGHT
             self._teaches = self._teaches and upright
+            free = 1.0 - readings.legs[1 - stance].contact
             self._notice(timing, speed, 0.0 if bridge else free, readings.state, mode, command)
         add(
             self.torques,
             self.speeds,
             (timing.phase, speed, bridge, self._share),
-            (readings.legs[timing.stance].load, free),
-            timing.stance == RIGHT,
+            readings.records,
+            stance,
             fresh,
             self._added,
             self._gaps,

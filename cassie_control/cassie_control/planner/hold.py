@@ -35,7 +35,7 @@ class PositionHold:
     def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
         """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
         self._still += self._period
-        x, y = readings.state.q[:2].tolist()
+        x, y, _, yaw = readings.state.q[:4].tolist()
         if self._still < _SETTLING:
             if self._still >= _SETTLING - _MEAN:
                 self._sum = (self._sum[0] + x, self._sum[1] + y)
@@ -44,7 +44,7 @@ class PositionHold:
         if config.hold_gain <= 0.0:
             return 0.0, 0.0
         east, north = self._sum[0] / self._ticks - x, self._sum[1] / self._ticks - y
-        c, s = math.cos(readings.yaw), math.sin(readings.yaw)
+        c, s = math.cos(yaw), math.sin(yaw)
         vx, vy = (
             config.hold_gain * (c * east + s * north),
             config.hold_gain * (c * north - s * east),

@@ -20,9 +20,6 @@ from cassie_gaits.linkage import RecordArray
 
 FloatArray = npt.NDArray[np.float64]
 
-LEAST_GAIN = 0.3
-"""Share of a gain that is left at any speed."""
-
 
 class Aim(NamedTuple):
     """Foot placement as a law of the velocity at touchdown.
@@ -30,20 +27,17 @@ class Aim(NamedTuple):
     Attributes:
         ux, uy: Of the swing foot from the CoM in steady walking.
         vx, vy: Velocity at touchdown in steady walking.
-        gain_forward, gain_backward, gain_y: Of the error of that velocity, in place. In s.
-        speed: Low-passed, ahead.
-        fade: Share by which sagittal gains fall with speed. In 1/(m/s).
+        gain: Of the error of that velocity, in place. In s.
+        loss_x, loss_y: What the gains lose with the velocity ahead. In s/m.
     """
 
     ux: float
     uy: float
     vx: float
     vy: float
-    gain_forward: float
-    gain_backward: float
-    gain_y: float
-    speed: float
-    fade: float
+    gain: float
+    loss_x: float
+    loss_y: float
 
 
 class Reach(NamedTuple):
@@ -55,11 +49,6 @@ class Reach(NamedTuple):
         far: Greatest distance from the hip fore and aft.
         inward, outward: Greatest distance from the hip sideways.
         apart: Least sideways distance from the stance foot.
-        easy: Distance from the CoM outward from which a step is rather made quicker.
-        slippery: The same from which the ground may not bear a foot.
-        far_share: Of the way beyond that, how much a foot still goes.
-        far_most: By which it is held back at most; held back more, a speed to the side would grow
-            from step to step.
     """
 
     side: float
@@ -69,10 +58,6 @@ class Reach(NamedTuple):
     inward: float
     outward: float
     apart: float
-    easy: float
-    slippery: float
-    far_share: float
-    far_most: float
 
 
 @compiled
@@ -82,32 +67,23 @@ def foot(
     """Where the foot goes for a CoM that touches down as `end` says, kept within reach.
 
     Returns:
-        u_x, u_y, and how far out of easy reach the law wanted it. In m.
+        u_x, u_y, and how far from there the law wanted it. In m.
     """
     _, y_end, vx, vy = end
-    side, hip_x, hip_y, far, inward, outward, apart, easy, slippery, far_share, far_most = reach
-    wanted_x = aim.ux + _sagittal_gain(aim, vx) * (vx - aim.vx)
-    wanted_y = aim.uy + aim.gain_y * (vy - aim.vy)
-    ux = hip_x + min(far, max(-far, wanted_x - hip_x))
-    out = side * hip_y + min(outward, max(-inward, side * (wanted_y - hip_y)))
-    held = out - min(far_most, (1.0 - far_share) * max(0.0, out - slippery))
+    side = reach.side
+    wanted_x = aim.ux + _gain(aim, aim.loss_x, vx) * (vx - aim.vx)
+    wanted_y = aim.uy + _gain(aim, aim.loss_y, vx) * (vy - aim.vy)
+    ux = reach.hip_x + min(reach.far, max(-reach.far, wanted_x - reach.hip_x))
+    out = min(reach.outward, max(-reach.inward, side * (wanted_y - reach.hip_y)))
     # Feet that would meet are worse than a foot out of the hip's reach.
-    nearest = apart - side * y_end
-    out = max(out, nearest)
-    # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
-    missed = max(math.hypot(wanted_x - ux, wanted_y - side * out), out - easy)
-    return ux, side * max(held, nearest), missed
+    out = max(side * reach.hip_y + out, reach.apart - side * y_end)
+    return ux, side * out, math.hypot(wanted_x - ux, wanted_y - side * out)
 
 
 @compiled
-def _sagittal_gain(aim: Aim, vx: float) -> float:
-    """Of the error of the velocity at touchdown, `vx`: less of it, the faster. In s."""
-    forward = max(LEAST_GAIN, 1.0 - aim.fade * max(0.0, aim.speed, vx))
-    # Walking backward steadily asks for no less; a push does.
-    backward = max(LEAST_GAIN, 1.0 - aim.fade * max(0.0, min(0.0, aim.speed) - vx))
-    back = backward * aim.gain_backward
-    # From backward to forward gain over a stretch of velocity, so that the law is continuous.
-    return back + min(1.0, max(0.0, 0.5 + vx / 0.4)) * (forward * aim.gain_forward - back)
+def _gain(aim: Aim, speed_loss: float, vx: float) -> float:
+    """a / b of the step-to-step map for a CoM that touches down at `vx`. In s."""
+    return aim.gain / (1.0 + speed_loss * abs(vx))
 
 
 GRAVITY = 9.81
@@ -116,11 +92,8 @@ LAW_TYPE = np.dtype(
         (name, float)
         for name in (
             *("double_support", "slowest_step", "foot_spread"),
-            *("pendulum_gain_x", "pendulum_gain_back", "pendulum_gain_y"),
-            *("pendulum_fade_x", "pendulum_fade_y", "pendulum_gain_still", "still_speed"),
-            *("sidestep", "step_ahead", "step_ahead_fast"),
+            *("map_gain", "map_loss_x", "map_loss_y"),
             *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
-            *("easy_lean", "far_lean", "far_share", "far_most"),
         )
     ]
 )
@@ -128,11 +101,9 @@ LAW_TYPE = np.dtype(
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
-_FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
-_SIDE_LEAN = 1.0  # s/m, by which `far_lean` grows beyond 0.1 m/s asked for to a side
-_UNDER_WAY = 0.2  # m/s ahead or back that is asked for, from which `far_share` counts in full
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
-_TIMES = 9  # touchdown times that are compared
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
 
 
@@ -145,10 +116,10 @@ class Now(NamedTuple):
         velocity_x, velocity_y: Of the CoM, from the angular momentum about the stance toe joint.
         pitch: Of the torso. In rad.
         side: Of the swing leg.
-        elapsed, remaining, earliest, step_time, speed, yaw, rise, slope_x, slope_y: `StepAhead`.
+        elapsed, remaining, earliest, step_time, yaw, rise, slope_x, slope_y: `StepAhead`.
         lead: Time from the swing foot's first contact to the end of the step.
         commanded_vx, commanded_vy, spread, roll_trim: `Commanded`.
-        sum_x, sum_y: Sums of the errors of steps' mean speeds.
+        offset_x, offset_y: Of the foot, from the disturbance observer.
     """
 
     com_x: float
@@ -165,7 +136,6 @@ class Now(NamedTuple):
     remaining: float
     earliest: float
     step_time: float
-    speed: float
     yaw: float
     rise: float
     slope_x: float
@@ -175,8 +145,8 @@ class Now(NamedTuple):
     commanded_vy: float
     spread: float
     roll_trim: float
-    sum_x: float
-    sum_y: float
+    offset_x: float
+    offset_y: float
 
 
 class Fall(NamedTuple):
@@ -216,21 +186,29 @@ def fallen(fall: Fall, remaining: float) -> tuple[float, float, float, float]:
 def touchdown_time(
     fall: Fall, aim: Aim, reach: Reach, planned: float, earliest: float, latest: float
 ) -> float:
-    """Time to touchdown at which the foot that the law wants is nearest to within easy reach.
+    """Time to touchdown at which the foot that the law wants is nearest to within reach.
 
     Args:
         planned: Time to the gait's own touchdown, which is kept where it serves as well.
         earliest, latest: Bounds of the result.
     """
-    best, least = planned, _cost(fall, aim, reach, planned, 0.0)
-    if least < 1e-4 * _LATENESS:
+    if _cost(fall, aim, reach, planned, 0.0) < 1e-4 * _LATENESS:
         return planned
-    for i in range(_TIMES):
-        time = earliest + (latest - earliest) * i / (_TIMES - 1)
-        cost = _cost(fall, aim, reach, time, time - planned)
-        if cost < least:
-            best, least = time, cost
-    return best
+    # Golden section: the cost is the square of a distance to a box, and that of a delay.
+    low, high = earliest, latest
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    cost_left = _cost(fall, aim, reach, left, left - planned)
+    cost_right = _cost(fall, aim, reach, right, right - planned)
+    while high - low > _TIME_TOLERANCE:
+        if cost_left < cost_right:
+            high, right, cost_right = right, left, cost_left
+            left = high - _GOLDEN * (high - low)
+            cost_left = _cost(fall, aim, reach, left, left - planned)
+        else:
+            low, left, cost_left = left, right, cost_right
+            right = low + _GOLDEN * (high - low)
+            cost_right = _cost(fall, aim, reach, right, right - planned)
+    return 0.5 * (low + high)
 
 
 @compiled
@@ -249,7 +227,6 @@ def landing(
     remaining: float,
     earliest: float,
     step_time: float,
-    speed: float,
     yaw: float,
     rise: float,
     slope_x: float,
@@ -259,8 +236,8 @@ def landing(
     commanded_vy: float,
     spread: float,
     roll_trim: float,
-    sum_x: float,
-    sum_y: float,
+    offset_x: float,
+    offset_y: float,
 ) -> tuple[float, float, float, float]:
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
@@ -269,7 +246,7 @@ def landing(
         robots: Of `robot.ROBOT_TYPE`. Shape (1,).
         momenta: Of `angular_momentum.MOMENTUM_TYPE`. Shape (1,).
         swing: Number of the swing leg.
-        elapsed to sum_y: See `Now`.
+        elapsed to offset_y: See `Now`.
 
     Returns:
         Roll and pitch in rad, length in m, time to touchdown in s.
@@ -292,7 +269,6 @@ def landing(
         remaining,
         earliest,
         step_time,
-        speed,
         yaw,
         rise,
         slope_x,
@@ -302,8 +278,8 @@ def landing(
         commanded_vy,
         spread,
         roll_trim,
-        sum_x,
-        sum_y,
+        offset_x,
+        offset_y,
     )
     return _land(laws[0], now, robot.tilt)
 
@@ -312,12 +288,10 @@ def landing(
 def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, float]:
     """See `landing`; `tilt` (3, 3) leads from the pelvis to the heading frame."""
     side, lead = now.side, now.lead
-    fall, above = _falling(law, now)
+    fall = _falling(law, now)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
     down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
-    faster = _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)
-    aside = _SIDE_LEAN * max(0.0, abs(now.commanded_vy) - 0.1)
     reach = Reach(
         side,
         hip_x - HIP_BACK - now.com_x,
@@ -326,10 +300,6 @@ def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
         law.reach_inward,
         law.reach_outward,
         law.least_foot_distance,
-        above * (law.easy_lean + faster),
-        above * (law.far_lean + faster + aside),
-        1.0 - (1.0 - law.far_share) * min(1.0, abs(now.commanded_vx) / _UNDER_WAY),
-        law.far_most,
     )
     aim = _steady(law, now, fall.rate, math.sin(now.roll_trim) * down)
     latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
@@ -358,15 +328,15 @@ def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
 
 
 @compiled
-def _falling(law: Any, now: Now) -> tuple[Fall, float]:
-    """The pendulum as it is, and its CoM's height above the foot along the slope (m)."""
+def _falling(law: Any, now: Now) -> Fall:
+    """The pendulum as it is, its height above the foot along the slope."""
     x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
     # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
     above = max(0.4, height - now.slope_x * x - now.slope_y * y)
     faster = max(0.4, height) / above
     coasts = max(0.0, law.double_support - now.elapsed)
     rate = math.sqrt(GRAVITY / above)
-    return Fall(x, y, faster * now.velocity_x, faster * now.velocity_y, rate, coasts), above
+    return Fall(x, y, faster * now.velocity_x, faster * now.velocity_y, rate, coasts)
 
 
 @compiled
@@ -382,24 +352,12 @@ def _steady(law: Any, now: Now, w: float, trim: float) -> Aim:
     travel = duration / (coast + 2.0 * tanh_half)
     vx, vy = now.commanded_vx * travel, now.commanded_vy * travel
     sway = width / (coast + 2.0 * coth_half)
-    asked = math.hypot(now.commanded_vx, now.commanded_vy) / law.still_speed
-    moving = abs(now.velocity_x) / law.still_speed
-    more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
-    more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
-    share_y = max(LEAST_GAIN, 1.0 - law.pendulum_fade_y * max(0.0, now.speed))
-    ahead = law.step_ahead - law.step_ahead_fast * abs(now.commanded_vx)
     return Aim(
-        vx * (coast + tanh_half) + ahead * now.commanded_vx + now.sum_x,
-        vy * (coast + tanh_half)
-        + law.sidestep * now.commanded_vy
-        + sway * (coast + coth_half)
-        + now.sum_y
-        + trim,
+        vx * (coast + tanh_half) + now.offset_x,
+        vy * (coast + tanh_half) + sway * (coast + coth_half) + now.offset_y + trim,
         vx,
         vy + sway,
-        (law.pendulum_gain_x + more_x) * slope,
-        (law.pendulum_gain_back + more_x) * slope,
-        share_y * (law.pendulum_gain_y + more_y) * slope,
-        now.speed,
-        law.pendulum_fade_x,
+        law.map_gain * slope,
+        law.map_loss_x,
+        law.map_loss_y,
     )

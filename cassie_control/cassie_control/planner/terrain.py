@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import LegReadings, Readings
+from cassie_control.control.robot import Robot
 from cassie_gaits import virtual_leg
+from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray, Record, Records, array
 
 _SETTLED = 0.25  # phase from which the stance foot lies flat
 _STEEPEST = 0.6  # of a slope that is believed
@@ -17,7 +19,7 @@ _STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not am
 _EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
 
-class GroundSlope:
+class GroundSlope(Record):
     """Slope of the ground, ahead and to the left, from the stance foot and from touchdowns.
 
     The stance toe gives no torque, so that its sole lies on the ground: its pitch is the slope
@@ -48,53 +50,87 @@ class GroundSlope:
     Attributes:
         ahead, left: Rise over distance, heading frame.
         sunk: By how much the stance foot sinks until the next one lands. In m.
-
-    Args:
+        pitch: Of the stance foot. In rad.
+        rate: Its low-passed rate. In rad/s.
+        settled: Its pitch when the foot lay flat. In rad.
+        steps_up: By how much the last new feet landed higher than the old ones, the newest last.
+            In m.
+        slope_time, slope_rise_time, slope_share: See `config.WalkConfig`.
         period: Of control. In s.
     """
 
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self.reset()
+    ahead: float
+    left: float
+    sunk: float
+    pitch: float
+    rate: float
+    settled: float
+    steps_up: FloatArray = array(_STEPS_UP)
+    slope_time: float
+    slope_rise_time: float
+    slope_share: float
+    period: float
 
-    def reset(self) -> None:
+    def __init__(self, config: WalkConfig, period: float) -> None:
+        """Level ground that holds; the control period is in s."""
+        super().__init__(period=period)
+        self.configure(config)
+
+    def configure(self, config: WalkConfig) -> None:
+        """Take over new figures; what is believed stays. The paper's law takes it for level."""
+        self.slope_time = 0.0 if config.as_in_paper else config.slope_time
+        self.slope_rise_time, self.slope_share = config.slope_rise_time, config.slope_share
+
+    def start(self) -> None:
         """Level ground that holds."""
         self.ahead = self.left = self.sunk = 0.0
-        self._pitch = self._rate = self._settled = 0.0
-        self._steps_up = (0.0,) * _STEPS_UP
-
-    def stand(
-        self, config: WalkConfig, readings: Readings, stance: LegReadings, phase: float
-    ) -> None:
-        """Take in one tick on a stance leg."""
-        if config.slope_time <= 0.0:
-            return
-        q = stance.joints
-        pitch = virtual_leg.foot_pitch(readings.pitch, q[2], q[6], q[3] + q[4] + q[5])
-        rate, self._pitch = (pitch - self._pitch) / self._period, pitch
-        self._rate += self._period / _RATE_TIME * (rate - self._rate)
-        if phase < _SETTLED:
-            self._settled = pitch
-        if stance.load < 1.0 or phase < _SETTLED:
-            return
-        seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
-        seen += _share(pitch - self._settled, _TURNED_UP) * (min(0.0, self.ahead) - seen)
-        time = config.slope_rise_time if seen > self.ahead else config.slope_time
-        rests = 1.0 - _share(abs(self._rate), _TURNS)
-        self.ahead += rests * self._period / time * (seen - self.ahead)
-
-    def touchdown(self, config: WalkConfig, new: LegReadings, old: LegReadings) -> None:
-        """Take in a touchdown, with both feet on the ground."""
-        if config.slope_time <= 0.0:
-            return
-        x, y, z = (a - b for a, b in zip(new.ankle, old.ankle, strict=True))
-        error = z - self.ahead * x - self.left * y
-        self.left += config.slope_share * error * y / (y * y + 0.01)
-        self.left = max(-_STEEPEST, min(_STEEPEST, self.left))
-        self._steps_up = (*self._steps_up[1:], error)
-        self.sunk = max(0.0, min(_DEEPEST, min(self._steps_up) - _EVEN))
+        self.pitch = self.rate = self.settled = 0.0
+        self.steps_up[:] = 0.0
 
 
+@compiled
+def stand_on(
+    slopes: Records[GroundSlope], robots: Records[Robot], stance: int, phase: float
+) -> None:
+    """Take in one tick of standing on a leg."""
+    slope, robot = slopes[0], robots[0]
+    if slope.slope_time <= 0.0:
+        return
+    q = robot.joints[stance]
+    # `virtual_leg.foot_pitch` with what the springs give way
+    pitch = -robot.pitch + q[2] + (q[3] + q[4] + q[5]) + q[6] + virtual_leg.TOE_OFFSET
+    rate, slope.pitch = (pitch - slope.pitch) / slope.period, pitch
+    slope.rate += slope.period / _RATE_TIME * (rate - slope.rate)
+    if phase < _SETTLED:
+        slope.settled = pitch
+    if robot.load[stance] < 1.0 or phase < _SETTLED:
+        return
+    seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
+    seen += _share(pitch - slope.settled, _TURNED_UP) * (min(0.0, slope.ahead) - seen)
+    time = slope.slope_rise_time if seen > slope.ahead else slope.slope_time
+    rests = 1.0 - _share(abs(slope.rate), _TURNS)
+    slope.ahead += rests * slope.period / time * (seen - slope.ahead)
+
+
+@compiled
+def touch_down(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -> None:
+    """Take in the touchdown of a leg, with both feet on the ground."""
+    slope, robot = slopes[0], robots[0]
+    if slope.slope_time <= 0.0:
+        return
+    x = robot.ankle[new, 0] - robot.ankle[1 - new, 0]
+    y = robot.ankle[new, 1] - robot.ankle[1 - new, 1]
+    z = robot.ankle[new, 2] - robot.ankle[1 - new, 2]
+    error = z - slope.ahead * x - slope.left * y
+    slope.left += slope.slope_share * error * y / (y * y + 0.01)
+    slope.left = max(-_STEEPEST, min(_STEEPEST, slope.left))
+    for k in range(_STEPS_UP - 1):
+        slope.steps_up[k] = slope.steps_up[k + 1]
+    slope.steps_up[_STEPS_UP - 1] = error
+    slope.sunk = max(0.0, min(_DEEPEST, slope.steps_up.min() - _EVEN))
+
+
+@compiled
 def _share(value: float, between: tuple[float, float]) -> float:
     """Of the way between two bounds: 0 below, 1 above."""
     low, high = between

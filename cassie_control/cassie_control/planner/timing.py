@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import Readings
+from cassie_control.control.robot import Robot
+from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray, Record, Records, array, whole
 
 LEFT, RIGHT = 0, 1
 """Legs, as numbers of the stance leg."""
@@ -15,7 +17,7 @@ _RATE_TIME = 0.02  # s
 _LATE = 0.9  # phase from which a step's time is settled
 
 
-class StepTiming:
+class StepTiming(Record):
     """Phase and stance leg of the present step, and the velocities read from it.
 
     A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`,
@@ -23,88 +25,100 @@ class StepTiming:
 
     Attributes:
         stance: LEFT or RIGHT.
-        phase: The paper's tau, 0 at touchdown, 1 at the planned end of the step.
         steps: Steps ended since walking began.
+        phase: The paper's tau, 0 at touchdown, 1 at the planned end of the step.
+        rate: Of the phase. In 1/s.
         step_time: Planned duration of the step. In s.
         elapsed: Time since the last touchdown. In s.
-        rate: Of the phase. In 1/s.
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
-
-    Args:
-        config: Conditions of touchdown, cut-off of the low-pass.
-        step_time: Planned duration of the first step. In s.
+        travel: Integral of its velocity since the last touchdown. In m.
+        means: Mean velocities of the last two steps, the newer one last. In m/s.
+        touchdown_force, earliest_touchdown, latest_touchdown: See `config.WalkConfig`.
+        filter: Share of a new velocity in the low-passed one.
         period: Of control. In s.
     """
 
+    stance: int = whole()
+    steps: int = whole()
+    phase: float
+    rate: float
+    step_time: float
+    elapsed: float
+    velocity: FloatArray = array(2)
+    travel: FloatArray = array(2)
+    means: FloatArray = array(2, 2)
+    touchdown_force: float
+    earliest_touchdown: float
+    latest_touchdown: float
+    filter: float
+    period: float
+
     def __init__(self, config: WalkConfig, step_time: float, period: float) -> None:
-        self._period = period
-        self.step_time = step_time
+        """Prepare for a first step of `step_time` s at a control period in s."""
+        super().__init__(step_time=step_time, period=period)
         self.configure(config)
         self.start(LEFT)
 
     def configure(self, config: WalkConfig) -> None:
         """Take over new figures; the step goes on."""
-        self._config = config
-        self._filter = 1.0 - math.exp(-2.0 * math.pi * config.speed_filter * self._period)
+        self.touchdown_force = config.touchdown_force
+        self.earliest_touchdown = config.earliest_touchdown
+        self.latest_touchdown = config.latest_touchdown
+        self.filter = 1.0 - math.exp(-2.0 * math.pi * config.speed_filter * self.period)
 
     def start(self, stance: int) -> None:
         """Begin the first step, on a stance leg."""
-        self.stance = stance
-        self.phase = 0.0
-        self.steps = 0
-        self.elapsed = 0.0
+        self.stance, self.steps = stance, 0
+        self.phase = self.elapsed = 0.0
         self.rate = 1.0 / self.step_time
-        self.velocity = (0.0, 0.0)
-        self._travel = (0.0, 0.0)
-        self._means: list[tuple[float, float]] = []
+        self.velocity[:] = self.travel[:] = self.means[:] = 0.0
 
-    def advance(self, readings: Readings) -> bool:
-        """Go on by one period; says whether the step ended. `end_step` then begins the next."""
-        vx, vy = self.velocity
-        vx += self._filter * (readings.velocity[0] - vx)
-        vy += self._filter * (readings.velocity[1] - vy)
-        self.velocity = (vx, vy)
-        self._travel = (
-            self._travel[0] + self._period * readings.velocity[0],
-            self._travel[1] + self._period * readings.velocity[1],
-        )
-        self.elapsed += self._period
-        self.phase += self._period * self.rate
-        return self._ended(readings)
 
-    def plan(self, remaining: float) -> None:
-        """Go on so that the planned end of the step comes after a time, in s.
+@compiled
+def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
+    """Go on by one period; says whether the step ended. `end_step` then begins the next."""
+    timing, robot = timings[0], robots[0]
+    for k in range(2):
+        timing.velocity[k] += timing.filter * (robot.velocity[k] - timing.velocity[k])
+        timing.travel[k] += timing.period * robot.velocity[k]
+    timing.elapsed += timing.period
+    timing.phase += timing.period * timing.rate
+    if timing.phase >= timing.latest_touchdown:
+        return True
+    force = robot.force[1 - timing.stance]
+    return bool(timing.phase >= timing.earliest_touchdown and force > timing.touchdown_force)
 
-        The rate follows within `_RATE_TIME`; near the end it stays as it is.
-        """
-        if self.phase > _LATE:
-            return
-        rate = (1.0 - self.phase) / max(remaining, 1e-3)
-        self.rate += min(1.0, self._period / _RATE_TIME) * (rate - self.rate)
 
-    def _ended(self, readings: Readings) -> bool:
-        c = self._config
-        if self.phase >= c.latest_touchdown:
-            return True
-        swing = readings.legs[1 - self.stance]
-        return self.phase >= c.earliest_touchdown and swing.force > c.touchdown_force
+@compiled
+def plan(timing: StepTiming, remaining: float) -> None:
+    """Go on so that the planned end of the step comes after a time, in s.
 
-    def end_step(self) -> tuple[float, float]:
-        """Exchange the legs and begin a step.
+    The rate follows within `_RATE_TIME`; near the end it stays as it is.
+    """
+    if timing.phase > _LATE:
+        return
+    rate = (1.0 - timing.phase) / max(remaining, 1e-3)
+    timing.rate += min(1.0, timing.period / _RATE_TIME) * (rate - timing.rate)
 
-        Returns:
-            Mean velocity of the last two steps, or of the only one. In m/s.
-        """
-        duration = max(self.elapsed, 1e-6)
-        self._means.append((self._travel[0] / duration, self._travel[1] / duration))
-        del self._means[:-2]
-        self.stance = 1 - self.stance
-        self.steps += 1
-        self.phase = 0.0
-        self.elapsed = 0.0
-        self.rate = 1.0 / self.step_time
-        self._travel = (0.0, 0.0)
-        return (
-            sum(mean[0] for mean in self._means) / len(self._means),
-            sum(mean[1] for mean in self._means) / len(self._means),
-        )
+
+@compiled
+def end_step(timings: Records[StepTiming]) -> tuple[float, float]:
+    """Exchange the legs and begin a step.
+
+    Returns:
+        Mean velocity of the last two steps, or of the only one. In m/s.
+    """
+    timing = timings[0]
+    duration = max(timing.elapsed, 1e-6)
+    for k in range(2):
+        timing.means[0, k] = timing.means[1, k]
+        timing.means[1, k] = timing.travel[k] / duration
+        timing.travel[k] = 0.0
+    timing.stance = 1 - timing.stance
+    timing.steps += 1
+    timing.phase = timing.elapsed = 0.0
+    timing.rate = 1.0 / timing.step_time
+    before, last = timing.means[0], timing.means[1]
+    if timing.steps == 1:
+        return last[0], last[1]
+    return (before[0] + last[0]) / 2.0, (before[1] + last[1]) / 2.0

@@ -10,27 +10,23 @@ from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.health import Battery, TickLoss
 from cassie_control.supervisor.leaving import Leaving
+from cassie_control.supervisor.limits import asked_for, situation
 from cassie_control.supervisor.posture import Posture
 from cassie_control.supervisor.set_points import (
     SetPoints,
-    agree,
-    approach,
-    crouched,
+    commanded_by,
     is_upright,
-    refusal,
+    meaningless,
     requested_mode,
-    riding,
-    stepping,
-    upright,
-    within_limits,
 )
 from cassie_control.supervisor.status import SupervisorStatus, faults
-from cassie_gaits.robot import WEIGHT
+from cassie_control.supervisor.transitions import Moment, carries_weight, refusal
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS
 
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
+_MODES = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
 _TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
 
 
@@ -131,7 +127,20 @@ class ModeSupervisor:
             self._leaving.step(asked, float(state.foot_force.sum()), self.config, self._period)
         else:
             self._leaving.reset()
-        reasons = self._reasons(state, powered, controller_lost)
+        now = Moment(
+            state,
+            self._posture,
+            self._leaving,
+            self._set_points,
+            powered,
+            controller_lost,
+            self._since,
+            self._slow,
+            self._requested,
+            self._ride_confirmed,
+            self.config,
+        )
+        reasons = {mode: refusal(now, self._current, mode) for mode in _MODES}
         previous = self._current
         self._current = self._next(reasons, powered, controller_lost)
         self._since = 0.0 if self._current is not previous else self._since + self._period
@@ -153,7 +162,7 @@ class ModeSupervisor:
                 self._battery.fault(state),
             ),
             fallen=self._posture.fallen,
-            waits=self._waits(state) if self._current is RobotMode.STAND else "",
+            waits=self._waits(now) if self._current is RobotMode.STAND else "",
             link=linked,
             missed_share=self._loss.share,
         )
@@ -171,100 +180,19 @@ class ModeSupervisor:
         asked = (operator.floats.tobytes(), int(operator.mode), self.config)
         if asked == self._asked:
             return self._refused  # operators say the same again and again
-        self._asked, self._refused = asked, refusal(operator)
+        self._asked, self._refused = asked, meaningless(operator)
         if self._refused:
             self._commanded = replace(self._commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
         else:
-            self._commanded = within_limits(operator, self.config)
             self._requested = requested_mode(operator)
+            limits = asked_for(self._requested, self.config)
+            self._commanded = limits.nearest(commanded_by(operator))
         return self._refused
 
-    def _reasons(
-        self, state: RobotState, powered: bool, controller_lost: bool
-    ) -> dict[RobotMode, str]:
-        """Why each mode would be refused now; empty where it would not."""
-        common = ""
-        if not powered:
-            common = "the drives have no power"
-        elif controller_lost:
-            common = "the controller is silent"
-        elif self._posture.fallen:
-            common = "Cassie fell: hang it up or set its upright"
-        elif self._posture.low:
-            common = f"the pelvis is at {self._posture.height:.2f} m: lift it"
-        elif self._posture.upright <= 0.0:
-            common = f"the torso is tilted by more than {self.config.upright_tilt:g} rad"
-        return {
-            RobotMode.STAND: common or self._why_not_stand(),
-            RobotMode.WALK: common or self._why_not_walk(state),
-            RobotMode.SEGWAY: common or self._why_not_ride(state),
-        }
-
-    def _why_not_stand(self) -> str:
-        c = self.config
-        if self._current is RobotMode.SEGWAY:
-            return self._leaving.refusal(c, self._restless())
-        if self._current is not RobotMode.WALK:
-            return ""
-        if self._slow >= c.stop_time:
-            return ""
-        speed = self._posture.speed
-        if max(abs(self._set_points.vx), abs(self._set_points.vy)) > 0.0:
-            return f"slowing down from {speed:.2f} m/s"
-        return f"stepping in place first: {speed:.2f} m/s, stands below {c.stop_speed:g} m/s"
-
-    def _why_not_walk(self, state: RobotState) -> str:
-        c = self.config
-        if self._current is RobotMode.WALK:
-            return ""
-        if self._current is not RobotMode.STAND:
-            return "stand first"
-        if unloaded := self._unloaded(state):
-            return unloaded
-        if abs(self._posture.height - c.walk_height) > c.height_tolerance:
-            return f"walking begins at {c.walk_height:g} m, pelvis at {self._posture.height:.2f} m"
-        if not agree(self._set_points, stepping(self._set_points, c)):
-            return "straightening up first"
-        return self._restless()
-
-    def _why_not_ride(self, state: RobotState) -> str:
-        """Riding begins at rest, crouched, on both feet; what is below them it cannot know."""
-        c = self.config
-        if self._current is RobotMode.SEGWAY:
-            return ""
-        if self._current is not RobotMode.STAND:
-            return "stand first"
-        if unloaded := self._unloaded(state):
-            return unloaded
-        height = self._posture.height
-        if height > c.ride_height + c.height_tolerance:
-            return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {height:.2f} m"
-        middle = replace(crouched(self._set_points, c), com_x=0.0, com_y=0.0)
-        if not agree(self._set_points, middle):
-            return "straightening up first"
-        if restless := self._restless():
-            return restless
-        if self._requested is RobotMode.SEGWAY and not self._ride_confirmed:
-            return f"to ride ask for stand at {c.ride_height:g} m or less and for segway again"
-        return ""
-
-    def _waits(self, state: RobotState) -> str:
+    def _waits(self, now: Moment) -> str:
         if self._posture.stepping:
             return "one foot off the ground: stepping until it rests"
-        return "" if self._posture.grounded else self._unloaded(state)
-
-    def _unloaded(self, state: RobotState) -> str:
-        carried = float(state.foot_force.sum())
-        if (
-            carried < self.config.weight_share * WEIGHT
-            or float(state.contact_probability.min()) < 0.5
-        ):
-            return f"the feet carry {carried:.0f} N of {WEIGHT:.0f} N: let it down"
-        return ""
-
-    def _restless(self) -> str:
-        still, needed = min(self._posture.still, self._since), self.config.stand_time
-        return f"standing still for {still:.1f} s of {needed:g} s" if still < needed else ""
+        return "" if self._posture.grounded else carries_weight(now)
 
     def _next(
         self, reasons: dict[RobotMode, str], powered: bool, controller_lost: bool
@@ -279,32 +207,20 @@ class ModeSupervisor:
 
     def _limit(self) -> None:
         """Move the set-points towards what the mode in force permits of the command."""
-        c, commanded, requested = self.config, self._commanded, self._requested
+        c = self.config
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             height = max(c.height_low, min(c.height_high, self._posture.height))
             self._set_points = SetPoints(
-                height=height if self._posture.grounded else commanded.height
+                height=height if self._posture.grounded else self._commanded.height
             )
-        if self._current is not requested or requested is RobotMode.STAND:
-            commanded = replace(commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
-        if RobotMode.SEGWAY in (requested, self._current):
-            commanded = replace(commanded, height=min(commanded.height, c.ride_height))
-            if self._current is not requested:  # it brakes by itself, or waits for its crouch
-                commanded = replace(commanded, com_x=0.0, com_y=0.0)
-        if self._walked or (self._current, requested) == (RobotMode.WALK, RobotMode.STAND):
-            commanded = upright(commanded, c.walk_height)
-        if self._current is RobotMode.SEGWAY:  # also while another mode is asked for
-            commanded = crouched(commanded, c)
-            c = riding(c)
-        elif RobotMode.WALK in (requested, self._current):
-            commanded = replace(stepping(commanded, c), height=c.walk_height)
-        elif self._posture.stepping:
-            commanded = replace(
-                stepping(commanded, c), com_x=commanded.com_x, com_y=commanded.com_y
-            )
-        approach(self._set_points, commanded, c, self._period)
-        if self._current is RobotMode.SEGWAY is not requested:
-            self._set_points.vx = 0.0  # at once: it brakes as hard as it can
+        limits = situation(
+            c,
+            self._current,
+            self._requested,
+            stepping=self._posture.stepping,
+            walked=self._walked,
+        )
+        limits.approach(self._set_points, limits.nearest(self._commanded), self._period)
         slow = (
             self._current is RobotMode.WALK
             and self._set_points.vx == self._set_points.vy == self._set_points.yaw_rate == 0.0

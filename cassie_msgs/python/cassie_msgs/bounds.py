@@ -39,30 +39,36 @@ class Progress:
         self._refused: tuple[int, int] | None = None
         self._in_a_row = 0
 
+    def goes_on(self, episode: int, seq: int) -> bool:
+        """Whether a message follows in the same episode, as all do on the way of every tick."""
+        last = self._last
+        if last is None or episode != last[0] or not last[1] <= seq <= last[1] + LEAD:
+            return False
+        self._last = (episode, seq)
+        return True
+
     def refusal(self, episode: int, seq: int) -> str:
         """Why a message is not believed; empty if it is, and the stream goes on from it."""
+        if self.goes_on(episode, seq):
+            return ""
         if self._last is None:
             self._last = (episode, seq)
             return ""
         last_episode, last_seq = self._last
         if episode == last_episode:
-            # The usual case, and the only one on the way of every tick.
-            if last_seq <= seq <= last_seq + LEAD:
-                self._last = (episode, seq)
-                return ""
             problem = outside("seq", seq, last_seq, last_seq + LEAD)
         elif last_episode < episode <= last_episode + EPISODE_LEAD:
             self._last = (episode, seq)
             return ""
         else:
             problem = outside("episode", episode, last_episode, last_episode + EPISODE_LEAD)
-        if self._goes_on(episode, seq):
+        if self._is_confirmed(episode, seq):
             self.restart()
             self._last = (episode, seq)
             return ""
         return problem
 
-    def _goes_on(self, episode: int, seq: int) -> bool:
+    def _is_confirmed(self, episode: int, seq: int) -> bool:
         """Whether refused messages have gone on from each other often enough."""
         before, self._refused = self._refused, (episode, seq)
         follows = before is not None and before[0] == episode and 0 < seq - before[1] <= LEAD

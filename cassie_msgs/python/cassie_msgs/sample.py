@@ -22,7 +22,9 @@ import numpy.typing as npt
 Field = tuple[str, type[np.generic], int]
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
+_PLAIN, _LITTLE_ENDIAN = ENCAPSULATION[:2]
 _HEADER = struct.Struct("<4xiII4xQ")
+_PLACE = struct.Struct("<12xI4xQ")
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
 _MAX_PADDING = 3  # RTPS pads a payload to a multiple of four bytes
@@ -57,6 +59,12 @@ def header(raw: bytes | memoryview) -> tuple[int, int, int, int]:
         raise LayoutError(f"{len(raw)} bytes are too few for a header of {_HEADER.size} bytes")
     sec, nanosec, episode, seq = _HEADER.unpack_from(raw)
     return sec, nanosec, episode, seq
+
+
+def place(raw: bytes | memoryview) -> tuple[int, int]:
+    """Episode and seq of a control-lane message of at least 28 bytes."""
+    episode, seq = _PLACE.unpack_from(raw)
+    return episode, seq
 
 
 class Sample:
@@ -128,13 +136,17 @@ class Sample:
         Raises:
             LayoutError: if its size or encoding is not that of this message type.
         """
-        if not 0 <= len(raw) - self.SIZE <= _MAX_PADDING:
+        size = self.SIZE
+        if len(raw) == size and raw[0] == _PLAIN and raw[1] == _LITTLE_ENDIAN:
+            self._memory[:] = raw
+            return
+        if not 0 <= len(raw) - size <= _MAX_PADDING:
             raise LayoutError(f"{self.TYPE} has {self.SIZE} bytes, received {len(raw)}")
         if raw[:2] != ENCAPSULATION[:2]:
             raise LayoutError(
                 f"{self.TYPE} in encoding {raw[:2].hex()}, expected 0001 (plain CDR, little endian)"
             )
-        self._memory[:] = raw[: self.SIZE]
+        self._memory[:] = raw[:size]
 
     def to_bytes(self) -> bytes:
         """The serialized message, ready to be published."""

@@ -17,7 +17,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from cassie_msgs.bounds import Progress
 from cassie_msgs.ros.periodic import Periodic
-from cassie_msgs.sample import Sample, header
+from cassie_msgs.sample import Sample, place
 
 LOOK_PERIOD = 0.5
 """Wall time between two looks at the graph. In s."""
@@ -74,11 +74,15 @@ class OneWriter:
             return False
         if len(raw) < self._size:
             return True
-        if self._progress is not None:
-            _, _, episode, seq = header(raw)
-            self.refused = self._progress.refusal(episode, seq)
-            if self.refused:
-                return False
+        progress = self._progress
+        if progress is not None:
+            episode, seq = place(raw)
+            if not progress.goes_on(episode, seq):
+                self.refused = progress.refusal(episode, seq)
+                if self.refused:
+                    return False
+            elif self.refused:
+                self.refused = ""
         if not self.writer:
             self.writer = writer
         return True

@@ -1,0 +1,128 @@
+"""What the walking law takes for granted: gains, the control period, and numbers of the robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cassie_control.config import WalkConfig
+from cassie_control.control.robot import HIP_X, HIP_Z
+from cassie_gaits import bezier, robot
+from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.records import FloatArray, Record, array
+from cassie_gaits.robot import WEIGHT
+
+
+class Figures(Record):
+    """Figures of the walking law.
+
+    Those with the name of a field of `config.WalkConfig` come from there, and are 0 where the
+    paper's law leaves them out.
+
+    Attributes:
+        straight: 1 where the swing leg's angles go the way of least effort.
+        share_force: 1 where legs carry the weight by their forces, 0 by their loads.
+        weight: That is fed forward. In N.
+        mass: Of the robot. In kg.
+        period: Of control. In s.
+        latency: Of the drives, that is allowed for. In s.
+        handover: Time in which the weight then goes from leg to leg. In s.
+        kp, kd: Of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
+        hip_x, hip_z: Hip pitch axis in the pelvis frame. In m.
+        inertia: Of the swing leg, see `INERTIA`.
+        least_effort: From a polynomial's two first and two last coefficients to the two between.
+    """
+
+    kp_torso_roll: float
+    kd_torso_roll: float
+    kp_torso_pitch: float
+    kd_torso_pitch: float
+    late_reach: float
+    late_speed: float
+    level: float
+    level_back: float
+    swing_inertia: float
+    bounce_damping: float
+    heading_gain: float
+    yaw_limit: float
+    quickest_step: float
+    straight: float
+    share_force: float
+    weight: float
+    mass: float
+    thigh_track: float
+    thigh_angle: float
+    thigh_rate: float
+    period: float
+    latency: float
+    handover: float
+    kp: FloatArray = array(5)
+    kd: FloatArray = array(5)
+    hip_x: float
+    hip_z: float
+    inertia: FloatArray = array(4, 4)
+    least_effort: FloatArray = array(2, 4)
+
+
+INERTIA = np.array(
+    [
+        [1.0411, -0.1591, -0.3106, -0.0599],  # A
+        [0.5699, -0.0817, -0.1565, -0.0302],  # B
+        [0.4899, -0.0042, -0.0024, -0.0004],  # C
+        [1.3723, -0.1943, -0.4381, -0.0809],  # R
+    ]
+)
+"""Coefficients of A, B, C and R by rising power of the knee angle. In kg m^2."""
+
+
+def _least_effort() -> FloatArray:
+    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
+
+    They give the least integral of the squared second derivative.
+    """
+    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
+    ends = bends[:, (0, 1, 4, 5)]
+    result: FloatArray = -np.linalg.lstsq(bends[:, 2:4], ends, rcond=None)[0]
+    return result
+
+
+_LEAST_EFFORT = _least_effort()
+_BESIDE_THE_PAPER = (
+    *("straight", "share_force", "level", "swing_inertia"),
+    *("bounce_damping", "thigh_angle", "thigh_rate"),
+)
+
+
+def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
+    """Figures of a configuration, of the control period (s), of the robot, and of its drives.
+
+    What the walking law has beside the paper's is left out under the paper's own. As far as the
+    drives act late on commands (`latency`, in s), gains go over to those for late ones.
+    """
+    result = Figures()
+    for name in Figures.TYPE.names or ():
+        if hasattr(config, name):
+            setattr(result, name, getattr(config, name))
+    result.straight = result.share_force = 1.0
+    result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
+    result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
+    if config.as_in_paper:
+        for name in _BESIDE_THE_PAPER:
+            setattr(result, name, 0.0)
+    else:
+        _allow_for(result, config, latency)
+    result.period = period
+    result.weight, result.mass = config.gravity * WEIGHT, robot.total_mass()
+    result.hip_x, result.hip_z = HIP_X, HIP_Z
+    result.inertia[:], result.least_effort[:] = INERTIA, _LEAST_EFFORT
+    return result
+
+
+def _allow_for(result: Figures, config: WalkConfig, latency: float) -> None:
+    """Gains for drives that act late."""
+    late, share = config.late, config.late.walking_share(latency)
+    if share == 0.0:
+        return
+    result.latency, result.handover = latency, late.handover
+    for name in ("thigh_track", "thigh_angle", "thigh_rate"):
+        usual = getattr(result, name)
+        setattr(result, name, usual + share * (getattr(late, name) - usual))

@@ -1,0 +1,171 @@
+"""Which mode may follow which: a table of conditions, each of which says in words what it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.leaving import Leaving
+from cassie_control.supervisor.limits import situation
+from cassie_control.supervisor.posture import Posture
+from cassie_control.supervisor.set_points import SetPoints, agree
+from cassie_gaits.robot import WEIGHT
+from cassie_msgs.layout import RobotMode, RobotState
+
+_STAND, _WALK, _SEGWAY = RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What the conditions look at.
+
+    Attributes:
+        state: The robot now.
+        posture, leaving: What was made of its states.
+        set_points: In force.
+        powered: Whether the drives have power.
+        controller_lost: Whether the controller is silent.
+        since: For how long the mode has been in force. In s.
+        slow: For how long it has stepped in place, ready to stand. In s.
+        requested: Mode that the operator asks for.
+        ride_confirmed: Whether he has asked for riding and for its crouch.
+        config: Bounds.
+    """
+
+    state: RobotState
+    posture: Posture
+    leaving: Leaving
+    set_points: SetPoints
+    powered: bool
+    controller_lost: bool
+    since: float
+    slow: float
+    requested: RobotMode
+    ride_confirmed: bool
+    config: SupervisorConfig
+
+
+Condition = Callable[[Moment], str]
+"""Says why it does not hold; empty where it does."""
+
+
+def _has_power(now: Moment) -> str:
+    return "" if now.powered else "the drives have no power"
+
+
+def _has_controller(now: Moment) -> str:
+    return "the controller is silent" if now.controller_lost else ""
+
+
+def _has_not_fallen(now: Moment) -> str:
+    return "Cassie fell: hang it up or set its upright" if now.posture.fallen else ""
+
+
+def _is_high(now: Moment) -> str:
+    low = now.posture.low
+    return f"the pelvis is at {now.posture.height:.2f} m: lift it" if low else ""
+
+
+def _is_upright(now: Moment) -> str:
+    if now.posture.upright > 0.0:
+        return ""
+    return f"the torso is tilted by more than {now.config.upright_tilt:g} rad"
+
+
+def _stands(_: Moment) -> str:
+    return "stand first"
+
+
+def carries_weight(now: Moment) -> str:
+    """Both feet are on the ground and carry the robot."""
+    carried = float(now.state.foot_force.sum())
+    loaded = carried >= now.config.weight_share * WEIGHT
+    if loaded and float(now.state.contact_probability.min()) >= 0.5:
+        return ""
+    return f"the feet carry {carried:.0f} N of {WEIGHT:.0f} N: let it down"
+
+
+def _is_at_walking_height(now: Moment) -> str:
+    c, height = now.config, now.posture.height
+    if abs(height - c.walk_height) <= c.height_tolerance:
+        return ""
+    return f"walking begins at {c.walk_height:g} m, pelvis at {height:.2f} m"
+
+
+def _is_crouched(now: Moment) -> str:
+    c, height = now.config, now.posture.height
+    if height <= c.ride_height + c.height_tolerance:
+        return ""
+    return f"riding needs a crouch of {c.ride_height:g} m, pelvis at {height:.2f} m"
+
+
+def _is_straight_to(mode: RobotMode) -> Condition:
+    """Tilt, shift and trims are within the limits of a mode in which no CoM shift is asked for."""
+
+    def condition(now: Moment) -> str:
+        asked = mode if mode is _WALK else _STAND
+        limits = situation(now.config, mode, asked, stepping=False, walked=False)
+        straight = agree(now.set_points, limits.nearest(now.set_points))
+        return "" if straight else "straightening up first"
+
+    return condition
+
+
+def _is_still(now: Moment) -> str:
+    still, needed = min(now.posture.still, now.since), now.config.stand_time
+    return f"standing still for {still:.1f} s of {needed:g} s" if still < needed else ""
+
+
+def _is_confirmed(now: Moment) -> str:
+    if now.requested is not _SEGWAY or now.ride_confirmed:
+        return ""
+    return f"to ride ask for stand at {now.config.ride_height:g} m or less and for segway again"
+
+
+def _has_slowed_down(now: Moment) -> str:
+    c, speed = now.config, now.posture.speed
+    if now.slow >= c.stop_time:
+        return ""
+    if max(abs(now.set_points.vx), abs(now.set_points.vy)) > 0.0:
+        return f"slowing down from {speed:.2f} m/s"
+    return f"stepping in place first: {speed:.2f} m/s, stands below {c.stop_speed:g} m/s"
+
+
+def _may_leave(now: Moment) -> str:
+    return now.leaving.refusal(now.config, _is_still(now))
+
+
+ALWAYS: tuple[Condition, ...] = (
+    _has_power,
+    _has_controller,
+    _has_not_fallen,
+    _is_high,
+    _is_upright,
+)
+"""Conditions of every mode in which the drives do more than damp."""
+
+CONDITIONS: dict[tuple[RobotMode, RobotMode], tuple[Condition, ...]] = {
+    (_STAND, _WALK): (carries_weight, _is_at_walking_height, _is_straight_to(_WALK), _is_still),
+    # Riding begins at rest, crouched, on both feet; what is below them it cannot know.
+    (_STAND, _SEGWAY): (
+        *(carries_weight, _is_crouched, _is_straight_to(_SEGWAY), _is_still, _is_confirmed),
+    ),
+    (_WALK, _STAND): (_has_slowed_down,),
+    (_SEGWAY, _STAND): (_may_leave,),
+    (RobotMode.OFF, _STAND): (),
+    (RobotMode.DAMP, _STAND): (),
+}
+"""What else it takes from one mode to another; whatever is not here leads over standing."""
+
+
+def refusal(now: Moment, current: RobotMode, wanted: RobotMode) -> str:
+    """Why a mode would be refused now; empty where it would not.
+
+    Args:
+        now: What the conditions look at.
+        current: Mode in force.
+        wanted: Stand, walk or segway.
+    """
+    own = () if wanted is current else CONDITIONS.get((current, wanted), (_stands,))
+    return next((words for words in (hold(now) for hold in (*ALWAYS, *own)) if words), "")

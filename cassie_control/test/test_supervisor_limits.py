@@ -1,0 +1,99 @@
+"""What each situation permits of a command."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cassie_control.supervisor.limits as module
+from cassie_control.supervisor.config import SupervisorConfig
+from cassie_control.supervisor.limits import asked_for, on_foot, on_segway, situation
+from cassie_control.supervisor.set_points import SetPoints
+from cassie_msgs.layout import RobotMode
+
+C = SupervisorConfig()
+MODES = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
+README = Path(__file__).resolve().parents[1] / "README.md"
+
+
+def drawn(seed: int) -> SetPoints:
+    """A command that asks for anything."""
+    rng = np.random.default_rng(seed)
+    values = rng.uniform(-2.0, 2.0, 8).tolist()
+    trims = rng.uniform(-0.5, 0.5, 4).tolist()
+    return SetPoints(*values, trims=tuple(trims))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("mode", MODES)
+def test_the_nearest_permitted_command_is_permitted(mode, seed):
+    limits = asked_for(mode, C)
+    once = limits.nearest(drawn(seed))
+    again = limits.nearest(once)
+    for field in fields(SetPoints):
+        assert getattr(again, field.name) == pytest.approx(getattr(once, field.name), abs=1e-12)
+    assert limits.height_low <= once.height <= limits.height_high
+    assert abs(once.roll + once.trims[3]) <= limits.roll + 1e-12
+    assert abs(once.pitch + once.trims[2]) <= limits.pitch + 1e-12
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_is_permitted_stays_as_it_is(mode):
+    limits = asked_for(mode, C)
+    height = 0.5 * (limits.height_low + limits.height_high)
+    asked = SetPoints(vx=0.3, height=height, com_x=0.01, pitch=0.02, trims=(0.01, 0.0, 0.005, 0.0))
+    assert limits.nearest(asked) == asked
+
+
+def test_speeds_asked_for_at_once_are_scaled_down_together():
+    most = on_foot(C)
+    asked = SetPoints(vx=most.vx_forward, vy=most.vy, yaw_rate=most.yaw_rate)
+    found = most.nearest(asked)
+    assert found.vx / asked.vx == pytest.approx(1.0 / np.sqrt(3.0))
+    assert found.vy / asked.vy == pytest.approx(found.vx / asked.vx)
+
+
+@pytest.mark.parametrize("requested", MODES)
+@pytest.mark.parametrize("current", MODES)
+def test_nobody_moves_in_a_mode_that_is_not_asked_for(current, requested):
+    limits = situation(C, current, requested, stepping=False, walked=False)
+    found = limits.nearest(SetPoints(vx=0.5, vy=0.1, yaw_rate=0.2, height=0.65))
+    moves = current is requested is not RobotMode.STAND
+    assert (found.vx, found.vy, found.yaw_rate) == ((0.5, 0.1, 0.2) if moves else (0.0, 0.0, 0.0))
+
+
+def test_a_ride_that_ends_brakes_at_once_and_leans_nowhere():
+    limits = situation(C, RobotMode.SEGWAY, RobotMode.STAND, stepping=False, walked=False)
+    now = SetPoints(vx=3.0, height=0.65, com_x=0.05)
+    limits.approach(now, limits.nearest(SetPoints(vx=3.0, height=0.95, com_x=0.05)), 0.02)
+    assert now.vx == 0.0
+    assert now.com_x == pytest.approx(0.05 - 0.02 * on_segway(C).shift_rate)
+    assert now.height == pytest.approx(0.65 + 0.02 * C.ride_height_rate)
+
+
+def test_standing_takes_over_from_walking_upright():
+    for walked, current in ((True, RobotMode.STAND), (False, RobotMode.WALK)):
+        limits = situation(C, current, RobotMode.STAND, stepping=False, walked=walked)
+        found = limits.nearest(SetPoints(roll=0.1, pitch=0.1, height=0.7, trims=(0.01,) * 4))
+        assert (found.roll, found.pitch, *found.trims[2:]) == (0.0, 0.0, 0.0, 0.0)
+        assert found.height == C.walk_height
+
+
+def test_the_readme_has_the_table_of_the_code():
+    def rows(text: str) -> list[str]:
+        lines = [line.strip() for line in text.replace("`", "").splitlines()]
+        begin = lines.index("|---|---|---|---|---|---|")
+        table = []
+        for line in lines[begin + 1 :]:
+            if not line.startswith("|"):
+                break
+            table.append([cell.strip() for cell in line.strip("|").split("|")])
+        return table
+
+    text = README.read_text(encoding="utf-8")
+    readme = rows(text[text.index("| mode in force | asked for |") :])
+    code = rows(module.situation.__doc__ or "")
+    assert [row[:3] for row in readme] == [row[:3] for row in code]
