@@ -10,10 +10,10 @@ from cassie_control.learning.torques import nothing_learned, teach
 from cassie_control.planner.pendulum import Fall, fallen
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_gaits.link_frames import LinkPoses
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Mode, RobotMode
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.scenario import Scenario
 
 PERIOD = 0.002
 TICKS = 500

@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import load_experiment
 from cassie_bags.run.seed import resolve
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.camera import Camera, Image, frame_of
 from cassie_sim.plant import Plant, PlantConfig
-from cassie_sim.scenario import Scenario
 
 PLACES: list[tuple[str, str, dict[str, Any]]] = [
     ("flat", "flat", {}),

@@ -55,7 +55,6 @@ setup(
             "learn_torques = cassie_bags.cli.learn_torques:main",
             "return_map = cassie_bags.cli.return_map:main",
             "sweep = cassie_bags.cli.sweep:main",
-            "toe_gains = cassie_bags.cli.toe_gains:main",
             "tune = cassie_bags.cli.tune:main",
             "info = cassie_bags.cli.info:main",
             "plot = cassie_bags.cli.plot:main",

@@ -38,6 +38,7 @@ setup(
         "console_scripts": [
             "optimize_gaits = cassie_gaits.ros.optimize_gaits:main",
             "check_gaits = cassie_gaits.ros.check_gaits:main",
+            "gait_optimizer = cassie_gaits.ros.gait_optimizer:main",
             "plot_gaits = cassie_gaits.ros.plot_gaits:main",
         ],
     },

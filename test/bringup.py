@@ -49,6 +49,9 @@ PACKAGES = {
 }
 """Package of each node of the loop, in the order in which they are started."""
 
+BESIDE = {"gait_optimizer": "cassie_gaits"}
+"""Package of nodes that a test may start beside the loop."""
+
 SERVICES = {
     "reset": Reset,
     "pause": SetBool,
@@ -89,6 +92,7 @@ class Robot:
             "mode_supervisor": {"scripted_operator": True},
             "scripted_operator": {"script": str(script)},
             "simulator": {"scripted_operator": True, "start": "standing", "max_rate": 0.0},
+            "gait_optimizer": {},
         }
         for name, given in parameters.items():
             self._parameters[name] |= given
@@ -117,7 +121,8 @@ class Robot:
         for name in names or PACKAGES:
             own = self._parameters[name] | parameters
             words = write_parameters(self.folder / f"{name}.yaml", own)
-            self.processes.start(name, [executable(PACKAGES[name], name), *words])
+            package = PACKAGES.get(name) or BESIDE[name]
+            self.processes.start(name, [executable(package, name), *words])
 
     def go(self) -> None:
         """Let a simulator that began paused run, once everybody answers its first sample."""

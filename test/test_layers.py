@@ -16,7 +16,7 @@ FOLDERS = {
 }
 MAY_IMPORT = {
     "cassie_msgs": set(),
-    "cassie_gaits": set(),
+    "cassie_gaits": {"cassie_msgs"},
     "cassie_control": {"cassie_gaits", "cassie_msgs"},
     "cassie_sim": {"cassie_gaits", "cassie_msgs"},
     "cassie_teleop": {"cassie_msgs"},
@@ -73,6 +73,17 @@ def test_packages_import_only_what_lies_below_them(package):
         if module.split(".")[0] in set(FOLDERS) - MAY_IMPORT[package] - {package}
     ]
     assert not wrong
+
+
+def test_only_the_node_of_the_gaits_imports_messages():
+    folder = FOLDERS["cassie_gaits"]
+    users = {
+        str(path.relative_to(folder))
+        for path in folder.rglob("*.py")
+        for module in imports(path)
+        if module.split(".")[0] == "cassie_msgs"
+    }
+    assert users == {"gait_message.py", "ros/gait_optimizer.py"}
 
 
 @pytest.mark.parametrize("layer", LAYERS)

@@ -34,7 +34,6 @@ COMMANDS = {
         "fingerprint": ("cli.fingerprint", "whether every trajectory is as it was"),
         "estimators": ("cli.estimators", "errors of both estimators"),
         "return_map": ("cli.return_map", "the step-to-step map, by gentle pushes"),
-        "toe_gains": ("cli.toe_gains", "standing on a Segway by gains of the feet"),
     },
     "Tune": {
         "tune": ("cli.tune", "search for parameters by CMA-ES"),

@@ -6,16 +6,19 @@ import pytest
 from synthetic import glide
 
 from cassie_bags.bag.recording import Recording
-from cassie_bags.errors import ExperimentError
-from cassie_bags.run.expectations import read_expectation
+from cassie_bags.run.judge import checks
 from cassie_bags.signals.metrics import measure
 from cassie_bags.signals.track import make_track
+from cassie_msgs.experiment.expectation import Expectation
+from cassie_msgs.structured import structure
+from cassie_msgs.tunables import ParameterError
 
 
 def failures(section: object, recording: Recording) -> list[str]:
-    expectation = read_expectation(section)
+    expectation = structure(Expectation, section, "expect")
     track = make_track(recording)
-    return expectation.failures(measure(recording, track, expectation.phases))
+    found = checks(expectation, measure(recording, track, expectation.phases))
+    return [check.problem for check in found if check.problem]
 
 
 PHASE = {"name": "walk", "t0": 0.5, "t1": 1.5}
@@ -58,23 +61,26 @@ def test_a_phase_that_was_not_reached_fails():
     ("section", "reason"),
     [
         ({"fel": False}, "did you mean fell"),
-        ({"fell": "no"}, "expect.fell = 'no' is not true, false or null"),
+        ({"fell": "no"}, "expect.fell = 'no' is not true or false"),
         ({"metrics": {"real_time_facto": {"min": 1}}}, "did you mean real_time_factor"),
-        ({"metrics": {"drift": 3}}, "is not {min, max}"),
-        ({"metrics": {"drift": {"most": 3}}}, "unknown key most"),
-        ({"metrics": {"drift": {"max": float("nan")}}}, "is not a number"),
+        ({"metrics": {"drift": 3}}, "expect.metrics.drift = 3 is not {min, max} or {target, tol"),
+        ({"metrics": {"drift": {"most": 3}}}, "expect.metrics.drift: unknown key most"),
+        ({"metrics": {"drift": {}}}, "expect.metrics.drift: expected {min, max} or {target, tol"),
+        ({"metrics": {"drift": {"max": float("nan")}}}, "metrics.drift.max = nan is outside"),
         ({"metrics": {"drift": {"min": 2, "max": 1}}}, "nothing lies in"),
         ({"metrics": {"drift": {"target": 2}}}, "both target and tolerance"),
-        ({"phases": {}}, None),
-        ({"phases": [{"t0": 1.0}]}, "t1 = None is not a number"),
+        ({"phases": None}, None),
+        ({"phases": {}}, "expect.phases = {} is not a list"),
+        ({"phases": [{"t0": 1.0}]}, "expect.phases.0.t1 must be given"),
         ({"phases": [{"t0": 2.0, "t1": 1.0}]}, "expected 0 <= t0 < t1"),
-        ({"phases": [{**PHASE, "speed": {"max": 1}}]}, "unknown key speed"),
+        ({"phases": [{**PHASE, "speed": {"max": 1}}]}, "expect.phases.0: unknown key speed"),
+        ({"phases": [{**PHASE, "vx": {"min": "fast"}}]}, "phases.0.vx.min = 'fast' is not a numb"),
         ([], "is not a mapping"),
     ],
 )
 def test_a_wrong_section_is_refused_with_the_reason(section: object, reason: str | None):
     if reason is None:
-        assert read_expectation(section).phases == ()
+        assert structure(Expectation, section, "expect").phases == ()
         return
-    with pytest.raises(ExperimentError, match=reason):
-        read_expectation(section)
+    with pytest.raises(ParameterError, match=reason):
+        structure(Expectation, section, "expect")

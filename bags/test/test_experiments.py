@@ -24,7 +24,7 @@ def test_each_file_can_be_run_for_any_seed(file: Path):
 
 def test_the_demo_expects_what_the_main_job_must_do():
     demo = load_experiment(FILES[0].parent / "demo.yaml")
-    bounds = dict(zip([p.name for p in demo.expect.phases], demo.expect.phase_bounds, strict=True))
+    bounds = {phase.name: phase.bounds for phase in demo.expect.phases}
     assert demo.expect.fell is False
     assert bounds["walk in place"]["drift"].high <= 0.5
     assert bounds["walk at 0.5 m/s"]["vx"].low >= 0.4

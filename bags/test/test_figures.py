@@ -28,9 +28,9 @@ from cassie_bags.report.figures import (
 from cassie_bags.report.strip import STRIP_LENGTH, moments, strip
 from cassie_bags.report.view import View, view_of
 from cassie_bags.signals.events import Event
-from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track
 from cassie_gaits.names import DRIVES
+from cassie_msgs.experiment.expectation import Phase
 from cassie_msgs.layout import ControllerStatus, RobotMode
 from cassie_sim.errors import SimulationError
 

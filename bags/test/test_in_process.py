@@ -12,12 +12,13 @@ from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.poses import PosedModel
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
-from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import RecentStore, Store, run
 from cassie_bags.signals.track import make_track
 from cassie_control.control.gait_controller import GaitController
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import (
     ControllerStatus,
     Mode,

@@ -1,4 +1,4 @@
-"""Learning torques: what a lesson teaches, what is kept of it, and what it brings."""
+"""Learning torques: what a run teaches, what is kept of it, and what it brings."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.studies.learn import (
-    Lesson,
-    Outcome,
+    LearningResult,
+    LearningRun,
     compared,
     comparison,
     learn,
+    learning_runs,
     left_over,
-    lessons,
     merged,
 )
 from cassie_bags.studies.learn_torques import table
@@ -27,8 +27,8 @@ from cassie_bags.studies.trial import TRACKING, experiment_of, run_trial
 from cassie_control.learning.torques import JOINTS, nothing_learned, save_torques
 
 
-def outcome(speed: float, torque: float, *, fell: bool = False) -> Outcome:
-    return Outcome(speed, np.full((len(JOINTS), 21), torque), 20, fell)
+def outcome(speed: float, torque: float, *, fell: bool = False) -> LearningResult:
+    return LearningResult(speed, np.full((len(JOINTS), 21), torque), 20, fell)
 
 
 def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, float]:
@@ -38,8 +38,8 @@ def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, floa
 
 
 def test_every_robot_has_a_lesson_at_every_speed():
-    found = lessons(nothing_learned((0.0, 0.5)), [1, 2, 3], 10.0, ())
-    assert {(lesson.seed, lesson.speed) for lesson in found} == {
+    found = learning_runs(nothing_learned((0.0, 0.5)), [1, 2, 3], 10.0, ())
+    assert {(run.seed, run.speed) for run in found} == {
         (seed, speed) for seed in (1, 2, 3) for speed in (0.0, 0.5)
     }
 
@@ -66,7 +66,7 @@ def test_errors_are_compared_over_the_robots_that_walked_both_ways():
 @pytest.mark.timeout(400)
 def test_a_lesson_takes_tracking_error_away():
     learned = nothing_learned((0.5,))
-    found = learn(Lesson(3, 0.5, learned, 8.0))
+    found = learn(LearningRun(3, 0.5, learned, 8.0))
     assert not found.fell
     assert found.taught > 12
     assert np.abs(found.torques).max() > 2.0

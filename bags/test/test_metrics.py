@@ -11,8 +11,9 @@ from synthetic import LEG, glide, standing_height
 from cassie_bags.bag.recording import Recording
 from cassie_bags.signals.footsteps import placements
 from cassie_bags.signals.leg_geometry import euler_angles, leg_points, to_world
-from cassie_bags.signals.metrics import Metrics, Phase, measure
+from cassie_bags.signals.metrics import Metrics, measure
 from cassie_bags.signals.track import make_track
+from cassie_msgs.experiment.expectation import Phase
 from cassie_sim.poses import set_drives
 
 

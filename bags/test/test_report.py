@@ -24,8 +24,8 @@ from cassie_bags.signals.events import events_of
 from cassie_bags.signals.leg_geometry import euler_angles, quaternions
 from cassie_bags.signals.metrics import measure
 from cassie_bags.signals.track import make_track
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotState
-from cassie_sim.scenario import Scenario
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -1,4 +1,4 @@
-"""Rides in figures: gates, speeds, shaking; the rows that ask for them; toe gains."""
+"""Rides in figures: gates, speeds, shaking; the rows that ask for them."""
 
 from __future__ import annotations
 
@@ -11,35 +11,23 @@ from synthetic import glide
 
 from cassie_bags.bag.recording import Recording, Rows, stamps
 from cassie_bags.bag.standard_messages import read_odometry
-from cassie_bags.cli import toe_gains as command
-from cassie_bags.cli.frame import WRONG_INPUT
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_bags.signals.riding import gate_miss, measure_ride
 from cassie_bags.signals.track import rolled
-from cassie_bags.studies import toe_gains
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.sweep.segway_rows import GO, leans, segway_rows
+from cassie_bags.studies.sweep.random_commands import riding_commands
+from cassie_bags.studies.sweep.segway_rows import GO, segway_rows, shaking_rows
 from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
-from cassie_bags.studies.toe_gains import (
-    SOFTNESS,
-    Setting,
-    Shaking,
-    draw,
-    gains,
-    settings,
-    shaking,
-    table,
-    trial_of,
-    verdict,
-)
 from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_gaits.robot import WEIGHT
+from cassie_msgs.experiment.script import RiderScript
+from cassie_msgs.structured import structure
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 GATES = {"first": 2.0, "spacing": 3.0, "offset": 0.2, "count": 2}
-RIDER = {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]}
+RIDER = structure(RiderScript, {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0, "gates": GATES}]})
 
 
 def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
@@ -77,7 +65,8 @@ def test_gates_are_where_the_rider_saw_the_robot_when_he_wanted_them():
 
 def test_a_gate_that_is_not_reached_is_missed_and_without_gates_there_is_no_figure():
     assert gate_miss(ride(seconds=5.0), RIDER) == math.inf
-    assert math.isnan(gate_miss(ride(), {"targets": [{"t": 1.0, "speed": 1.0}]}))
+    without = structure(RiderScript, {"targets": [{"t": 1.0, "speed": 1.0}]})
+    assert math.isnan(gate_miss(ride(), without))
     assert math.isnan(gate_miss(ride(), None))
 
 
@@ -115,8 +104,8 @@ def test_the_runs_of_each_row_can_be_run(row):
 
 
 def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
-    steps = leans(1, 16.0, 316.0)
-    assert steps == leans(1, 16.0, 316.0) != leans(2, 16.0, 316.0)
+    steps = riding_commands(1, 16.0, 316.0)
+    assert steps == riding_commands(1, 16.0, 316.0) != riding_commands(2, 16.0, 316.0)
     assert max(step["com_x"] for step in steps) > 0.09
     assert min(step["height"] for step in steps) < 0.45
 
@@ -141,45 +130,24 @@ def test_he_finds_another_heading_without_swinging():
     assert euler_angles(rows["orientation"])[-1, 0] == pytest.approx(0.15, abs=0.05)
 
 
-def test_nominal_gains_are_those_of_two_feet():
-    assert gains(1.0) == pytest.approx((1200.0 - WEIGHT, 160.0))
-    assert gains(0.1)[0] == 0.0
+@pytest.mark.parametrize(
+    ("name", "section", "rides"),
+    [("standing", "stand", False), ("riding", "segway", True), ("shipped", "", True)],
+)
+def test_each_law_stands_on_a_segway_with_its_gains(name: str, section: str, rides: bool):
+    (row,) = (row for row in shaking_rows() if row.name == f"segway_shaking.{name}_soft")
+    (trial,) = row.trials(Budget(seeds=1), 1.0)
+    experiment = experiment_of(trial)
+    assert ("segway" in {step.changes.get("mode") for step in experiment.operator}) == rides
+    assert experiment.scenario.scene_parameters["softness"] == 2.0
+    if section:
+        assert experiment.controller[f"{section}.kp_com_x"] == pytest.approx(1200.0 - WEIGHT)
+        assert experiment.controller[f"{section}.kd_com_x"] == 160.0
+    else:
+        assert experiment.controller == {}
 
 
-def test_each_setting_stands_on_a_segway_with_its_law():
-    for setting in (Setting("standing", 1.0, 2.0), Setting("riding", None, 0.5)):
-        experiment = experiment_of(trial_of(setting, 1))
-        modes = {step.get("mode") for step in experiment.operator}
-        assert ("segway" in modes) == (setting.law == "riding")
-        assert experiment.scenario.scene_parameters["softness"] == setting.softness
-
-
-def shaken(nominal: float, fell: int = 0) -> list[Shaking]:
-    found = []
-    for setting in settings():
-        hot = setting.law == "standing" and setting.factor == 1.0
-        found.append(Shaking(setting, nominal if hot else 0.1, fell if hot else 0, 3))
-    return found
-
-
-def test_the_verdict_is_that_of_the_worst_platform(tmp_path):
-    assert verdict(shaken(0.4)) == pytest.approx((0.1, 4.0))
-    assert verdict(shaken(math.nan, fell=3)) == (0.1, math.inf)
-    assert "0.400 (3 fell)" in table(shaken(0.4, fell=3))
-    draw(tmp_path / "toe.png", shaken(math.nan, fell=3))
-    assert (tmp_path / "toe.png").stat().st_size > 1000
-
-
-def test_the_worst_robot_counts_and_who_fell_is_told():
-    runs = [{"fell": 0.0, "platform_rms": 0.1}, {"fell": 0.0, "platform_rms": 0.3}]
-    runs.append({"fell": 1.0, "platform_rms": math.nan})
-    summed = shaking(Setting("riding", None, SOFTNESS[0]), runs)
-    assert (summed.rms, summed.fell, summed.run) == (0.3, 1, 3)
-
-
-def test_a_folder_that_cannot_be_made_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr(toe_gains, "workers", lambda *_: pytest.fail("it runs"))
-    assert command.main(["--out", str(tmp_path / "file" / "folder")]) == WRONG_INPUT
-    assert "Not a directory" in capsys.readouterr().err
+def test_gains_hold_where_they_shake_the_platform_little():
+    row = next(row for row in shaking_rows() if row.name == "segway_shaking.standing_nominal")
+    assert row.holds({"platform_rms": 0.4}, 1.0) and not row.holds({"platform_rms": 0.94}, 1.0)
+    assert not row.holds({"platform_rms": math.nan}, 1.0)

@@ -74,11 +74,11 @@ def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
     script = (
         "from cassie_bags.studies.workers import workers\n"
         "if __name__ == '__main__':\n"
-        "    crew = workers(2, None)\n"
-        "    print(sorted(result for _, result in crew.results(abs, [-1, 2])))\n"
-        "    crew.close()\n"
+        "    pool = workers(2, None)\n"
+        "    print(sorted(result for _, result in pool.results(abs, [-1, 2])))\n"
+        "    pool.close()\n"
     )
-    path = tmp_path / "crew.py"
+    path = tmp_path / "pool.py"
     path.write_text(script)
     done = subprocess.run(
         [sys.executable, path], capture_output=True, text=True, env=environment(), check=True

@@ -15,7 +15,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.signals.effort import GRAVITY, measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
-from cassie_bags.studies.sweep.radio_rows import jumps
+from cassie_bags.studies.sweep.random_commands import radio_commands
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
 from cassie_bags.studies.trial import (
@@ -27,7 +27,7 @@ from cassie_bags.studies.trial import (
     experiment_of,
     run_trial,
 )
-from cassie_bags.studies.workers import LocalProcesses, Remembering, ThisProcess
+from cassie_bags.studies.workers import CachedWorkers, LocalProcesses, ThisProcess
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -87,7 +87,7 @@ def test_a_level_names_the_robots_that_missed_it():
 
 
 def test_rows_that_look_at_the_same_runs_share_them():
-    runs, crew = [], Remembering(ThisProcess())
+    runs, pool = [], CachedWorkers(ThisProcess())
 
     def counted(trial: Trial) -> Figures:
         runs.append(trial)
@@ -95,14 +95,14 @@ def test_rows_that_look_at_the_same_runs_share_them():
 
     for name in ("group.one", "group.other"):
         shown = row((3.0,), start=0, name=name)
-        assert measure_row(shown, BUDGET, crew, lambda word: None, counted).met
+        assert measure_row(shown, BUDGET, pool, lambda word: None, counted).met
     assert len(runs) == 10
 
 
 def test_a_radio_that_jumps_is_the_same_for_the_same_seed():
-    steps = jumps(3, 5.0, 35.0)
-    assert steps == jumps(3, 5.0, 35.0)
-    assert steps != jumps(4, 5.0, 35.0)
+    steps = radio_commands(3, 5.0, 35.0)
+    assert steps == radio_commands(3, 5.0, 35.0)
+    assert steps != radio_commands(4, 5.0, 35.0)
     times = [step["t"] for step in steps]
     assert times == sorted(times)
     assert 5.0 <= times[0] < times[-1] < 35.0
@@ -177,7 +177,7 @@ def test_every_row_can_be_run_at_its_first_and_its_last_levels(name: str):
     (row,) = chosen_rows([name])
     for level in (row.levels[0], row.levels[-1]):
         experiment_of(row.trials(Budget(seeds=1, phases=1), level)[0])
-    trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.start])
+    trials = row.trials(Budget(seeds=2, phases=4), row.levels[row.first])
     assert {trial.seed for trial in trials} == {1, 2}
     for trial in (trials[0], trials[-1]):
         assert 0.0 < trial.window[0] < trial.window[1] <= experiment_of(trial).duration
@@ -327,13 +327,13 @@ def test_a_robot_that_falls_ends_its_run():
 def test_local_processes_give_what_this_process_gives():
     trials = [Trial(STAND, seed, (1.0, 1.6)) for seed in (1, 2)]
     here = dict(ThisProcess().results(run_trial, trials))
-    crew = LocalProcesses(2)
+    pool = LocalProcesses(2)
     try:
-        there = dict(crew.results(run_trial, trials))
+        there = dict(pool.results(run_trial, trials))
         for index, figures in here.items():
             assert there[index] == pytest.approx(figures, rel=0.0, abs=0.0, nan_ok=True)
     finally:
-        crew.close()
+        pool.close()
 
 
 def test_results_are_kept_as_json_and_as_a_table(tmp_path: Path):

@@ -133,7 +133,7 @@ def test_the_objective_runs_every_course_on_robots_with_errors_of_the_model():
 
 def test_a_fall_costs_more_than_anything_else_and_an_early_one_most():
     objective = load_objective()
-    ahead = [course.vx for course, _ in objective.courses].index(0.5)
+    ahead = [course.vx for course in objective.courses].index(0.5)
     trial = objective.trials({}, [1], [])[ahead]
     perfect = {"fell": 0.0, "end": 20.0, "tracking": 0.0, "vx": 0.5, "vy": 0.0, "yaw_rate": 0.0}
     slow = {**perfect, "vx": 0.4}
@@ -150,11 +150,13 @@ def test_a_fall_costs_more_than_anything_else_and_an_early_one_most():
     [
         ("courses: []", "courses must be a list of at least one"),
         ("cources: [{}]", "unknown key cources: did you mean courses"),
-        ("courses: [{vxx: 1}]", "courses.0: unknown parameter vxx: did you mean vx"),
-        ("courses: [{vx: 9}]", r"courses.0: vx = 9 m/s is outside -1 .. 2 m/s"),
+        ("courses: [{vxx: 1}]", "courses.0: unknown key vxx: did you mean vx"),
+        ("courses: [{vx: 9}]", r"courses.0.vx = 9 m/s is outside -1 .. 2 m/s"),
         ("courses: [{push: {impulze: 3}}]", "courses.0.push: unknown key impulze"),
         ("courses: [{}]\nmodel: {mass: [2, 1]}", r"model.mass = \[2, 1\] is not \[low, high\]"),
-        ("courses: [{}]\ncost: {fal: 1}", "unknown parameter fal: did you mean fall"),
+        ("courses: [{}]\nmodel: {mas: [1, 2]}", "model: unknown key mas: did you mean mass"),
+        ("courses: [{delays: {torque: 1}}]", "courses.0.delays.torque = 1 s is outside 0"),
+        ("courses: [{}]\ncost: {fal: 1}", "cost: unknown key fal: did you mean fall"),
     ],
 )
 def test_what_is_wrong_in_an_objective_is_named(tmp_path: Path, text: str, reason: str):

@@ -10,9 +10,10 @@ from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store, run
-from cassie_bags.signals.metrics import Phase, measure
+from cassie_bags.signals.metrics import measure
 from cassie_bags.signals.track import make_track
 from cassie_gaits.ros import optimize_gaits
+from cassie_msgs.experiment.expectation import Phase
 
 TEXT = """
 start: standing

@@ -27,7 +27,7 @@ def refuse(number: int) -> int:
 
 
 @pytest.fixture(params=["here", "local", "dask"])
-def crew(request: pytest.FixtureRequest) -> Iterator[Workers]:
+def pool(request: pytest.FixtureRequest) -> Iterator[Workers]:
     if request.param == "here":
         yield ThisProcess()
     elif request.param == "local":
@@ -41,11 +41,11 @@ def crew(request: pytest.FixtureRequest) -> Iterator[Workers]:
             remote.close()
 
 
-def test_every_item_gets_its_result_and_an_error_comes_back(crew: Workers):
-    assert dict(crew.results(double, ITEMS)) == {0: 6, 1: 2, 2: 4, 3: 10}
+def test_every_item_gets_its_result_and_an_error_comes_back(pool: Workers):
+    assert dict(pool.results(double, ITEMS)) == {0: 6, 1: 2, 2: 4, 3: 10}
     with pytest.raises(RunError, match="3 is refused"):
-        list(crew.results(refuse, [3]))
-    assert crew.count >= 1
+        list(pool.results(refuse, [3]))
+    assert pool.count >= 1
 
 
 def test_what_is_not_wanted_is_not_begun():
@@ -64,24 +64,24 @@ def wait_a_second(number: int) -> int:
 def test_a_process_lost_when_no_more_is_wanted_says_nothing(monkeypatch: pytest.MonkeyPatch):
     said: list[object] = []
     monkeypatch.setattr(threading, "excepthook", said.append)
-    crew = LocalProcesses(1)
-    results = crew.results(wait_a_second, [0] * 10)
+    pool = LocalProcesses(1)
+    results = pool.results(wait_a_second, [0] * 10)
     next(results)
     results.close()
     for process in multiprocessing.active_children():
         process.kill()
     for thread in set(threading.enumerate()) - {threading.current_thread()}:
         thread.join(10.0)
-    crew.close()
+    pool.close()
     assert not said
 
 
 def test_closed_at_work_it_leaves_neither_process_nor_thread():
     before = set(threading.enumerate())
-    crew = LocalProcesses(2)
-    results = crew.results(wait_a_second, [0] * 10)
+    pool = LocalProcesses(2)
+    results = pool.results(wait_a_second, [0] * 10)
     next(results)
-    crew.close()
+    pool.close()
     assert set(threading.enumerate()) == before
     assert not multiprocessing.active_children()
 
@@ -91,10 +91,10 @@ def die(_: int) -> int:
 
 
 def test_a_process_that_dies_is_one_clear_error():
-    crew = LocalProcesses(1)
+    pool = LocalProcesses(1)
     with pytest.raises(RunError, match="a worker process died"):
-        list(crew.results(die, ITEMS))
-    crew.close()
+        list(pool.results(die, ITEMS))
+    pool.close()
 
 
 def blocked_signals(_: int) -> bool:
@@ -102,10 +102,10 @@ def blocked_signals(_: int) -> bool:
 
 
 def test_a_process_gets_no_ctrl_c_from_its_first_moment_on():
-    crew = LocalProcesses(1)
-    assert dict(crew.results(blocked_signals, [0])) == {0: True}
+    pool = LocalProcesses(1)
+    assert dict(pool.results(blocked_signals, [0])) == {0: True}
     assert not blocked_signals(0)
-    crew.close()
+    pool.close()
 
 
 def lack_a_package(_: int) -> int:
@@ -126,9 +126,9 @@ def test_workers_of_a_cluster_that_cannot_are_one_clear_error(monkeypatch: pytes
 
 
 def test_as_many_processes_as_cores_unless_said_otherwise():
-    crew = workers(None, None)
-    assert crew.count == len(os.sched_getaffinity(0))
-    crew.close()
+    pool = workers(None, None)
+    assert pool.count == len(os.sched_getaffinity(0))
+    pool.close()
 
 
 def test_a_missing_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.run.cores import connect, make_cores, tick_count
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_control.estimator.channels import CHANNELS
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState
 
 FALLEN_HEIGHT = 0.5  # m, of the pelvis
@@ -20,7 +21,7 @@ HUNG, LET_DOWN = 7.0, 7.5
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FallResult:
     """What became of a fall.
 
     Attributes:
@@ -121,7 +122,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def fall_and_stand(seed: int) -> Outcome:
+def fall_and_stand(seed: int) -> FallResult:
     """What becomes of a drawn fall."""
     experiment, hang = draw_fall(seed)
     cores = make_cores(experiment)
@@ -139,7 +140,7 @@ def fall_and_stand(seed: int) -> Outcome:
         if cores.estimator.faults != last:
             last, learned = cores.estimator.faults, cores.plant.time - hang
     height = float(cores.plant.pelvis_pose[0][2])
-    return Outcome(
+    return FallResult(
         fell=fell,
         lost=lost * cores.plant.tick_ns * 1e-9,
         words=loop.problems.get("mode_supervisor", ("", 0.0))[0],

@@ -26,7 +26,7 @@ from cassie_msgs.layout import (
     Sample,
     Sensors,
 )
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import effective_seq
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
@@ -203,7 +203,7 @@ class GuardedSupervisor:
         except Exception as error:  # whatever broke, the drives must damp
             self.problem = _describe(error)
             self.status = damped(self.core.status, self.problem)
-            self._damping.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+            self._damping.effective_seq[...] = effective_seq(int(state.seq))
             return _answering(self._damping, state)
         self.problem = ""
         self.status = self.core.status

@@ -10,14 +10,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.finite import fault
 from cassie_msgs.bounds import outside
-from cassie_msgs.layout import Mode, RobotMode
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.layout import Gait, GaitResult, Mode, RobotMode
+from cassie_msgs.schedule import GAIT_TICKS, PERIOD_TICKS, effective_seq, period_of
 
 LEAD = 1000
 """Control ticks by which a mode, or a script's answer, may be ahead of whoever receives it."""
 
 _KEPT = 4
+
+_STEP_TIMES = 0.2, 1.0  # s, of a gait that is believed
 
 
 def refusal(mode: Mode, tick: int) -> str:
@@ -28,8 +31,33 @@ def refusal(mode: Mode, tick: int) -> str:
     """
     seq = int(mode.seq)
     return outside("mode seq", seq, 0, tick + LEAD) or outside(
-        "effective_seq", int(mode.effective_seq), seq, seq + PERIOD_TICKS
+        "effective_seq", int(mode.effective_seq), seq, effective_seq(seq)
     )
+
+
+def gait_refusal(gait: Gait, tick: int) -> str:
+    """Why an answer of the gait optimizer is not believed or not used; empty if it is.
+
+    It answers a state that the controller has asked at, and comes before the tick it names.
+
+    Args:
+        gait: The answer.
+        tick: The next that the controller computes.
+    """
+    seq, effective = int(gait.seq), int(gait.effective_seq)
+    wrong = (
+        outside("gait seq", seq, 0, tick)
+        or outside("effective_seq", effective, seq + GAIT_TICKS, seq + GAIT_TICKS)
+        or outside("result", int(gait.result), 0, len(GaitResult) - 1)
+    )
+    if wrong:
+        return wrong
+    if effective < tick:
+        return f"late: for tick {effective}, came before tick {tick}"
+    low, high = _STEP_TIMES
+    if int(gait.result) == GaitResult.FOUND and not low <= float(gait.step_time) <= high:
+        return f"step_time is {float(gait.step_time):g} s, expected {low} .. {high} s"
+    return fault(gait)
 
 
 class ModeTable:
@@ -59,14 +87,14 @@ class ModeTable:
         Tick 0 needs the answer to state 0, although off holds until tick 10: so the supervisor
         takes part before robot time passes.
         """
-        first = PERIOD_TICKS if tick == 0 else tick - tick % PERIOD_TICKS
+        first = PERIOD_TICKS if tick == 0 else period_of(tick)
         return first == 0 or first in self._modes
 
     def at(self, tick: int) -> Mode | None:
         """The mode made for a tick, or None if it has not come."""
         if tick < PERIOD_TICKS:
             return self._off
-        return self._modes.get(tick - tick % PERIOD_TICKS)
+        return self._modes.get(period_of(tick))
 
     @property
     def newest(self) -> Mode:

@@ -17,10 +17,10 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.names import LEGS
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_sim.plant import Plant, PlantConfig
-from cassie_sim.scenario import Scenario
 
 PERIOD = 0.002
 

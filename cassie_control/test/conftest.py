@@ -6,8 +6,8 @@ import pytest
 from closed_loop import Robot
 from supervised import STAND, WALK, Scene
 
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
-from cassie_sim.scenario import Scenario
 
 
 def stepping(sensors: str, duration: float) -> Robot:

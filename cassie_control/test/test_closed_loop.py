@@ -8,8 +8,8 @@ from closed_loop import Robot
 
 from cassie_control.config import ControllerConfig, WalkConfig
 from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_msgs.experiment.scenario import GantryMove, Push, Scenario
 from cassie_msgs.layout import RobotMode
-from cassie_sim.scenario import GantryMove, Push, Scenario
 
 
 def test_steps_in_place_stops_and_stands(walked):

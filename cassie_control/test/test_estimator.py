@@ -13,9 +13,9 @@ from cassie_control.errors import SensorError
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.robot import WEIGHT
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Sensors
 from cassie_sim.plant import Plant, PlantConfig
-from cassie_sim.scenario import Scenario
 
 
 def errors(robot, activity, kind):

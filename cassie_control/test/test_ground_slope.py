@@ -12,8 +12,8 @@ from walkers import CONFIG
 
 from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
 from cassie_gaits import virtual_leg
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
-from cassie_sim.scenario import Scenario
 
 PERIOD = 0.002
 LEFT, RIGHT = 0, 1

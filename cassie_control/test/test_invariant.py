@@ -13,8 +13,8 @@ from robot_states import leg_joints
 from cassie_control.config import ControllerConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
+from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
-from cassie_sim.scenario import Draw, Scenario
 
 
 def replay(moments, **figures):

@@ -13,8 +13,8 @@ from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_control.guarded import GuardedEstimator, GuardedSupervisor
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Sensors
-from cassie_sim.scenario import Scenario
 
 SWINGS, RESTS = 1.5, 4.5  # s
 LEARNED = 1.2  # s of rest

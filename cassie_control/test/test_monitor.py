@@ -12,8 +12,8 @@ from cassie_control.errors import SensorError
 from cassie_control.estimator.channels import CHANNELS, names
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_DRIVES
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Sensors
-from cassie_sim.scenario import Scenario
 
 STEP = 150
 TURN = (0, 1, 1, 0, -1, -1, 0)

@@ -14,7 +14,7 @@ from supervised import WALK
 from cassie_control.errors import SensorError
 from cassie_control.estimator.faults import velocity_response
 from cassie_gaits.robot import DRIVE_VELOCITY_FILTER, ENCODER_RATE, JOINT_VELOCITY_FILTER
-from cassie_sim.scenario import Scenario
+from cassie_msgs.experiment.scenario import Scenario
 
 BODIES = [{"mass": 1.03, "spring": 0.9}, {"mass": 0.97, "friction": 0.8}]
 PAIRS = {"drive": 10, "joint": 6}

@@ -7,8 +7,8 @@ import math
 import pytest
 from closed_loop import Robot
 
+from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode
-from cassie_sim.scenario import Draw, Scenario
 
 SEGWAY, STAND = int(RobotMode.SEGWAY), int(RobotMode.STAND)
 

@@ -7,8 +7,8 @@ import pytest
 from closed_loop import Robot
 
 from cassie_control.config import ControllerConfig, TransitionConfig
+from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode
-from cassie_sim.scenario import Draw, Scenario
 
 LET_DOWN = {
     "start": "gantry",

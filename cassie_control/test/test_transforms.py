@@ -14,10 +14,10 @@ from tf2_msgs.msg import TFMessage
 
 from cassie_control.ros.transforms import RATE, Transforms
 from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
 from cassie_sim.robot_mjcf import robot_model
 from cassie_sim.robot_urdf import robot_urdf
-from cassie_sim.scenario import Scenario
 
 FAR = np.array([0.4, 0.0, 0.0])
 """A point of each link as far out as the links are long. In m, in the link's frame."""

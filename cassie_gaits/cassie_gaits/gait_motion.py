@@ -85,7 +85,7 @@ def motion(gait: Gait) -> Motion:
         raise GaitLibraryError("the gait has no torques or no passive motion")
     asked = terms(gait)
     with motion_that_may_break():
-        equations = walker(symmetric=asked.symmetric, slope=asked.slope)
+        equations = walker(symmetric=asked.symmetric, slope=asked.slope, payload=asked.payload)
         step = integrate(equations, gait, 0)
         powers = _powers(step)
         if asked.symmetric and mirror_image(gait):

@@ -30,6 +30,9 @@ Records = Sequence[RecordT]
 """Records as a compiled function takes them: a structured numpy array of shape (n,)."""
 
 
+_Value = float | Sequence[float] | FloatArray
+
+
 class _Field:
     """What a class attribute says of a field: its numpy type and shape."""
 
@@ -80,12 +83,13 @@ class Record:
                 whole = field.kind is np.int64
                 setattr(cls, name, _Number(cls.TYPE.fields[name][1] // 8, whole=whole))
 
-    def __init__(self, **figures: float | Sequence[float] | FloatArray) -> None:
+    def __init__(self, *values: _Value, **figures: _Value) -> None:
         self.records = np.zeros(1, self.TYPE)
         words = self.records.view(np.uint8).data
         self._floats, self._integers = words.cast("d"), words.cast("q")
         self._parts = {name: self.records[name][0] for name in self.TYPE.names or ()}
-        for name, value in figures.items():
+        given = dict(zip(self._parts, values, strict=False)) | figures
+        for name, value in given.items():
             if name not in self._parts:
                 raise TypeError(f"{type(self).__name__} has no field {name}")
             setattr(self, name, value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -42,15 +44,16 @@ def full_coordinates(at):
     return q, v, ca.jtimes(v, at.y, at.yd) + ca.jtimes(v, at.yd, at.ydd)
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.15])
-def test_torques_and_ground_wrench_balance_the_pinocchio_model(slope):
+@pytest.mark.parametrize(("slope", "payload"), [(0.0, 0.0), (0.15, 0.0), (-0.1, 8.0)])
+def test_torques_and_ground_wrench_balance_the_pinocchio_model(slope, payload):
     at = instant()
     wanted = [*full_coordinates(at), at.efforts.stance, at.efforts.swing, at.force, at.moment]
-    function = ca.Function("f", [at.y, at.yd, at.ydd, at.slope, at.asymmetry], wanted)
+    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry, at.payload]
+    function = ca.Function("f", symbols, wanted)
     yd, ydd = RNG.normal(size=11) * 0.5, RNG.normal(size=11) * 5.0
-    results = [np.array(part).ravel() for part in function(Y, yd, ydd, slope, 1.0)]
+    results = [np.array(part).ravel() for part in function(Y, yd, ydd, slope, 1.0, payload)]
     q, v, a, stance, swing, force, moment = results
-    model = Dynamics()
+    model = Dynamics(pelvis=replace(robot.PELVIS, mass=robot.PELVIS.mass + payload))
     sole = model.sole_jacobian(q, "right")
     balance = model.mass_matrix(q) @ a + model.bias(q, v) - sole.T @ np.r_[force, moment]
     rest = RIGID.T @ balance

@@ -199,7 +199,7 @@ def test_the_mirror_image_of_a_gait_is_one_of_the_mirrored_robot(turning):
 def test_from_its_mirror_image_a_gait_takes_few_iterations(turning):
     other = replace(turning.request, vy=-turning.request.vy, yaw_rate=-turning.request.yaw_rate)
     found = solve(other, exchanged(turning.point))
-    assert found.iterations < 6
+    assert found.iterations < 8
     assert found.cost == pytest.approx(turning.cost, rel=2e-3)
     assert certify(found.gait).met
 

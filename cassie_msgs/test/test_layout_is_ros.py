@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from cassie_msgs.layout import SAMPLE_TYPES, Mode, RobotMode
+from cassie_msgs.layout import GAIT_TYPES, SAMPLE_TYPES, Gait, GaitResult, Mode, RobotMode
 from cassie_msgs.ros.fast_lane import message_type
 
 PADDING = slice(16, 20)  # before seq; the serializer of ROS leaves what was in memory there
@@ -36,7 +36,7 @@ def filled(sample_type, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("sample_type", SAMPLE_TYPES)
+@pytest.mark.parametrize("sample_type", SAMPLE_TYPES + GAIT_TYPES)
 def test_bytes_equal_rclpy_serialization_both_ways(sample_type, seed):
     sample, message = filled(sample_type, seed)
     theirs, ours = serialize_message(message), sample.to_bytes()
@@ -49,7 +49,7 @@ def test_bytes_equal_rclpy_serialization_both_ways(sample_type, seed):
         np.testing.assert_array_equal(getattr(received, name), getattr(sample, name))
 
 
-@pytest.mark.parametrize("sample_type", SAMPLE_TYPES)
+@pytest.mark.parametrize("sample_type", SAMPLE_TYPES + GAIT_TYPES)
 def test_fields_stand_in_the_order_of_the_message(sample_type):
     fields = list(message_type(sample_type).get_fields_and_field_types())
     assert list(sample_type.DTYPE.names) == ["sec", "nanosec", *fields[1:]]
@@ -59,6 +59,13 @@ def test_mode_constants_are_those_of_the_message():
     message = message_type(Mode)
     assert {mode.name: int(mode) for mode in RobotMode} == {
         name: getattr(message, name) for name in ("OFF", "DAMP", "STAND", "WALK", "SEGWAY")
+    }
+
+
+def test_results_of_a_gait_are_those_of_the_message():
+    message = message_type(Gait)
+    assert {result.name: int(result) for result in GaitResult} == {
+        name: getattr(message, name) for name in ("FOUND", "REFUSED", "NOT_FOUND", "NOT_CERTIFIED")
     }
 
 

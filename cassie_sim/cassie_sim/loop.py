@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.operators import Refusals
+from cassie_msgs.schedule import REPEAT_PERIOD
 from cassie_sim.command_watch import CommandWatch
 from cassie_sim.lane import Lane, Report
 from cassie_sim.pacing import SHORTEST_TICK, Pace, RealTimeFactor, TickTiming
@@ -20,14 +21,11 @@ from cassie_sim.power_switch import PowerSwitch
 from cassie_sim.requests import Requests
 from cassie_sim.simulator_config import SimulatorConfig
 
-REPEAT_PERIOD = 0.5
-"""Wall time after which an unanswered sample is sent again. In s."""
-
 _BROKEN_TIMEOUT = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
 _BROKEN_PERIOD = 0.1
 
 
-class Loop:
+class SimulationLoop:
     """Runs a plant tick by tick.
 
     lockstep: sample k, command k, step; the physics that no command acts on yet is made while

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cassie_msgs.experiment.scenario import GantryMove, Push
 from cassie_msgs.tunables import from_mapping
 from cassie_sim.errors import SimulationError
 from cassie_sim.gantry import SPEED
 from cassie_sim.plant import Plant
-from cassie_sim.scenario import GantryMove, Push
 
 
 def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> str:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.robot import DRIVE_DELAY
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_sim.drives import Drives, RecordArray, drive_steps
 from cassie_sim.errors import CommandError
@@ -32,7 +33,6 @@ from cassie_sim.physics_thread import PhysicsThread
 from cassie_sim.plant_config import PlantConfig, check_rates
 from cassie_sim.plant_model import Readings, compile_model
 from cassie_sim.poses import height_over_ground, set_drives
-from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion
 from cassie_sim.segway_drive import SegwayDrive
 from cassie_sim.sensors import IdealSensors, make_sensors

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cassie_msgs.schedule import CONTROL_RATE
 from cassie_msgs.tunables import check, tunable
 from cassie_sim.errors import SimulationError
 
@@ -16,7 +17,7 @@ class PlantConfig:
     """
 
     physics_rate: int = tunable(2000, "Hz", 500, 20000, "Rate of physics and drives", live=False)
-    control_rate: int = tunable(500, "Hz", 50, 4000, "Rate of sensor samples", live=False)
+    control_rate: int = tunable(CONTROL_RATE, "Hz", 50, 4000, "Rate of sensor samples", live=False)
     sensors: str = tunable(
         "faithful",
         choices=("faithful", "ideal"),

@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, SENSED_JOINTS
+from cassie_msgs.experiment.scenario import Payload, Scenario
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import SLOWEST_PERIOD, is_soft
-from cassie_sim.scenario import Payload, Scenario
 from cassie_sim.scenes import scene_spec
 
 FloatArray = npt.NDArray[np.float64]

@@ -5,12 +5,7 @@ from __future__ import annotations
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import Operators
-from cassie_msgs.schedule import PERIOD_TICKS
-
-TIMEOUT = 0.3
-"""Wall time that a scripted operator has to answer once it takes part. In s."""
-
-_SCRIPT_AGE = 0.5  # s of wall time without a word, after which another script may play
+from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_TIMEOUT, effective_seq
 
 
 class PowerSwitch:
@@ -76,7 +71,7 @@ class PowerSwitch:
             effective = int(command.effective_seq)
             # An answer that comes late still holds, from then on; the latest is one to the state
             # just sent.
-            self.refused = outside("effective_seq", effective, 0, tick + PERIOD_TICKS)
+            self.refused = outside("effective_seq", effective, 0, effective_seq(tick))
             if not self.refused:
                 self._planned[effective] = bool(command.power)
                 self._script, self._heard = writer, now
@@ -84,7 +79,7 @@ class PowerSwitch:
 
     def _other_plays(self, writer: bytes, now: float) -> bool:
         """Whether a script other than this one plays; it does until it has been silent a while."""
-        silent = self.lost or now - self._heard > _SCRIPT_AGE
+        silent = self.lost or now - self._heard > SCRIPT_AGE
         return self._script not in (b"", writer) and not silent
 
     def awaits(self, tick: int) -> bool:
@@ -97,7 +92,7 @@ class PowerSwitch:
     @property
     def timeout(self) -> float:
         """How long to wait for the script. In s."""
-        return TIMEOUT if self._script else self._start_patience
+        return SCRIPT_TIMEOUT if self._script else self._start_patience
 
     def give_up(self) -> None:
         """Wait no longer: the script did not answer within its timeout."""

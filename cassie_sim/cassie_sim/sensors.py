@@ -17,9 +17,9 @@ import numpy.typing as npt
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
+from cassie_msgs.experiment.scenario import Draw
 from cassie_msgs.layout import Sensors
 from cassie_sim.drives import RecordArray
-from cassie_sim.scenario import Draw
 
 TAPS = 9
 """Length of the drives' velocity filter, in physics steps."""

@@ -3,36 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cassie_msgs.strict_yaml import YamlError, parse_yaml, read_yaml
-from cassie_msgs.tunables import ParameterError, tunable, unknown_name
+from cassie_msgs.experiment.file import Experiment, read_experiment
+from cassie_msgs.experiment.scenario import STARTS, Scenario
+from cassie_msgs.strict_yaml import YamlError, parse_yaml
+from cassie_msgs.structured import as_section, structure
+from cassie_msgs.tunables import ParameterError, tunable
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.scenario import STARTS, Draw, Scenario, gantry_order
 
 PACINGS = ("lockstep", "realtime")
-
-_SCENARIO_KEYS = tuple(entry.name for entry in fields(Scenario))
-_OTHER_KEYS = (
-    "about",
-    "name",
-    "seed",
-    "drawn",
-    "duration",
-    "operator",
-    "rider",
-    "gait_library",
-    "simulator",
-    "estimator",
-    "controller",
-    "supervisor",
-    "expect",
-)
-"""Keys of an experiment that other nodes read."""
-
-_SHOWN = 60  # characters of a wrong content that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,69 +84,18 @@ def scenario_of(config: SimulatorConfig) -> Scenario:
         ParameterError: if a file cannot be read, a key is unknown or a value does not fit.
     """
     if config.scenario:
-        return load_scenario(Path(config.scenario))
-    return Scenario.from_mapping(
-        {
-            "scene": config.scene,
-            "scene_parameters": _scene_parameters(config.scene_parameters),
-            "start": config.start,
-            "draw": _drawn(config.seed),
-        }
-    )
+        return read_experiment(Path(config.scenario)).scenario
+    content = {
+        "scene": config.scene,
+        "scene_parameters": _scene_parameters(config.scene_parameters),
+        "start": config.start,
+        "seed": config.seed,
+    }
+    return structure(Experiment, content).scenario
 
 
-def load_scenario(path: Path) -> Scenario:
-    """The scenario in an experiment file; what other nodes read from the file is left out.
-
-    Without `draw` in it, its `seed` draws the robot.
-
-    Raises:
-        ParameterError: if the file cannot be read, a key is unknown or a value does not fit.
-    """
+def _scene_parameters(text: str) -> Mapping[str, Any]:
     try:
-        content = _mapping(read_yaml(path), f"scenario {path}")
-    except YamlError as error:
-        raise ParameterError(f"scenario: {error}") from None
-    for key in content:
-        if key not in _SCENARIO_KEYS + _OTHER_KEYS:
-            known = _SCENARIO_KEYS + _OTHER_KEYS
-            raise ParameterError(f"{path}: {unknown_name(str(key), known, 'key')}")
-    mapping = {key: value for key, value in content.items() if key in _SCENARIO_KEYS}
-    if isinstance(moves := mapping.get("gantry"), list):
-        mapping["gantry"] = [
-            gantry_order(move, f"gantry[{i}]") if isinstance(move, Mapping) else move
-            for i, move in enumerate(moves)
-        ]
-    if "draw" not in mapping:
-        seed = content.get("seed", 0)
-        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-            raise ParameterError(f"{path}: seed = {seed!r} is not a whole number of 0 or more")
-        mapping["draw"] = _drawn(seed)
-    return Scenario.from_mapping(mapping)
-
-
-def _scene_parameters(text: str) -> dict[str, Any]:
-    try:
-        return _mapping(parse_yaml(text, "scene_parameters"), "scene_parameters")
+        return as_section(parse_yaml(text, "scene_parameters"), "scene_parameters")
     except YamlError as error:
         raise ParameterError(str(error)) from None
-
-
-def _drawn(seed: int) -> Mapping[str, Any]:
-    """Draws of a seed as a mapping; none for 0, the nominal robot."""
-    draw = Draw.from_seed(seed) if seed else Draw()
-    return {entry.name: getattr(draw, entry.name) for entry in fields(Draw)}
-
-
-def _mapping(content: Any, what: str) -> dict[str, Any]:
-    if content is None:
-        return {}
-    if not isinstance(content, dict):
-        raise ParameterError(f"{what} = {_shown(content)} is not a mapping of names to values")
-    return content
-
-
-def _shown(content: Any) -> str:
-    """The beginning of what may be a whole file."""
-    text = content if isinstance(content, str) else str(content)
-    return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."

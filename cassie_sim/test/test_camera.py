@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.camera import Camera, RenderError, frame_of, frame_size
 from cassie_sim.plant import Plant, PlantConfig
-from cassie_sim.scenario import Scenario
 
 
 def test_a_picture_shows_the_ground_where_it_has_moved_to():

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import Delays, GantryMove, Push, Scenario, SensorFault
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_sim.errors import SimulationError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
 from cassie_sim.robot_mjcf import robot_model, robot_spec
-from cassie_sim.scenario import Delays, GantryMove, Push, Scenario, SensorFault
 
 RATE = 2000
 PERIOD = 1.0 / RATE

@@ -9,11 +9,11 @@ import pytest
 from cassie_gaits import virtual_leg
 from cassie_gaits.names import LEGS
 from cassie_gaits.robot import WEIGHT
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import soft_contact
 from cassie_sim.plant import Plant, PlantConfig
 from cassie_sim.poses import height_over_ground, set_drives
-from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_spec
 
 SOFT = {"start": 0.5, "uneven": 0.0}

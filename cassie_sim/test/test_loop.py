@@ -9,7 +9,7 @@ import pytest
 from fake_world import FakePlant, FakeWorld
 
 from cassie_msgs.layout import OperatorCommand, RobotMode
-from cassie_sim.loop import Loop
+from cassie_sim.loop import SimulationLoop
 from cassie_sim.simulator_config import SimulatorConfig
 
 TICK = 0.002
@@ -17,12 +17,12 @@ TICK = 0.002
 
 def make(
     world: FakeWorld | None = None, ticks: int = 20, **config: Any
-) -> tuple[Loop, FakePlant, FakeWorld]:
+) -> tuple[SimulationLoop, FakePlant, FakeWorld]:
     """A loop that ends by itself after some ticks."""
     world = world or FakeWorld()
     plant = FakePlant()
     settings = replace(SimulatorConfig(), duration=ticks * TICK, max_rate=0.0, **config)
-    loop = Loop(
+    loop = SimulationLoop(
         plant,  # type: ignore[arg-type]
         world,
         settings,

@@ -9,13 +9,21 @@ import mujoco
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import (
+    Delays,
+    Draw,
+    GantryMove,
+    ModelScale,
+    Payload,
+    Push,
+    Scenario,
+)
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import ParameterError
 from cassie_sim.errors import CommandError, SimulationError
 from cassie_sim.plant import STANDING_DRIVES, Plant
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.poses import lowest_sole
-from cassie_sim.scenario import Delays, Draw, GantryMove, ModelScale, Payload, Push, Scenario
 
 IDEAL = PlantConfig(sensors="ideal")
 

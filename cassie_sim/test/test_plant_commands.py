@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import Delays, Scenario
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
 from cassie_sim.plant import STANDING_DRIVES, Plant
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.scenario import Delays, Scenario
 
 IDEAL = PlantConfig(sensors="ideal")
 

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.tunables import ParameterError
 from cassie_sim.errors import SimulationError
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.poses import height_over_ground, lowest_sole, set_drives
-from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import SCENES, scene_motion, scene_spec
 
 

@@ -10,10 +10,10 @@ import mujoco.viewer
 import numpy as np
 import pytest
 
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.errors import SimulationError
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.scenario import Scenario
 from cassie_sim.window import Window, follow
 
 NARROWEST = 1.0  # width of the window by its height

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 
+from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.device import RANGES
 from cassie_teleop.keyboard import stopped
 from cassie_teleop.radio import clamped
-from cassie_teleop.request import Request
 
 AT_REST = 1.0
 """For how long stand and no speed are asked for when power is, so that it is granted. In s."""

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from cassie_msgs.request import MODES, Request
 from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import stopped
 from cassie_teleop.page_messages import ORDERS, RECORD, SLIDERS, Beat, Press, Slide, Sticks
 from cassie_teleop.radio import clamped, without_link
-from cassie_teleop.request import MODES, Request
 
 LINK_AGE = 0.3
 """Age of the frame that a page's newest message rests on, from which its link is lost. In s."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from cassie_msgs.request import MODES, Request
 from cassie_msgs.strict_yaml import YamlError, read_yaml
 from cassie_msgs.tunables import entries, from_mapping, names, tunable, unknown_name
-from cassie_teleop.request import MODES, Request
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
 TRIMS = ("trim_sagittal", "trim_lateral", "trim_pitch", "trim_roll")

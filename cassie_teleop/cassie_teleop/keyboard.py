@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import clamped
-from cassie_teleop.request import Request
 
 HELP = """\
   p power on       o power off (emergency stop)

@@ -6,9 +6,9 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.device import RANGES, TRIMS, AxisMap, Device, Switch
-from cassie_teleop.request import Request
 
 
 class RadioError(ValueError):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
 from cassie_teleop.radio import Radio, RadioError, without_link
-from cassie_teleop.request import Request
 
 
 class Receiver:

@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from cassie_teleop.rider_config import Gates, RiderScript, Target
+from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.sight import Sight
 
 _SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the summed errors
@@ -40,19 +40,19 @@ class Rider:
 
     def __init__(self, script: RiderScript) -> None:
         self._script = script
-        self.period_ns = round(_NS / script.settings.rate)
-        self._delay_ns = round(_NS * script.settings.delay)
+        self.period_ns = round(_NS / script.rate)
+        self._delay_ns = round(_NS * script.delay)
         self.begins_ns = round(_NS * script.targets[0].t)
         self.reset()
 
     def reset(self) -> None:
         """A new episode."""
-        self._rng = np.random.default_rng(self._script.settings.seed)
+        self._rng = np.random.default_rng(self._script.seed)
         self._look = -1
         self._next = 0
         self._target = Target(t=0.0)
         self._wanted = 0.0
-        wait = self._delay_ns + round(_NS * self._script.settings.speed_wait)
+        wait = self._delay_ns + round(_NS * self._script.speed_wait)
         self._before: deque[float] = deque(maxlen=1 + round(wait / self.period_ns))
         self._sums = [0.0, 0.0]
         self._last: Sight | None = None
@@ -94,7 +94,7 @@ class Rider:
                 self._start = sight
 
     def _lean_x(self, sight: Sight) -> float:
-        c, period = self._script.settings, self.period_ns / _NS
+        c, period = self._script, self.period_ns / _NS
         seen = sight.speed + float(self._rng.uniform(-c.noise, c.noise))
         self._seen += _SHARE * (seen - self._seen)
         away = self.speed - self._wanted
@@ -109,7 +109,7 @@ class Rider:
         return c.lean * step / period + c.speed_gain * error + self._sums[0]
 
     def _lean_y(self, sight: Sight) -> float:
-        c, period = self._script.settings, self.period_ns / _NS
+        c, period = self._script, self.period_ns / _NS
         rate = _wrapped(sight.heading - (self._last or sight).heading) / period
         gates = self._target.gates
         if gates is not None and self._start is not None:
@@ -122,7 +122,7 @@ class Rider:
 
     def _lean_of_turn(self) -> float:
         """CoM y by turn rate at the speed seen. In m/(rad/s)."""
-        return self._script.settings.turn_lean * (1.0 + 0.5 * abs(self._seen))
+        return self._script.turn_lean * (1.0 + 0.5 * abs(self._seen))
 
     def _turn(self, sight: Sight) -> float:
         """The turn rate that he wants. In rad/s."""
@@ -130,10 +130,10 @@ class Rider:
         if target.turn is not None:
             return target.turn
         error = _wrapped((target.heading or 0.0) - sight.heading)
-        return _bounded(self._script.settings.heading_gain * error, 1.0)
+        return _bounded(self._script.heading_gain * error, 1.0)
 
     def _through(self, gates: Gates, start: Sight, sight: Sight, rate: float) -> float:
-        c = self._script.settings
+        c = self._script
         cos, sin = math.cos(start.heading), math.sin(start.heading)
         dx, dy = sight.x - start.x, sight.y - start.y
         along, left = cos * dx + sin * dy, cos * dy - sin * dx

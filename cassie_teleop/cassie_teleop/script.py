@@ -1,7 +1,6 @@
-"""An operator by script: requests over the robot's time, from YAML.
+"""An operator by script: requests over the robot's time.
 
-A script is a list of steps, or a file with that list under `operator`, such as an
-experiment:
+A script is an experiment file, of which sections `operator` and `rider` are played:
 
     operator:
       - {t: 0.0, power: true, mode: stand}
@@ -9,99 +8,43 @@ experiment:
       - {t: 15.0, vx: 0.5}
 
 A key that a step omits keeps its value; before the first step all have the defaults of `Request`.
-A section `rider` beside it closes the loop: from its first target on, an operator who sees the
-robot sets com_x and com_y (`cassie_teleop.rider`).
+Section `rider` closes the loop: from its first target on, an operator who sees the robot sets
+com_x and com_y (`cassie_teleop.rider`).
 """
 
 from __future__ import annotations
 
 import bisect
-import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
+from cassie_msgs.experiment.script import OperatorStep, RiderScript
 from cassie_msgs.layout import OperatorCommand, RobotState
 from cassie_msgs.operators import write_sender
-from cassie_msgs.schedule import PERIOD_TICKS
-from cassie_msgs.strict_yaml import YamlError, read_yaml
-from cassie_msgs.tunables import names, replace_checked, unknown_name
-from cassie_teleop.request import Request, write
+from cassie_msgs.request import Request, write
+from cassie_msgs.schedule import effective_seq
+from cassie_msgs.tunables import replace_checked
 from cassie_teleop.rider import Rider
-from cassie_teleop.rider_config import read_rider
 from cassie_teleop.sight import Sight, see
-
-_KEYS = ("t", *names(Request))
-
-
-class ScriptError(ValueError):
-    """A script cannot be read, or asks for what is not permitted."""
-
-
-def read_script(path: Path) -> tuple[list[Mapping[str, Any]], Mapping[str, Any] | None]:
-    """Steps of a script file, and its rider if it has one.
-
-    Raises:
-        ScriptError: if it cannot be read, is no strict YAML, or holds no list of steps.
-    """
-    try:
-        content = read_yaml(path)
-    except YamlError as error:
-        raise ScriptError(f"script: {error}") from None
-    rider = None
-    if isinstance(content, Mapping) and "operator" in content:
-        rider = content.get("rider")
-        content = content["operator"]
-    if not isinstance(content, list):
-        raise ScriptError(f"script {path}: expected a list of steps, or one under operator")
-    return content, rider
 
 
 class ScriptedOperator:
-    """Plays a script: the requests in force at each time.
+    """Plays a script: the requests in force at each time."""
 
-    Raises:
-        ScriptError: at construction, naming step, key, value and range.
-    """
-
-    def __init__(
-        self, steps: Sequence[Mapping[str, Any]], rider: Mapping[str, Any] | None = None
-    ) -> None:
-        """Check all steps; `steps` as in this module's description, t ascending, in s.
+    def __init__(self, steps: Sequence[OperatorStep], rider: RiderScript | None = None) -> None:
+        """Begin before the first step.
 
         Args:
-            steps: Requests by time.
-            rider: As `rider_config.read_rider` takes it, or None.
+            steps: What the operator changes, by time.
+            rider: What the rider is like and wants, or None without one.
         """
-        self._times: list[float] = []
+        self._times = [step.t for step in steps]
         self._requests = [Request()]
-        for number, step in enumerate(steps):
-            try:
-                self._append(step)
-            except ValueError as error:
-                raise ScriptError(f"operator step {number}: {error}") from None
+        for step in steps:
+            self._requests.append(replace_checked(self._requests[-1], **step.changes))
         self._command = OperatorCommand()
         write_sender(self._command, "scripted_operator")
-        try:
-            self.rider = Rider(read_rider(rider)) if rider is not None else None
-        except ValueError as error:
-            raise ScriptError(str(error)) from None
+        self.rider = Rider(rider) if rider is not None else None
         self._sights: dict[int, Sight] = {}
-
-    def _append(self, step: Mapping[str, Any]) -> None:
-        if not isinstance(step, Mapping):
-            raise ScriptError(f"expected keys and values, got {step!r}")
-        for key in step:
-            if key not in _KEYS:
-                raise ScriptError(unknown_name(str(key), _KEYS, "key"))
-        time = step.get("t")
-        if isinstance(time, bool) or not isinstance(time, (int, float)):
-            raise ScriptError(f"t = {time!r} is not a time in s")
-        if not (math.isfinite(time) and time >= (self._times or [0.0])[-1]):
-            raise ScriptError(f"t = {time:g} s is before the step ahead of it, or before 0")
-        changes = {key: value for key, value in step.items() if key != "t"}
-        self._requests.append(replace_checked(self._requests[-1], **changes))
-        self._times.append(float(time))
 
     def reset(self) -> None:
         """Begin a new episode."""
@@ -147,7 +90,7 @@ class ScriptedOperator:
         if self.rider is not None:
             self._ride(self.rider, state.stamp_ns, command)
         command.answer(state)
-        command.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+        command.effective_seq[...] = effective_seq(int(state.seq))
         return command
 
     def _ride(self, rider: Rider, stamp_ns: int, command: OperatorCommand) -> None:

@@ -8,13 +8,21 @@ from collections import deque
 
 import pytest
 
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.script import Gates, RiderScript
 from cassie_msgs.layout import RobotState
+from cassie_msgs.structured import structure
+from cassie_msgs.tunables import ParameterError
 from cassie_teleop.rider import Rider, curvature, slope, way
-from cassie_teleop.rider_config import Gates, read_rider
-from cassie_teleop.script import ScriptedOperator, ScriptError
+from cassie_teleop.script import ScriptedOperator
 from cassie_teleop.sight import Sight, SightError, see
 
 QUIET = {"noise": 0.0}
+
+
+def scripted(steps: list, rider: dict) -> ScriptedOperator:
+    experiment = structure(Experiment, {"operator": steps, "rider": rider})
+    return ScriptedOperator(experiment.operator, experiment.rider)
 
 
 def odometry(stamp_ns: int, x: float, y: float, yaw: float, forward: float) -> bytes:
@@ -31,7 +39,7 @@ def odometry(stamp_ns: int, x: float, y: float, yaw: float, forward: float) -> b
 
 def rides(rider: dict, speed: float, heading: float = 0.0, until: float = 3.0) -> list:
     """Leans over time of an operator who sees always the same."""
-    operator = ScriptedOperator([{"t": 0.0, "mode": "segway"}], rider)
+    operator = scripted([{"t": 0.0, "mode": "segway"}], rider)
     state, leans = RobotState(), []
     for tick in range(0, round(until * 500)):
         stamp = tick * 2_000_000
@@ -78,7 +86,7 @@ def test_the_same_seed_errs_in_the_same_way():
 
 
 def test_what_he_sees_is_late():
-    rider = Rider(read_rider({"targets": [{"t": 0.0, "speed": 1.0}], "delay": 0.2}))
+    rider = Rider(structure(RiderScript, {"targets": [{"t": 0.0, "speed": 1.0}], "delay": 0.2}))
     assert rider.needs(1_000_000_000) == 800_000_000
     rider.decide(1_000_000_000, Sight(800_000_000, 0.0, 0.0, 0.0, 0.0))
     assert rider.needs(1_090_000_000) is None
@@ -86,7 +94,7 @@ def test_what_he_sees_is_late():
 
 
 def test_an_answer_waits_for_what_he_must_have_seen():
-    operator = ScriptedOperator([], {"targets": [{"t": 0.0, "speed": 1.0}]})
+    operator = scripted([], {"targets": [{"t": 0.0, "speed": 1.0}]})
     operator.watch(0, odometry(0, 0.0, 0.0, 0.0, 0.0))
     assert not operator.awaits(200_000_000)
     assert operator.awaits(300_000_000)
@@ -107,7 +115,7 @@ def slalom(lag: float = 1.0, answer: float = 10.5, biased: float = 0.02) -> list
     the measured response of robot and Segway at that speed.
     """
     targets = [{"t": 1.0, "speed": 2.0, "heading": 0.0}, {"t": 8.0, "gates": {"count": 10}}]
-    rider = Rider(read_rider({"seed": 1, "targets": targets}))
+    rider = Rider(structure(RiderScript, {"seed": 1, "targets": targets}))
     period, v, x, y, heading, slow, lean = 0.01, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0
     late, sights, places = deque([0.0] * 22), [], []
     for tick in range(2700):
@@ -142,17 +150,23 @@ def test_he_goes_through_a_slalom_whatever_the_segway_is_like(segway):
 @pytest.mark.parametrize(
     ("rider", "message"),
     [
-        ({}, "targets must be given"),
-        ({"targets": [{"t": 0}], "dealy": 1}, "delay"),
-        ({"targets": [{"t": 0, "sped": 1}]}, "speed"),
-        ({"targets": [{"t": 0, "speed": 9}]}, "speed = 9 is outside -1 .. 4.5 m/s"),
-        ({"targets": [{"speed": 1}]}, "t = None"),
-        ({"targets": [{"t": 2}, {"t": 1}]}, "before the one ahead"),
-        ({"targets": [{"t": 0, "turn": 1, "heading": 0}]}, "only one of"),
-        ({"targets": [{"t": 0, "gates": {"spacng": 3}}]}, "spacing"),
-        ({"targets": [{"t": 0, "gates": 3}]}, "gates"),
+        ({}, "rider: targets must be given"),
+        ({"targets": [{"t": 0}], "dealy": 1}, "rider: unknown key dealy: did you mean delay?"),
+        ({"targets": [{"t": 0, "sped": 1}]}, "targets.0: unknown key sped: did you mean speed"),
+        ({"targets": [{"t": 0, "speed": 9}]}, "targets.0.speed = 9 m/s is outside -1 .. 4.5 m/s"),
+        ({"targets": [{"speed": 1}]}, "rider.targets.0.t must be given"),
+        ({"targets": [{"t": 2}, {"t": 1}]}, "targets.1.t = 1 s is before targets.0.t = 2 s"),
+        (
+            {"targets": [{"t": 0, "turn": 1, "heading": 0}]},
+            "targets.0: only one of heading",
+        ),
+        (
+            {"targets": [{"t": 0, "gates": {"spacng": 3}}]},
+            "gates: unknown key spacng: did you",
+        ),
+        ({"targets": [{"t": 0, "gates": 3}]}, "rider.targets.0.gates = 3 is not a mapping"),
     ],
 )
 def test_what_he_cannot_mean_is_refused(rider, message):
-    with pytest.raises(ScriptError, match=message.replace(".", r"\.")):
-        ScriptedOperator([], rider)
+    with pytest.raises(ParameterError, match=message.replace(".", r"\.")):
+        scripted([], rider)

@@ -4,8 +4,8 @@ A bag carries the definition of each of its types with all that it rests on, so 
 reader needs no workspace. The text comes from the installed `.msg` files.
 
 Source:
-    The schema encoding "ros2msg" of the MCAP well-known encodings: the `.msg` file, then,
-    for each type it rests on, a line of 80 `=`, a line `MSG: package/Name` and its file.
+    The schema encoding "ros2msg" of the MCAP well-known encodings. First comes the `.msg` file.
+    For each type that it rests on follow a line of 80 `=`, a line `MSG: package/Name`, its file.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The framing of MCAP files: records one after another, also of a damaged file.
 
 Source:
-    The MCAP specification, "Records" and "Chunk": a record is one byte of opcode, eight of
-    length and its content; a chunk holds records of its own, compressed together.
+    The MCAP specification, "Records" and "Chunk". A record is one byte of opcode, eight of
+    length and its content. A chunk holds records of its own, compressed together.
 """
 
 from __future__ import annotations

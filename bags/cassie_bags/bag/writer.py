@@ -1,9 +1,8 @@
 """Writing of bags: MCAP in the ROS 2 profile, definitions embedded, safe against a kill.
 
-A chunk is closed, written and handed to the operating system before half a second has passed
-since its first message, in robot time as well as in wall time. If the writer is killed,
-what is in the file is therefore complete but for the last half second, and
-`cassie_bags.bag.recover` makes an indexed file of it.
+A chunk is handed to the operating system within half a second of its first message, in robot time
+and in wall time. So a writer that is killed loses the last half second at most.
+`cassie_bags.bag.recover` makes an indexed file of the rest.
 
 `log_time` is robot time (continued over episodes), so that a bag replays and plots on the
 robot's clock whatever the speed of the machine; `publish_time` is the time of receipt.

@@ -13,7 +13,7 @@ from PIL import Image
 
 from cassie_bags.report.text import finite, outcome_content, phase_content
 from cassie_bags.report.view import View
-from cassie_bags.run.judge import Outcome
+from cassie_bags.run.judge import RunResult
 from cassie_bags.signals.metrics import Metrics
 
 CAPTIONS = {
@@ -47,7 +47,7 @@ Entry = Mapping[str, Any]
 """What the page says of a run, as JSON has it: what `run_entry` or `drive_entry` gives."""
 
 
-def run_entry(outcome: Outcome, view: View | None, versions: Mapping[str, str]) -> Entry:
+def run_entry(outcome: RunResult, view: View | None, versions: Mapping[str, str]) -> Entry:
     """An experiment for the page.
 
     Args:

@@ -14,7 +14,7 @@ from cassie_bags.bag.summary import Interval
 from cassie_bags.bag.tables import Curve
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_modes, overview
 from cassie_bags.report.view import View
-from cassie_bags.signals.track import TRACKED
+from cassie_msgs.experiment.expectation import TRACKED
 
 _MOST_LABELS = 10  # of a panel
 

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from cassie_bags.signals.track import Track
 from cassie_gaits.names import LEGS
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.camera import frame_of
 from cassie_sim.errors import SimulationError
 from cassie_sim.poses import set_drives
-from cassie_sim.scenario import Scenario
 from cassie_sim.scenes import scene_motion, scene_spec
 
 FloatArray = npt.NDArray[np.float64]

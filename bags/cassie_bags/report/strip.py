@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, shortened
 from cassie_bags.report.poses import PosedModel
 from cassie_bags.report.view import View
-from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track
+from cassie_msgs.experiment.expectation import Phase
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.errors import SimulationError
-from cassie_sim.scenario import Scenario
 from cassie_sim.video import Camera, Film
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.run.judge import Outcome
-from cassie_bags.signals.metrics import PHASE_METRICS, RUN_METRICS, PhaseMetrics
-from cassie_bags.signals.track import TRACKED
+from cassie_bags.run.judge import RunResult, checks
+from cassie_bags.signals.metrics import PhaseMetrics
+from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import as_mapping
 
 _HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
@@ -20,12 +20,12 @@ _UNITS = "m/s, rad/s, m, deg"
 _WIDTH = 80  # of a terminal, in characters
 
 
-def json_line(outcome: Outcome) -> str:
+def json_line(outcome: RunResult) -> str:
     """The run as one line of JSON; what does not exist (NaN) is null."""
     return json.dumps(finite(outcome_content(outcome)), allow_nan=False)
 
 
-def outcome_content(outcome: Outcome) -> dict[str, Any]:
+def outcome_content(outcome: RunResult) -> dict[str, Any]:
     """The run as JSON has it, but for NaN."""
     experiment, metrics = outcome.experiment, outcome.metrics
     return {
@@ -35,7 +35,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
         "failures": list(outcome.failures),
         "checks": [
             {**vars(check), "passed": not check.problem}
-            for check in experiment.expect.checks(metrics)
+            for check in checks(experiment.expect, metrics)
         ],
         "fell": metrics.fell,
         "fall_time": metrics.fall_time,
@@ -56,7 +56,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
         "seed": experiment.seed,
         "draw": as_mapping(experiment.scenario.draw),
         "event_times": {
-            "operator": [step["t"] for step in experiment.operator],
+            "operator": [step.t for step in experiment.operator],
             "gantry": [move.t for move in experiment.scenario.gantry],
             "pushes": [push.t for push in experiment.scenario.pushes],
             "faults": [fault.t for fault in experiment.scenario.faults],
@@ -65,7 +65,7 @@ def outcome_content(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def table(outcome: Outcome) -> str:
+def table(outcome: RunResult) -> str:
     """The run as a table: what was commanded and achieved in each phase, then the verdict."""
     metrics = outcome.metrics
     rows: list[Sequence[str]] = [_HEADINGS]
@@ -85,11 +85,11 @@ def table(outcome: Outcome) -> str:
         lines.append(f"{100 * missed:.2f} % of the control ticks without a new command")
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
-    if checks := outcome.experiment.expect.checks(metrics):
+    if found := checks(outcome.experiment.expect, metrics):
         rows = [["expected of", "measured", "value", "target", "pass"]]
         rows += [
             [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
-            for c in checks
+            for c in found
         ]
         lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
@@ -97,7 +97,7 @@ def table(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def _verdict(outcome: Outcome) -> str:
+def _verdict(outcome: RunResult) -> str:
     """Whether it passed, and where the pictures are."""
     count = len(outcome.failures)
     verdict = "passed" if outcome.passed else f"FAILED: {count} not as expected"

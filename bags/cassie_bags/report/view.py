@@ -11,14 +11,15 @@ from cassie_bags.bag.continuity import episodes
 from cassie_bags.bag.recording import Recording, Rows
 from cassie_bags.bag.summary import Interval, Summary, intervals_of_mode, summarize
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.judge import phases_of
 from cassie_bags.signals.events import Event, events_of
 from cassie_bags.signals.falls import fall_time
-from cassie_bags.signals.metrics import Phase
 from cassie_bags.signals.track import Track, make_track, with_estimate_as_truth
+from cassie_msgs.experiment.expectation import Phase
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import ControllerStatus
-from cassie_sim.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,10 @@ from cassie_bags.cli.arguments import positive, seconds
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.run.cores import make_cores, make_loop, tick_count
-from cassie_bags.run.experiment import Experiment, parse_experiment
+from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve, write_resolved
-from cassie_bags.run.simulate import Loop, run
+from cassie_bags.run.simulate import ControlLoop, run
+from cassie_msgs.experiment.file import Experiment
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -190,9 +191,7 @@ def _missed(experiment: Experiment, busy: int) -> dict[str, float]:
 
 def _with(experiment: Experiment, **simulator: Any) -> Experiment:
     """An experiment with other parameters of the simulator."""
-    parameters = dict(experiment.parameters)
-    parameters["simulator"] = {**parameters["simulator"], **simulator}
-    return dataclasses.replace(experiment, parameters=parameters)
+    return dataclasses.replace(experiment, simulator={**experiment.simulator, **simulator})
 
 
 def _default_executor(experiment: Experiment) -> dict[str, float]:
@@ -233,7 +232,7 @@ def _tick(experiment: Experiment) -> dict[str, float]:
     """One tick of estimator and controller together."""
     cores = make_cores(experiment)
     estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
-    loop = Loop(
+    loop = ControlLoop(
         cores.plant,
         estimator,
         controller,

@@ -29,12 +29,11 @@ from cassie_bags.run.seed import resolve
 from cassie_control.schedule import ModeTable
 from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, REPEAT_PERIOD, period_of
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
 _QOS = QoSProfile(depth=100)
-_REPEAT = 0.5  # s without an answer after which a sample is sent again
 
 
 def to_message(sample: Sample) -> Any:
@@ -195,7 +194,7 @@ class Simulator(LoopNode):
         self.times: list[float] = []
         self.takes(MotorCommand, self._advance)
         self.takes(OperatorCommand, self._take_operator)
-        self._timer = self.create_timer(_REPEAT, self._repeat)
+        self._timer = self.create_timer(REPEAT_PERIOD, self._repeat)
         self._looked_at = -1
 
     def _repeat(self) -> None:
@@ -212,7 +211,7 @@ class Simulator(LoopNode):
         plant = self.cores.plant
         if int(command.seq) != plant.seq:
             return
-        plant.power(self._power.get(plant.seq - plant.seq % PERIOD_TICKS, False))
+        plant.power(self._power.get(period_of(plant.seq), False))
         plant.step(command)
         self.times.append(time.perf_counter())
         if plant.seq >= self._ticks:

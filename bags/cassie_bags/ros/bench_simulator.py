@@ -1,9 +1,8 @@
 """The simulator node with a stopwatch, for the benchmark.
 
 Usage: python -m cassie_bags.ros.bench_simulator FILE --ros-args ...
-FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and
-its command was taken, NaN where none came; and `missed`, the number of control ticks without a new
-command.
+FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and its
+command was taken, NaN where none came. `missed` is the number of control ticks without a command.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ from cassie_bags.ros.processes import (
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.spectator import Spectator
 from cassie_bags.run.cores import library_path, simulator_config
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
+from cassie_msgs.experiment.file import Experiment
 from cassie_sim.simulator_config import SimulatorConfig
 
 START_TIMEOUT = 90.0
@@ -125,9 +125,9 @@ def start_nodes(
 def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[str, set[int]]:
     """Which processors a node keeps to; those not named run anywhere.
 
-    In lock-step estimator and controller take turns, and the physics is made meanwhile. Where there
-    are just two processors, whoever is woken on one that is busy, or about to sleep, waits for an
-    interrupt from the other; so these three keep to places where that does not happen. Only where
+    In lock-step estimator and controller take turns, and the physics is made meanwhile. On
+    two processors a thread that is woken on a busy or idle one waits for an interrupt from the
+    other. So these three nodes keep to places where that does not happen. Only where
     robot time runs as fast as it goes, and no film, which would share the simulator's place, is
     made.
 

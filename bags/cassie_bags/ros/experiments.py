@@ -26,8 +26,8 @@ from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
-from cassie_bags.run.experiment import Experiment, load_experiment, packaged_experiments
-from cassie_bags.run.judge import Outcome, evaluate
+from cassie_bags.run.experiment import load_experiment, packaged_experiments
+from cassie_bags.run.judge import RunResult, evaluate
 from cassie_bags.run.observers import BagObserver, both
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
@@ -35,6 +35,7 @@ from cassie_bags.run.simulate import Store
 from cassie_bags.run.simulate import run as run_loop
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers
+from cassie_msgs.experiment.file import Experiment
 
 NOT_RUN = "the run did not come to its end"
 
@@ -90,7 +91,7 @@ def run_experiment(
     in_process: bool,
     stack: bool = False,
     beside: bool = False,
-) -> Outcome:
+) -> RunResult:
     """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
 
     Args:
@@ -114,7 +115,7 @@ def run_experiment(
         return _over_dds(experiment, Path(folder), stack)
 
 
-def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Outcome:
+def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> RunResult:
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
@@ -138,7 +139,7 @@ def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
         yield itertools.takewhile(lambda _: not came, ticks)
 
 
-def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
+def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
     from cassie_bags.ros.dds_run import run_over_dds
 
     bag = run_over_dds(experiment, folder, stack=stack)
@@ -147,8 +148,8 @@ def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> Outcome:
 
 
 def keep(
-    outcome: Outcome, folder: Path, *, pictures: bool, film: bool = True
-) -> tuple[Outcome, Entry]:
+    outcome: RunResult, folder: Path, *, pictures: bool, film: bool = True
+) -> tuple[RunResult, Entry]:
     """Leave table, JSON, pictures and page beside the bag.
 
     Returns:
@@ -242,10 +243,10 @@ def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     """Run all tasks; the page is written anew after each, so that a stop leaves one."""
     found: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
-    crew: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
+    pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
     bar = tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty(), leave=False)
-    with contextlib.closing(crew), bar:
-        for index, content in crew.results(run_task, tasks):
+    with contextlib.closing(pool), bar:
+        for index, content in pool.results(run_task, tasks):
             found[index] = content
             entries = [found[key] for key in sorted(found)]
             sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None

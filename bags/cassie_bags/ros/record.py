@@ -1,7 +1,7 @@
 """Node `recorder`: topics into a bag, without loss on the control lane.
 
-Messages are taken as bytes from a wait set, past rclpy's executor, in batches: the queues are
-deep, so a wake-up for each message would only cost the other nodes time.
+Messages are taken as bytes from a wait set, past rclpy's executor, in batches. The queues are deep:
+a wake-up for each message would only cost the other nodes time.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
+    "/cassie/gait",
+    "/cassie/gait_request",
     "/cassie/node_events",
     "/cassie/operator_in_force",
     "/cassie/supervisor_status",
@@ -275,8 +277,8 @@ class Session:
     def _drain(self, settle: float = 0.0) -> int:
         """Write all that has come, in order of time; returns the number of messages.
 
-        Topics are emptied against the stream of the control lane: what a message answers has come
-        before it, so that the last of a recording does not lack it.
+        Topics are emptied against the stream of the control lane. What a message answers has come
+        before that message, so the last one of a recording does not lack it.
 
         Args:
             settle: Wait between two topics, for messages that overtook each other. In s.

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.run.simulate import Loop, Observer
+from cassie_bags.run.simulate import ControlLoop, Observer
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
@@ -21,6 +20,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec
@@ -36,7 +36,10 @@ SET_BY_FILE = (
 UNCERTIFIED, LEARNED_FILE = "allow_uncertified", "learned_torques_file"
 """Parameters of the controller's node, not of its core."""
 
-_OF_NODE = (UNCERTIFIED, LEARNED_FILE)
+GAIT_SOURCE = "gait_source"
+"""Another one: whether gaits are made while the robot walks."""
+
+_OF_NODE = (UNCERTIFIED, LEARNED_FILE, GAIT_SOURCE)
 ConfigT = TypeVar("ConfigT")
 
 
@@ -63,6 +66,7 @@ def check_parameters(experiment: Experiment) -> None:
     scene_spec(experiment.scenario.scene, experiment.scenario.scene_parameters)
     load_gaits(experiment)
     load_learned(experiment)
+    makes_gaits(experiment)
     _config(EstimatorConfig, experiment.parameters["estimator"], "estimator")
     _controller_config(experiment)
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
@@ -106,6 +110,20 @@ def _controller_config(experiment: Experiment) -> ControllerConfig:
     return _config(ControllerConfig, given, "controller")
 
 
+def makes_gaits(experiment: Experiment) -> bool:
+    """Whether `controller.gait_source` is optimizer.
+
+    Raises:
+        ExperimentError: if it is neither that nor library.
+    """
+    source = experiment.parameters["controller"].get(GAIT_SOURCE, "library")
+    if source not in ("library", "optimizer"):
+        raise ExperimentError(
+            f"controller.{GAIT_SOURCE} is {source!r}, expected library or optimizer"
+        )
+    return bool(source == "optimizer")
+
+
 @dataclass(frozen=True)
 class Cores:
     """What computes in an experiment, without anything between."""
@@ -126,10 +144,15 @@ def make_cores(experiment: Experiment) -> Cores:
     config = simulator_config(experiment)
     period = 1.0 / config.control_rate
     parameters = experiment.parameters
+    make_controller: type[GaitController] = GaitController
+    if makes_gaits(experiment):
+        from cassie_bags.run.optimized import OptimizedGaitController
+
+        make_controller = OptimizedGaitController
     return Cores(
         Plant(config, experiment.scenario),
         make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
-        GaitController(
+        make_controller(
             _controller_config(experiment),
             load_gaits(experiment),
             period,
@@ -140,7 +163,7 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
-def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> Loop:
+def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> ControlLoop:
     """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
 
     Args:
@@ -156,14 +179,18 @@ def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = Fals
         raise ExperimentError(
             "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
         )
+    if makes_gaits(experiment):
+        raise ExperimentError(
+            "controller.gait_source = optimizer needs gait_optimizer: not in one process"
+        )
     cores = make_cores(experiment)
     cores.plant.beside = beside
     return connect(cores, observer)
 
 
-def connect(cores: Cores, observer: Observer) -> Loop:
+def connect(cores: Cores, observer: Observer) -> ControlLoop:
     """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
-    return Loop(
+    return ControlLoop(
         cores.plant,
         cores.estimator,
         cores.controller,

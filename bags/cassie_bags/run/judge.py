@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 
 from cassie_bags.bag.continuity import episodes, gaps
 from cassie_bags.bag.recording import Recording
-from cassie_bags.run.experiment import Experiment
-from cassie_bags.signals.metrics import Metrics, Phase, measure
+from cassie_bags.signals.metrics import Metrics, measure
 from cassie_bags.signals.phases import phases_of_steps
 from cassie_bags.signals.track import make_track
+from cassie_msgs.experiment.expectation import Bound, Expectation, Phase
+from cassie_msgs.experiment.file import Experiment
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunResult:
     """What came of a run.
 
     Attributes:
@@ -46,7 +47,7 @@ def phases_of(experiment: Experiment) -> Sequence[Phase]:
 
 def evaluate(
     experiment: Experiment, recording: Recording, how: str, *, lockstep_broken: bool = False
-) -> Outcome:
+) -> RunResult:
     """Hold a run against what was expected of it.
 
     Args:
@@ -60,11 +61,66 @@ def evaluate(
     """
     track = make_track(recording)
     metrics = measure(recording, track, phases_of(experiment), experiment.rider)
-    failures = experiment.expect.failures(metrics)
+    failures = [check.problem for check in checks(experiment.expect, metrics) if check.problem]
     if not experiment.expect.lockstep_broken:
         if lockstep_broken:
             failures.append("lockstep_broken: the commands did not come in time")
         failures += [f"lost: {gap}" for gap in gaps(recording)]
         if len(episodes(recording)) > 1:
             failures.append(f"the simulator restarted: {len(episodes(recording))} episodes")
-    return Outcome(experiment, metrics, failures, how, lockstep_broken)
+    return RunResult(experiment, metrics, failures, how, lockstep_broken)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that is expected of a run.
+
+    Attributes:
+        phase: Of which phase; empty for the whole run.
+        name: What is measured.
+        value, target: What came, and what was expected.
+        problem: What is wrong, in a line; empty if nothing is.
+    """
+
+    phase: str
+    name: str
+    value: str
+    target: str
+    problem: str
+
+
+def checks(expected: Expectation, metrics: Metrics) -> list[Check]:
+    """Everything that is expected, and what came of it.
+
+    Args:
+        expected: Bounds.
+        metrics: Of the run, over its phases.
+    """
+    found = []
+    if expected.fell is not None:
+        found.append(_fall_check(expected.fell, metrics))
+    for name, bound in expected.metrics.items():
+        found.append(_check("", name, metrics.run[name], bound))
+    for values in metrics.phases:
+        phase = values.phase
+        if phase.bounds and not values.reached:
+            problem = f"{phase.name}: the run ended before {phase.t1:g} s"
+            found.append(Check(phase.name, "reached", "no", "yes", problem))
+            continue
+        found += [_check(phase.name, n, values.values[n], b) for n, b in phase.bounds.items()]
+    return found
+
+
+def _fall_check(wanted: bool, metrics: Metrics) -> Check:
+    when = "" if metrics.fall_time is None else f" at {metrics.fall_time:.2f} s"
+    value = f"yes{when}" if metrics.fell else "no"
+    problem = f"the robot fell{when}" if metrics.fell else "the robot did not fall"
+    kept = metrics.fell == wanted
+    return Check("", "falls", value, "yes" if wanted else "no", "" if kept else problem)
+
+
+def _check(phase: str, name: str, value: float, bound: Bound) -> Check:
+    problem = f"{name} = {value:.4g}, expected {bound}"
+    if phase:
+        problem = f"{phase}: {problem}"
+    return Check(phase, name, f"{value:.4g}", str(bound), "" if bound.holds(value) else problem)

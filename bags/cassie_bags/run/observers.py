@@ -8,9 +8,9 @@ from types import TracebackType
 
 from cassie_bags.bag.recording import TYPES
 from cassie_bags.bag.writer import QOS_LANE, BagWriter
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.simulate import Observer
+from cassie_msgs.experiment.file import Experiment
 
 
 class BagObserver:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cassie_bags.run.experiment import Experiment, to_yaml
+from cassie_msgs.experiment.file import Experiment, to_yaml
 from cassie_msgs.tunables import as_mapping
 
 _OURS = ("cassie_bags", "cassie_control", "cassie_gaits", "cassie_sim", "cassie_teleop")

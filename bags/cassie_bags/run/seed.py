@@ -15,14 +15,10 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.experiment import Experiment, drawn_robot, to_yaml
-from cassie_teleop.script import ScriptedOperator
+from cassie_msgs.experiment.file import Experiment, to_yaml
 
-STEP_DELAY = 0.2
-"""Operator steps and gantry moves come up to this much later than written. In s."""
-
-EVENT_DELAY = 0.4
-"""Pushes and faults do. In s."""
+_DELAYS = {"operator": 0.2, "gantry": 0.2, "pushes": 0.4, "faults": 0.4}
+"""By how much each kind of event may come later than written. In s."""
 
 
 @enum.unique
@@ -46,43 +42,22 @@ class Stream(enum.IntEnum):
 
 
 def resolve(experiment: Experiment) -> Experiment:
-    """Draw the robot and the moments of events from the experiment's seed.
+    """Draw the moments of events from the experiment's seed, as its robot was on reading it.
 
     What is written at 0 s is the state at the start and stays there. Entries of one list keep
     their order. Seed 0 gives the nominal robot at the written times.
-
-    Raises:
-        ExperimentError: if a drawn value that the file fixes is out of its range.
     """
     if experiment.drawn:
-        robot = drawn_robot(experiment, 0)
-        return dataclasses.replace(
-            experiment, scenario=dataclasses.replace(experiment.scenario, draw=robot)
-        )
-    scenario = dataclasses.replace(
-        experiment.scenario, draw=drawn_robot(experiment, experiment.seed)
-    )
-    operator = experiment.operator
+        return experiment
+    changes: dict[str, Any] = {}
     if experiment.seed:
         rng = Stream.EVENTS.rng(experiment.seed)
-        times = delayed([float(step["t"]) for step in operator], STEP_DELAY, rng)
-        operator = tuple({**step, "t": t} for step, t in zip(operator, times, strict=True))
-        scenario = dataclasses.replace(
-            scenario,
-            gantry=_later(scenario.gantry, STEP_DELAY, rng),
-            pushes=_later(scenario.pushes, EVENT_DELAY, rng),
-            faults=_later(scenario.faults, EVENT_DELAY, rng),
-        )
+        for name, most in _DELAYS.items():
+            changes[name] = _later(getattr(experiment, name), most, rng)
     rider = experiment.rider
-    if rider is not None and not rider.get("seed"):
-        rider = {**rider, "seed": experiment.seed}
-    try:
-        ScriptedOperator(operator, rider)
-    except ValueError as error:
-        raise ExperimentError(str(error)) from None
-    return dataclasses.replace(
-        experiment, drawn=True, scenario=scenario, operator=operator, rider=rider
-    )
+    if rider is not None and not rider.seed:
+        changes["rider"] = dataclasses.replace(rider, seed=experiment.seed)
+    return dataclasses.replace(experiment, drawn=True, **changes)
 
 
 def write_resolved(experiment: Experiment, path: Path) -> None:

@@ -30,12 +30,12 @@ Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
 
 
-class Loop:
+class ControlLoop:
     """One run of the cores on the schedule of lock-step.
 
-    On tick k: sample k, state k; on every 10th the operator's command and the supervisor's
-    mode, which hold from tick k + 10; command k from the mode in force; power as the operator
-    had it set for this tick; then the plant steps.
+    A tick is a sample, its state, and the motor command by the mode in force. On every
+    `PERIOD_TICKS`-th tick the operator and the supervisor answer the state, and what they say holds
+    `PERIOD_TICKS` later. Power is as the operator has set it for the tick. Then the plant steps.
 
     Args:
         plant: At tick 0.
@@ -117,7 +117,7 @@ class Loop:
         self._observer(sample.TOPIC, sample.to_bytes(), stamp)
 
 
-def run(loop: Loop, ticks: Iterable[int]) -> float:
+def run(loop: ControlLoop, ticks: Iterable[int]) -> float:
     """Run a loop over ticks, which may show progress; returns the wall time it took. In s."""
     started = time.perf_counter()
     for _ in ticks:

@@ -1,9 +1,9 @@
 """Replay of a recording through estimator, supervisor and controller, to the last bit.
 
-Each core gets what its node got in the recording: the samples, states and commands in it, and what
-the node told on /cassie/node_events beside them (parameters, late modes, lost nodes). So a
-difference shows in the node where it arises. A core is followed from where its node began; before
-that, and after a message that is missing, nothing can be said of it.
+Each core gets what its node got: samples, states and commands of the recording. It also gets what
+the node told on /cassie/node_events: parameters, late modes, lost nodes. So a difference shows in
+the node where it arises. A core is followed from where its node began; before that, and after a
+message that is missing, nothing can be said of it.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library_file import PACKAGED, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
 from cassie_msgs.layout import (
+    Gait,
     Mode,
     MotorCommand,
     OperatorCommand,
@@ -54,7 +55,7 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, period_of
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
 Key = tuple[int, int]
@@ -73,7 +74,7 @@ START, TOLERANCE = 5.0, 1e-9
 """What is compared where bits may differ: the first so many s, to this difference in SI units."""
 
 _NEAR = 20  # messages of a topic within which a process that was replaced may have answered, too
-_TOPICS = (Sensors, RobotState, Mode, MotorCommand, OperatorCommand)
+_TOPICS = (Sensors, RobotState, Mode, MotorCommand, OperatorCommand, Gait)
 
 
 @dataclass(frozen=True)
@@ -283,16 +284,21 @@ class _Lane:
         self.scripted = {
             key: raw for key, raw in self._by_key(OperatorCommand.TOPIC).items() if _scripted(raw)
         }
-        self.modes: dict[Key, bytes] = {}
-        mode = Mode()
-        for raw in self.rows[Mode.TOPIC]:
-            mode.load(raw)
-            self.modes[int(mode.episode), int(mode.effective_seq)] = raw
+        self.modes = self._by_effective_seq(Mode)
+        self.gaits = self._by_effective_seq(Gait)
 
     def _by_key(self, topic: str) -> dict[Key, bytes]:
         found: dict[Key, bytes] = {}
         for raw in self.rows[topic]:
             found.setdefault(_key(raw), raw)
+        return found
+
+    def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
+        found: dict[Key, bytes] = {}
+        message = kind()
+        for raw in self.rows[kind.TOPIC]:
+            message.load(raw)
+            found[int(message.episode), int(message.effective_seq)] = raw
         return found
 
     def setting(self, node: str) -> Setting:
@@ -436,6 +442,8 @@ class _Controller(_Core):
         self._guarded = GuardedController(self._core)
         self._guarded.reset()
         self._state, self._mode, self._off = RobotState(), Mode(), Mode()
+        self._gait = Gait()
+        self._offered: Key | None = None
         self._late: int | None = None
         self._fallback: StopAndStand | None = None
         self._episode = -1
@@ -448,6 +456,8 @@ class _Controller(_Core):
         super().take(event)
         if event.event == "mode":
             self._late = event.content["effective_seq"]
+        elif event.event == "gait":
+            self._offered = event.episode, event.content["effective_seq"]
         elif event.event == "lost":
             self._fallback = None
             if event.content["node"] is not None:
@@ -456,12 +466,17 @@ class _Controller(_Core):
 
     def answer(self, key: Key) -> Sample:
         self._state.load(_found(self.lane.states, key, "state"))
-        return self._guarded.step(self._state, self._mode_at(*key))
+        mode = self._mode_at(*key)
+        if self._offered is not None:
+            self._gait.load(_found(self.lane.gaits, self._offered, "gait"))
+            self._core.offer(self._gait)
+            self._offered = None
+        return self._guarded.step(self._state, mode)
 
     def _mode_at(self, episode: int, tick: int) -> Mode:
         if self._fallback is not None:
             return self._fallback.step()
-        first = tick - tick % PERIOD_TICKS if self._late is None else self._late
+        first = period_of(tick) if self._late is None else self._late
         return self._recorded_mode(episode, first)
 
     def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cassie_sim.scenario import Scenario
+from cassie_msgs.experiment.scenario import Scenario
 
 KINDS = ("push", "gantry", "fault", "node", "fall")
 

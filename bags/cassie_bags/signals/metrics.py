@@ -6,9 +6,8 @@ The velocities are those of the pelvis origin in the heading frame, from the tru
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,67 +15,19 @@ import numpy.typing as npt
 from cassie_bags.bag.recording import Recording
 from cassie_bags.signals.falls import fall_time
 from cassie_bags.signals.riding import gate_miss
-from cassie_bags.signals.track import TRACKED, Track
+from cassie_bags.signals.track import Track
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_gaits.robot import DRIVES as DRIVE_TABLE
+from cassie_msgs.experiment.expectation import PHASE_METRICS, TRACKED, Phase
+from cassie_msgs.experiment.script import RiderScript
 from cassie_msgs.layout import ControllerStatus
 
 FloatArray = npt.NDArray[np.float64]
 
-PHASE_METRICS = (
-    *TRACKED,
-    *(f"{name}_rms" for name in TRACKED),
-    "roll_deg",
-    "pitch_deg",
-    "drift",
-    "distance",
-    "turn_deg",
-    "speed_peak",
-    "vx_min",
-    "vx_max",
-    "sole_pitch_deg",
-)
-"""Mean of each tracked quantity, RMS of its error, mean roll and pitch, greatest horizontal
-distance from the start of the phase, distance and turn from its start to its end, greatest
-mean speed over a second, least and greatest speed forward, see `sole_pitch`."""
-
-RUN_METRICS = (
-    *(f"{name}_mean" for name in TRACKED),
-    *(f"{name}_mean_error" for name in TRACKED),
-    *(f"{name}_rms_error" for name in TRACKED),
-    "fall_time",
-    "duration",
-    "drift",
-    "distance",
-    "tilt_deg",
-    "height_min",
-    "height_max",
-    "peak_torque_ratio",
-    "steps",
-    "gate_miss",
-    "real_time_factor",
-    "missed_share",
-)
-"""Means and errors of the tracked quantities while the robot carries itself, time of the fall
-(NaN if none), greatest and final horizontal distance from where it began to carry itself,
-greatest tilt, least and greatest height, greatest ratio of a drive's torque to its limit, steps
-walked, greatest distance of a Segway from the middle of a gate (NaN without gates), robot time by
-wall time, share of the control ticks without a new command where the wall clock sets the pace (NaN
-where robot time waits)."""
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A part of a run: name, start and end in robot time (s)."""
-
-    name: str
-    t0: float
-    t1: float
-
 
 @dataclass(frozen=True)
 class PhaseMetrics:
-    """A phase in numbers: `PHASE_METRICS` and what was commanded, the mean of each."""
+    """A phase in numbers: `expectation.PHASE_METRICS` and what was commanded, the mean of each."""
 
     phase: Phase
     reached: bool
@@ -91,7 +42,7 @@ class Metrics:
     Attributes:
         fell: Whether the robot fell.
         fall_time: When. In s, or None.
-        run: `RUN_METRICS` by name.
+        run: `expectation.RUN_METRICS` by name.
         peak_torque: Largest torque of each drive by name. In Nm.
         phases: In the order asked for.
     """
@@ -107,7 +58,7 @@ def measure(
     recording: Recording,
     track: Track,
     phases: Iterable[Phase],
-    rider: Mapping[str, Any] | None = None,
+    rider: RiderScript | None = None,
 ) -> Metrics:
     """A run in numbers.
 

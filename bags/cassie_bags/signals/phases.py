@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cassie_bags.signals.metrics import Phase
+from cassie_msgs.experiment.expectation import Phase
+from cassie_msgs.experiment.script import OperatorStep
 
 _SHOWN = ("vx", "vy", "yaw_rate", "height", "roll", "pitch", "com_x", "com_y")
 
 
-def phases_of_steps(steps: Sequence[Mapping[str, Any]], duration: float) -> tuple[Phase, ...]:
+def phases_of_steps(steps: Sequence[OperatorStep], duration: float) -> tuple[Phase, ...]:
     """One phase for each interval between operator steps, named after what the step changes.
 
     Args:
@@ -19,20 +20,20 @@ def phases_of_steps(steps: Sequence[Mapping[str, Any]], duration: float) -> tupl
     """
     if not steps:
         return (Phase("without an operator", 0.0, duration),)
-    starts = [float(step["t"]) for step in steps]
+    starts = [step.t for step in steps]
     ends = [*starts[1:], duration]
     return tuple(
-        Phase(_name(step), t0, min(t1, duration))
+        Phase(_name(step.changes), t0, min(t1, duration))
         for step, t0, t1 in zip(steps, starts, ends, strict=True)
         if t0 < min(t1, duration)
     )
 
 
-def _name(step: Mapping[str, Any]) -> str:
+def _name(changes: Mapping[str, Any]) -> str:
     words = []
-    if "power" in step:
-        words.append("power on" if step["power"] else "power off")
-    if "mode" in step:
-        words.append(str(step["mode"]))
-    words += [f"{key} {step[key]:g}" for key in _SHOWN if key in step]
+    if "power" in changes:
+        words.append("power on" if changes["power"] else "power off")
+    if "mode" in changes:
+        words.append(str(changes["mode"]))
+    words += [f"{key} {changes[key]:g}" for key in _SHOWN if key in changes]
     return ", ".join(words) or "no change"

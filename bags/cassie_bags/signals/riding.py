@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
 from cassie_bags.signals.leg_geometry import euler_angles
+from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.rider import way
-from cassie_teleop.rider_config import Gates, RiderScript, Target, read_rider
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,7 +26,7 @@ SHAKING = 2.0
 
 
 def measure_ride(
-    recording: Recording, rider: Mapping[str, Any] | None, window: tuple[float, float]
+    recording: Recording, rider: RiderScript | None, window: tuple[float, float]
 ) -> dict[str, float]:
     """A part of a ride in figures, NaN without a Segway or if the run did not get to its end.
 
@@ -38,11 +36,13 @@ def measure_ride(
         window: From and to. In s.
 
     Returns:
-        ride_min, ride_max: least and greatest speed forward of the chassis (m/s); ride_drift:
-        its greatest distance from where the window began (m); stop_time: from its beginning until
-        the speed was within `AT_REST` (s, infinite if it never was); platform_rms: of the
-        platform's pitch about its mean over `SHAKING` (deg); gate_miss: greatest distance from
-        the middle of a gate that the rider was to pass, over the whole run (m).
+        Figures by name:
+
+        - ride_min, ride_max (m/s): least and greatest speed forward of the chassis.
+        - ride_drift (m): greatest distance of the chassis from where the window began.
+        - stop_time (s): until the speed was within `AT_REST`; infinite if it never was.
+        - platform_rms (deg): of the platform's pitch about its mean over `SHAKING`.
+        - gate_miss (m): greatest distance from the middle of a gate, over the whole run.
     """
     rows = recording.segway
     t0, t1 = window
@@ -64,19 +64,18 @@ def measure_ride(
     }
 
 
-def gate_miss(recording: Recording, rider: Mapping[str, Any] | None) -> float:
+def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
     """Greatest distance of a Segway from the middle of a gate when it is there.
 
     Returns:
         In m; infinite if a gate was not reached, NaN without gates.
     """
-    script = None if rider is None else read_rider(rider)
     found = [math.nan]
-    if script is not None:
-        ends = [following.t for _, following in pairwise(script.targets)] + [math.inf]
-        for target, end in zip(script.targets, ends, strict=True):
+    if rider is not None:
+        ends = [following.t for _, following in pairwise(rider.targets)] + [math.inf]
+        for target, end in zip(rider.targets, ends, strict=True):
             if target.gates is not None:
-                found += misses(recording, script, target, target.gates, end)
+                found += misses(recording, rider, target, target.gates, end)
     return float(np.nanmax(found)) if len(found) > 1 else math.nan
 
 
@@ -100,10 +99,9 @@ def misses(
 
 def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, float]:
     """Where the rider saw the robot when he wanted the course to begin, and its heading."""
-    settings = script.settings
-    period = round(1e9 / settings.rate)
+    period = round(1e9 / script.rate)
     look = -(-round(time * 1e9) // period) * period
-    seen = (look - round(1e9 * settings.delay)) // period * period
+    seen = (look - round(1e9 * script.delay)) // period * period
     row = truth[np.searchsorted(stamps_ns(truth), seen).clip(0, len(truth) - 1)]
     return row["position"][:2], float(euler_angles(row["orientation"][None])[0, 0])
 

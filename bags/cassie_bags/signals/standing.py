@@ -29,10 +29,13 @@ def measure_standing(
         inside: Which samples of the track count.
 
     Returns:
-        com_rms: of the CoM's place on the ground about its mean (m); creep: of the foot that
-        moved more, from the first second to the last (m); height_off: greatest error of the
-        pelvis height (m); shaking: greatest speed of the pelvis in the last second (m/s);
-        stepped: whether it stepped at all (0 or 1). NaN where the window holds no two seconds.
+        Figures by name, NaN where the window holds no two seconds:
+
+        - com_rms (m): of the CoM's place on the ground about its mean.
+        - creep (m): of the foot that moved more, from the first second to the last.
+        - height_off (m): greatest error of the pelvis height.
+        - shaking (m/s): greatest speed of the pelvis in the last second.
+        - stepped: whether the robot stepped at all (0 or 1).
     """
     time = track.time[inside]
     if not len(time) or time[-1] - time[0] < 2.0 * _ENDS:

@@ -19,14 +19,12 @@ from cassie_bags.signals.leg_geometry import (
     to_world,
 )
 from cassie_gaits.robot import SOLE_RADIUS
+from cassie_msgs.experiment.expectation import TRACKED
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-TRACKED = ("vx", "vy", "yaw_rate", "height")
-"""Quantities that an operator commands and a run is judged by. In m/s, m/s, rad/s, m."""
 
 AVERAGED_OVER = 0.8
 """Width of a moving mean over the sway of the gait, about two steps. In s."""

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from cassie_bags.bag.recording import Recording, Rows, stamps
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_loop, tick_count
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store
@@ -25,6 +25,7 @@ from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
 from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.tunables import unknown_name
 

@@ -1,7 +1,7 @@
 """What becomes of Cassie when a sensor fails, in every way, while it stands and walks.
 
-Each mode is run once up to the moment of the fault; from there on every fault runs in a process of
-its own that begins as a copy of that one.
+Each mode is run once up to the moment of the fault. From there on every fault runs in a process of
+its own, a copy of that one.
 """
 
 from __future__ import annotations
@@ -20,19 +20,20 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_cores
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Loop
+from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import FAULT_KINDS, SensorFault
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.events import ActiveFault
 from cassie_sim.plant import Plant
-from cassie_sim.scenario import FAULT_KINDS, SensorFault
 
 SECTION = "Failing sensors"
 """Heading of its table in a file of results."""
@@ -181,7 +182,7 @@ class PreparedRun:
         self._command = MotorCommand()
         self._plant = _FaultyPlant(cores.plant)
         self._estimator = cores.estimator
-        self._loop = Loop(
+        self._loop = ControlLoop(
             cast(Plant, self._plant),
             cores.estimator,
             cores.controller,

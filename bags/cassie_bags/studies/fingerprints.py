@@ -35,11 +35,11 @@ from cassie_bags.studies.workers import Workers, workers
 def run(arguments: argparse.Namespace) -> int:
     """Check or renew fingerprints; returns the exit code."""
     arguments.file = arguments.file or default_path()
-    with contextlib.closing(workers(arguments.jobs, None)) as crew:
-        return _renew(arguments, crew) if arguments.renew else _check(arguments, crew)
+    with contextlib.closing(workers(arguments.jobs, None)) as pool:
+        return _renew(arguments, pool) if arguments.renew else _check(arguments, pool)
 
 
-def _check(arguments: argparse.Namespace, crew: Workers) -> int:
+def _check(arguments: argparse.Namespace, pool: Workers) -> int:
     known = load(arguments.file)
     elsewhere = changes_of_environment(known.environment)
     runs = _runs(arguments, START if elsewhere else None)
@@ -48,7 +48,7 @@ def _check(arguments: argparse.Namespace, crew: Workers) -> int:
             f"not as recorded: {'; '.join(elsewhere)}\n"
             f"holding the pose in the first {START:g} s within tolerances in place of the bits"
         )
-    found = _take(runs, known, crew)
+    found = _take(runs, known, pool)
     told: list[Difference] = []
     for run in runs:
         expected = known.runs.get(run.file.stem, {}).get(run.robot)
@@ -68,7 +68,7 @@ def _check(arguments: argparse.Namespace, crew: Workers) -> int:
     return 1 if told else 0
 
 
-def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
+def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
     if arguments.fast or arguments.bags:
         raise ExperimentError("--renew takes whole runs: neither --fast nor --bags")
     prints = Fingerprints(environment(), fields_to_hash(), {})
@@ -80,7 +80,7 @@ def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
         prints = known
     runs = _runs(arguments, None)
     merged = {name: dict(robots) for name, robots in prints.runs.items()}
-    for run, found in _take(runs, prints, crew).items():
+    for run, found in _take(runs, prints, pool).items():
         merged.setdefault(run.file.stem, {})[run.robot] = found
     in_order = {name: dict(sorted(robots.items())) for name, robots in sorted(merged.items())}
     save(dataclasses.replace(prints, runs=in_order), arguments.file)
@@ -88,11 +88,11 @@ def _renew(arguments: argparse.Namespace, crew: Workers) -> int:
     return 0
 
 
-def _take(runs: list[Run], prints: Fingerprints, crew: Workers) -> dict[Run, Fingerprint]:
+def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
     """Fingerprints of runs, made of the same fields as `prints`."""
     found: dict[Run, Fingerprint] = {}
     with tqdm(total=len(runs), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for index, taken in crew.results(functools.partial(take, fields=prints.fields), runs):
+        for index, taken in pool.results(functools.partial(take, fields=prints.fields), runs):
             found[runs[index]] = taken
             bar.update()
     return found

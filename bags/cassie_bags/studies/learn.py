@@ -23,7 +23,7 @@ _LOOKS = 25  # ticks between looks at whether the robot fell
 
 
 @dataclass(frozen=True)
-class Lesson:
+class LearningRun:
     """One robot that walks at one speed and learns.
 
     Attributes:
@@ -42,8 +42,8 @@ class Lesson:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a lesson brought.
+class LearningResult:
+    """What a learning run brought.
 
     Attributes:
         speed: At which it was. In m/s.
@@ -58,38 +58,40 @@ class Outcome:
     fell: bool
 
 
-def learn(lesson: Lesson) -> Outcome:
-    """Walk a lesson until its end or a fall.
+def learn(run: LearningRun) -> LearningResult:
+    """Walk until the end of the run or a fall.
 
-    In the lesson what is learned at its speed counts at every speed: torques that came and went
-    with the measured speed, where others are not learned yet, would shake the walk.
+    What is learned at its speed counts at every speed here. Torques that came and went with the
+    measured speed would shake the walk where others are not learned yet.
     """
-    window = steady(Budget(), lesson.speed, lesson.seconds)
-    changes = (*lesson.changes, LEARNING)
-    trial = walk(Budget(changes=changes), lesson.seed, window, vx=lesson.speed)
+    window = steady(Budget(), run.speed, run.seconds)
+    changes = (*run.changes, LEARNING)
+    trial = walk(Budget(changes=changes), run.seed, window, vx=run.speed)
     experiment = experiment_of(trial)
     cores = make_cores(experiment)
     learning = cores.controller.learning
-    row = lesson.learned.speeds.tolist().index(lesson.speed)
-    before = lesson.learned.torques[row]
-    learning.begin(LearnedTorques(np.array([lesson.speed]), before[None]))
+    row = run.learned.speeds.tolist().index(run.speed)
+    before = run.learned.torques[row]
+    learning.begin(LearnedTorques(np.array([run.speed]), before[None]))
     loop = connect(cores, lambda topic, raw, stamp: None)
     for tick in range(tick_count(experiment)):
         loop.tick()
         if tick % _LOOKS == 0 and has_fallen(cores.plant):
-            return Outcome(lesson.speed, before, learning.taught, True)
-    return Outcome(lesson.speed, learning.torques[0], learning.taught, False)
+            return LearningResult(run.speed, before, learning.taught, True)
+    return LearningResult(run.speed, learning.torques[0], learning.taught, False)
 
 
-def lessons(
+def learning_runs(
     learned: LearnedTorques, seeds: Sequence[int], seconds: float, changes: tuple[str, ...]
-) -> list[Lesson]:
+) -> list[LearningRun]:
     """One for each robot at each speed of the table."""
     speeds = learned.speeds.tolist()
-    return [Lesson(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds]
+    return [
+        LearningRun(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds
+    ]
 
 
-def merged(learned: LearnedTorques, outcomes: Sequence[Outcome]) -> LearnedTorques:
+def merged(learned: LearnedTorques, outcomes: Sequence[LearningResult]) -> LearnedTorques:
     """At each speed, the mean of what robots learned that did not fall; else what was there."""
     torques = learned.torques.copy()
     for row, speed in enumerate(learned.speeds.tolist()):

@@ -20,7 +20,7 @@ from cassie_bags.studies.learn import (
     compared,
     comparisons,
     learn,
-    lessons,
+    learning_runs,
     merged,
 )
 from cassie_bags.studies.learn_picture import draw
@@ -48,11 +48,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Learn, and compare on robots held out; returns the exit code."""
     learned = _begin(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew:
-        learned = _learn(learned, arguments, crew)
+    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool:
+        learned = _learn(learned, arguments, pool)
         file = arguments.out / FILE
         save_torques(learned, file)
-        found = _compare(learned, file, arguments, crew)
+        found = _compare(learned, file, arguments, pool)
     print(table(found))
     draw(arguments.out / "learn_torques.png", learned, found)
     print(f"kept in {file}; use it with --set controller.learned_torques_file={file}")
@@ -93,7 +93,7 @@ def _begin(arguments: argparse.Namespace) -> LearnedTorques:
     return nothing_learned(speeds)
 
 
-def _learn(learned: LearnedTorques, arguments: argparse.Namespace, crew: Workers) -> LearnedTorques:
+def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers) -> LearnedTorques:
     """Rounds in which each robot learns on from the mean of all."""
     seeds = range(1, arguments.seeds + 1)
     changes = tuple(arguments.set)
@@ -102,8 +102,8 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, crew: Workers
     with tqdm(total=total, unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
         for number in range(1, arguments.rounds + 1):
             outcomes = []
-            round_ = lessons(learned, seeds, arguments.seconds, changes)
-            for _, outcome in crew.results(learn, round_):
+            round_ = learning_runs(learned, seeds, arguments.seconds, changes)
+            for _, outcome in pool.results(learn, round_):
                 outcomes.append(outcome)
                 bar.update()
             learned = merged(learned, outcomes)
@@ -125,7 +125,7 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, crew: Workers
 
 
 def _compare(
-    learned: LearnedTorques, file: Path, arguments: argparse.Namespace, crew: Workers
+    learned: LearnedTorques, file: Path, arguments: argparse.Namespace, pool: Workers
 ) -> list[Comparison]:
     """Every speed by robots held out, with and without."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
@@ -133,7 +133,7 @@ def _compare(
     trials = comparisons(learned, seeds, arguments.measured, changes)
     results = {}
     with tqdm(total=len(trials), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for index, figures in crew.results(run_trial, trials):
+        for index, figures in pool.results(run_trial, trials):
             results[index] = figures
             bar.update()
     count = len(seeds)

@@ -1,7 +1,7 @@
 """How a gait answers small pushes from step to step, in the simulation under the controller.
 
 A run walks at a constant speed to the touchdown of a left foot. From there on it goes on as it
-is, and with each of several small pushes in a process of its own that begins as a copy of it.
+is. With each of several small pushes it goes on in another process, a copy of it.
 Robot and sensor noise are the same in all of them, so what differs is what the push did.
 """
 
@@ -18,15 +18,16 @@ import numpy.typing as npt
 
 from cassie_bags.errors import RunError
 from cassie_bags.run.cores import make_cores
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Loop
+from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.trial import has_fallen
 from cassie_control.estimator.fusion import GRAVITY
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.scenario import Push
 from cassie_msgs.layout import Mode
-from cassie_sim.scenario import Push
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,10 +65,10 @@ class Touchdowns:
 
     Attributes:
         time: Of each touchdown since the copy was made. Shape (n,), in s.
-        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y) in the
-            heading frame, y mirrored where the right foot has landed, positions by
-            `POSITION_RATE`, in m/s; and where the CoM is from the place of the copy, in m, which
-            the controller's hold on its place and on its mean speed act on. Shape (n, 6).
+        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y), in the
+            heading frame. In m/s: positions by `POSITION_RATE`. y is mirrored where the right foot
+            has landed. The last two are where the CoM is from the place of the copy, in m. The
+            controller holds its place and its mean speed by them. Shape (n, 6).
         fell: Whether the robot fell or stopped.
     """
 
@@ -129,7 +130,7 @@ class Walk:
     def __init__(self, experiment: Experiment, speed: float) -> None:
         cores = make_cores(experiment)
         self._plant, self._timing = cores.plant, cores.controller.walking.timing
-        self._loop = Loop(
+        self._loop = ControlLoop(
             cores.plant,
             cores.estimator,
             cores.controller,
@@ -244,8 +245,8 @@ def measure(
     for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
         runs.append(run)
         advance()
-    nominal, pushed, whisper = runs[0], runs[1:-1], runs[-1]
-    if nominal.fell or whisper.fell:
+    nominal, pushed, small = runs[0], runs[1:-1], runs[-1]
+    if nominal.fell or small.fell:
         raise RunError(f"{experiment.name}: it fell or stopped without a push")
     found, dropped, fell = [], 0, 0
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
@@ -257,7 +258,7 @@ def measure(
             continue
         first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
         found.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
-    noise = float(np.median(size_of(whisper.states - nominal.states)))
+    noise = float(np.median(size_of(small.states - nominal.states)))
     return Measurement(speed, found, dropped, fell, noise, fit(found, noise))
 
 

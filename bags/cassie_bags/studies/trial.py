@@ -1,7 +1,7 @@
 """One run of a sweep or of tuning: in process, ended as soon as it is decided, in figures.
 
-A trial draws its robot from a seed but keeps the written times, so that events meet the phase
-of the step that they were written for.
+A trial draws its robot from a seed but keeps the written times. So events meet the phase of the
+step that they were written for.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ import numpy.typing as npt
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Rows, stamps, stamps_ns
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
-from cassie_bags.run.experiment import Experiment, read_experiment
-from cassie_bags.run.seed import resolve
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.simulate import RecentStore, Store
 from cassie_bags.run.yaml_file import apply_changes
 from cassie_bags.signals.effort import measure_effort
@@ -29,11 +28,10 @@ from cassie_bags.signals.riding import measure_ride
 from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
 from cassie_bags.signals.track import AVERAGED_OVER, Track, make_track
 from cassie_gaits.gait_library import OUTPUTS
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
-from cassie_msgs.tunables import as_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
-from cassie_sim.scenario import Draw
 
 FloatArray = npt.NDArray[np.float64]
 Figures = dict[str, float]
@@ -96,20 +94,19 @@ def experiment_of(trial: Trial) -> Experiment:
     """
     content = {key: _copy(value) for key, value in trial.content.items()}
     apply_changes(content, trial.changes)
-    drawn = as_mapping(Draw.from_seed(trial.seed)) if trial.seed else {}
-    content["draw"] = {**drawn, **(content.get("draw") or {})}
-    experiment = resolve(read_experiment({"name": "trial", **content, "seed": 0}))
+    experiment = read_experiment({"name": "trial", **content, "seed": trial.seed})
+    experiment = dataclasses.replace(experiment, drawn=True)
     check_parameters(experiment)
-    return dataclasses.replace(experiment, seed=trial.seed)
+    return experiment
 
 
 def run_trial(trial: Trial) -> Figures:
     """Run a trial until its end, a fall, or `ahead`, and then the one beside it.
 
     Returns:
-        Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode;
-        and of the window those of `measure_window`, `measure_effort` and `measure_ride`, NaN where
-        the run did not get there. Of the run beside the same with "beside_" in front.
+        Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
+        Those of the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
+        the run did not get there. The same of the second run have "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
@@ -173,18 +170,21 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         window: From and to. In s.
 
     Returns:
-        vx, vy (m/s) and yaw_rate (rad/s): means in the heading frame, the last of means over
-        two steps, which leaves out the sway at both ends; vy_slip: largest sideways mean over
-        two steps (m/s); velocity_off: largest difference of the horizontal velocity, as a mean
-        over two steps, from the commanded one (m/s); step_rate: touchdowns in a second (1/s);
-        drift: greatest distance from where the window began (m);
-        drift_of_steps: the same of the mean place over two steps, which leaves out
-        the sway (m); depth: of the lower sole below the height of the start, median (m);
-        sole_pitch: as `metrics.sole_pitch` (deg);
-        rmse_vx, rmse_vy, rmse_vz: of the estimated velocity in the heading frame (m/s);
-        odometry: error of the estimated displacement by its length; tracking: RMS of the
-        errors of the nine outputs (rad and m), and that of each as `TRACKING` names them; and
-        those of `measure_standing`.
+        Figures by name, also those of `measure_standing`. "Over two steps" is a moving mean, which
+        leaves out the sway.
+
+        - vx, vy (m/s): means in the heading frame.
+        - yaw_rate (rad/s): mean of means over two steps.
+        - vy_slip (m/s): largest sideways velocity over two steps.
+        - velocity_off (m/s): largest error of the horizontal velocity over two steps.
+        - step_rate (1/s): touchdowns in a second.
+        - drift (m): greatest distance from where the window began.
+        - drift_of_steps (m): greatest distance of the place over two steps.
+        - depth (m): of the lower sole below the height of the start, median.
+        - sole_pitch (deg): as `metrics.sole_pitch`.
+        - rmse_vx, rmse_vy, rmse_vz (m/s): of the estimated velocity in the heading frame.
+        - odometry: error of the estimated displacement by its length.
+        - tracking (rad and m): RMS of the errors of the nine outputs; of each by `TRACKING`.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)

@@ -65,16 +65,16 @@ class ThisProcess:
         """Nothing to end."""
 
 
-class Remembering:
+class CachedWorkers:
     """Computes nothing twice: rows that look at the same runs share them.
 
     Args:
-        crew: Who computes.
+        pool: Who computes.
     """
 
-    def __init__(self, crew: Workers) -> None:
-        self.count = crew.count
-        self._crew = crew
+    def __init__(self, pool: Workers) -> None:
+        self.count = pool.count
+        self._pool = pool
         self._known: dict[str, Any] = {}
 
     def results(
@@ -85,13 +85,13 @@ class Remembering:
         found = {index: self._known[key] for index, key in enumerate(keys) if key in self._known}
         yield from found.items()
         rest = [index for index in range(len(items)) if index not in found]
-        for place, result in self._crew.results(function, [items[index] for index in rest]):
+        for place, result in self._pool.results(function, [items[index] for index in rest]):
             self._known[keys[rest[place]]] = result
             yield rest[place], result
 
     def close(self) -> None:
         """End those who compute."""
-        self._crew.close()
+        self._pool.close()
 
 
 class LocalProcesses:
@@ -142,8 +142,8 @@ class LocalProcesses:
     def close(self) -> None:
         """End the processes; what they are at is lost.
 
-        It waits for the pool's thread: one that still closes its pipes while Python ends, which
-        writes to them, makes for "Bad file descriptor" now and then.
+        It waits for the pool's thread. A thread that closes its pipes while Python ends leads to
+        "Bad file descriptor" now and then, as Python writes to them.
         """
         with self._starting:
             if not all(future.done() for future in self._given):

@@ -9,6 +9,7 @@ import numpy as np
 from cassie_control.config import ControllerConfig
 from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
+from cassie_control.control.load import Payload
 from cassie_control.control.outputs import Step
 from cassie_control.control.recovery import RecoveryStep, brake, lift, rests
 from cassie_control.control.riding import RidingController
@@ -25,7 +26,16 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
 from cassie_gaits.records import FloatArray, Records
 from cassie_gaits.vectors import is_within
-from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotMode, RobotState
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Gait,
+    GaitRequest,
+    Mode,
+    MotorCommand,
+    RobotMode,
+    RobotState,
+)
+from cassie_msgs.schedule import GAIT_TICKS
 
 _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
 """As plain numbers: to find a member of an Enum takes Python 0.3 us."""
@@ -138,6 +148,7 @@ class GaitController:
         self.recovery = RecoveryStep(period)
         self.latency = CommandLatency(period)
         self._status = ControllerStatus()
+        self._payload, self._request = Payload(), GaitRequest()
         self._state = RobotState()
         self._mode = Mode()
         self._command = MotorCommand()
@@ -296,6 +307,29 @@ class GaitController:
             now, before = getattr(self._command, field), getattr(self._last, field)
             now *= 1.0 - share
             now += share * before
+
+    def offer(self, gait: Gait) -> None:
+        """Take up a gait at the next touchdown of walking, see `WalkingController.offer`."""
+        self.walking.offer(gait)
+
+    def request(self) -> GaitRequest | None:
+        """For which gait to ask after the last step, on the schedule of `GAIT_TICKS`; reused.
+
+        It is called after every step where gaits are made, because the payload is estimated here.
+        """
+        state, mode, payload = self._state, self._mode, self._payload
+        if self.activity is not Activity.WALKING:
+            payload.reset()
+            return None
+        payload.step(float(state.foot_force.sum()), int(self.walking.timing.steps))
+        if int(state.seq) % GAIT_TICKS:
+            return None
+        request = self._request
+        request.answer(state)
+        request.effective_seq[...] = int(state.seq) + GAIT_TICKS
+        request.vx[...], request.vy[...], request.yaw_rate[...] = mode.vx, mode.vy, mode.yaw_rate
+        request.payload[...], request.slope[...] = payload.mass, self.walking.slope
+        return request
 
     @property
     def status(self) -> ControllerStatus:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive
 from cassie_control.control.figures import Figures, figures
-from cassie_control.control.outputs import Step, begin_step, desire, measure
+from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, measure
 from cassie_control.control.robot import Readings, RecordArray, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
@@ -17,12 +19,12 @@ from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.records import FloatArray, Records
-from cassie_msgs.layout import Mode, MotorCommand, RobotState
+from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
-Pair = tuple[float, float]
 
 _LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
 
@@ -60,7 +62,8 @@ def look_ahead(
     rows: FloatArray,
     slopes: Records[GroundSlope],
     steps: Records[Step],
-) -> tuple[float, float, float, float, Pair, float, float, float, float, float, Pair]:
+    aheads: Records[StepAhead],
+) -> None:
     """Desired outputs at this phase as the gait has them, and the rest of the step.
 
     Args:
@@ -68,27 +71,18 @@ def look_ahead(
         modes: `Mode.record`. Shape (1,).
         timings, slopes, steps: Changed in place. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-
-    Returns:
-        The fields of a `StepAhead`, in their order.
+        aheads: Result: what leg-angle adjustment is to know. Shape (1,).
     """
-    timing, step, slope = timings[0], steps[0], slopes[0]
+    timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
     stand_on(slopes, robots, timing.stance, timing.phase)
     desire(figures, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
     left = max(0.0, 1.0 - timing.phase)
-    return (
-        timing.elapsed,
-        left * timing.step_time,
-        left * figures[0].quickest_step,
-        timing.step_time,
-        (timing.velocity[0], timing.velocity[1]),
-        step.gait_pitch,
-        step.gait_roll,
-        step.gait_length,
-        step.rise - slope.sunk,
-        step.yaw,
-        (slope.ahead, slope.left),
-    )
+    ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
+    ahead.remaining, ahead.earliest = left * timing.step_time, left * figures[0].quickest_step
+    ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
+    ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
+    ahead.rise, ahead.yaw = step.rise - slope.sunk, step.yaw
+    ahead.slope[0], ahead.slope[1] = slope.ahead, slope.left
 
 
 class WalkingController:
@@ -113,6 +107,10 @@ class WalkingController:
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
     damps it at 2 kHz. The stance toe gives no torque. `planner.timing` says when a step ends.
 
+    A gait that is made while the robot walks (`offer`) moves the whole library by its difference to
+    the library's gait of the same speeds, from a touchdown on. So the gait still follows the
+    measured velocity. The slope of its swing foot stays this controller's own.
+
     Attributes:
         timing: Phase, stance leg and velocities.
         outputs, rates: As last measured. Shape (9,), in rad, m, rad/s and m/s.
@@ -134,12 +132,16 @@ class WalkingController:
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
         self._hold = PositionHold(period)
         self._slope = GroundSlope(config, period)
+        self._offered, self._is_offered = Gait(), False
+        self._moved = np.zeros_like(library.table[2])
+        self._change = np.zeros(self._moved.shape[1])
         self._step = step = Step()
         self.outputs: FloatArray = step.measured
         self.rates: FloatArray = step.measured_rates
         self.desired: FloatArray = step.desired
         self.desired_rates: FloatArray = step.desired_rates
         self._commanded = Commanded()
+        self._ahead = StepAhead()
         self._latency = 0.0
         self._placement: Placement = placement(config)
         self.config = config
@@ -192,6 +194,7 @@ class WalkingController:
         self.timing.start(stance)
         self._hold.release()
         self._slope.start()
+        self._gaits, self._is_offered = self.library.table, False
         self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self._step.records)
@@ -216,7 +219,7 @@ class WalkingController:
         commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
             self._end_step(readings)
-        ahead = look_ahead(
+        look_ahead(
             self._figures.records,
             readings.records,
             mode.record,
@@ -224,8 +227,9 @@ class WalkingController:
             *self._gaits,
             self._slope.records,
             self._step.records,
+            self._ahead.records,
         )
-        self._adjust(readings, StepAhead(*ahead), mode, command)
+        self._adjust(readings, mode, command)
         return ended
 
     def _end_step(self, readings: Readings) -> None:
@@ -235,20 +239,49 @@ class WalkingController:
         step.sideways = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
         keeps_lengths = not self.config.as_in_paper
+        if self._is_offered:
+            self._take_up()
         begin_step(readings.records, timing.stance, keeps_lengths, step.records)
         touch_down(self._slope.records, readings.records, timing.stance)
+
+    @property
+    def slope(self) -> float:
+        """Rise of the ground ahead, as the feet find it. In rad."""
+        return math.atan(float(self._slope.ahead))
+
+    def offer(self, gait: Gait) -> None:
+        """Walk on a gait from the next touchdown on; on the library if it was not found."""
+        self._offered.copy_from(gait)
+        self._is_offered = True
+
+    def _take_up(self) -> None:
+        """Move the library to the gait that was offered."""
+        gait, change = self._offered, self._change
+        self._is_offered = False
+        axes, lengths, rows = self.library.table
+        if int(gait.result) != GaitResult.FOUND:
+            self._gaits = self.library.table
+            return
+        vx, vy, yaw_rate = gait.floats[:3].tolist()
+        read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
+        np.negative(change, out=change)
+        change[:54] += gait.right_stance
+        change[54:108] += gait.left_stance
+        change[108] += 1.0 / float(gait.step_time)
+        for stance in (change[:54], change[54:108]):
+            stance.reshape(9, 6)[FOOT_SW] -= float(gait.slope)
+        np.add(rows, change, out=self._moved)
+        self._gaits = axes, lengths, self._moved
 
     def measure(self, readings: Readings) -> None:
         """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
         measure(readings.records, self.timing.stance, self._step.records)
 
-    def _adjust(
-        self, readings: Readings, ahead: StepAhead, mode: Mode, command: MotorCommand
-    ) -> None:
+    def _adjust(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
         stance, legs = self.timing.stance, readings.legs
         end = self._placement.swing_end(
-            readings, legs[stance], legs[1 - stance], self._commanded, ahead
+            readings, legs[stance], legs[1 - stance], self._commanded, self._ahead
         )
         drive(
             self._figures.records,

@@ -6,18 +6,19 @@ the swing leg at the end of the step; the walking controller fades it in over th
 
 from __future__ import annotations
 
-import numpy as np
-
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import LegReadings, Readings
 from cassie_control.planner.momentum import AngularMomentum
 from cassie_control.planner.paper import PaperPlacement
-from cassie_control.planner.pendulum import LAW_TYPE, landing
+from cassie_control.planner.pendulum import Law, landing
 from cassie_control.planner.plan import Commanded, Placement, StepAhead, SwingEnd
 
 _LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
 _STEADY = 0.1  # m/s by which the command changes in two steps from which no error counts
 _ERROR = 0.2  # m/s, error of a step's mean speed that counts at most: a push is no model error
+
+
+_CONFIGURED = tuple(name for name in Law.TYPE.names or () if not name.startswith("offset"))
 
 
 def placement(config: WalkConfig) -> Placement:
@@ -77,7 +78,7 @@ class PendulumPlacement:
 
     def __init__(self, config: WalkConfig) -> None:
         self._masses = AngularMomentum().records
-        self._law = np.zeros(1, LAW_TYPE)
+        self._law = Law()
         self.config = config
         self.reset()
 
@@ -89,12 +90,12 @@ class PendulumPlacement:
     @config.setter
     def config(self, config: WalkConfig) -> None:
         self._config = config
-        self._law[0] = tuple(getattr(config, name) for name in LAW_TYPE.names or ())
+        for name in _CONFIGURED:
+            setattr(self._law, name, getattr(config, name))
 
     def reset(self) -> None:
         """Forget the disturbances."""
-        self._offset_x = 0.0
-        self._offset_y = 0.0
+        self._law.offset_x = self._law.offset_y = 0.0
         self._commanded: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def touchdown(
@@ -112,8 +113,9 @@ class PendulumPlacement:
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
         # What it lacks while it is told to go faster would be too much once it is there.
         steady = max(0.0, 1.0 - abs(now[0] - earlier[0]) / _STEADY)
-        self._offset_x = _observed(self._offset_x, steady * (mean_velocity[0] - vx), c)
-        self._offset_y = _observed(self._offset_y, mean_velocity[1] - vy, c)
+        law = self._law
+        law.offset_x = _observed(law.offset_x, steady * (mean_velocity[0] - vx), c)
+        law.offset_y = _observed(law.offset_y, mean_velocity[1] - vy, c)
 
     def swing_end(
         self,
@@ -126,25 +128,13 @@ class PendulumPlacement:
         """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
         lead = _lead(self._config, ahead.velocity[0])
         roll, pitch, length, remaining = landing(
-            self._law,
+            self._law.records,
             readings.records,
             self._masses,
             swing.number,
-            ahead.elapsed,
-            ahead.remaining,
-            ahead.earliest,
-            ahead.step_time,
-            ahead.yaw,
-            ahead.rise,
-            ahead.slope[0],
-            ahead.slope[1],
+            ahead.records,
+            commanded.records,
             lead,
-            commanded.vx,
-            commanded.vy,
-            commanded.spread,
-            commanded.roll_trim,
-            self._offset_x,
-            self._offset_y,
         )
         return SwingEnd(pitch + commanded.pitch_trim, roll, length, remaining, lead)
 

@@ -3,61 +3,69 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_control.control.robot import LegReadings, Readings
+from cassie_control.control.robot import LegReadings, Readings, Robot
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.linkage import RecordArray, link_rotation
-from cassie_gaits.names import LEG_JOINTS
-
-FloatArray = npt.NDArray[np.float64]
-
-INERTIA_TYPE = np.dtype(
-    [
-        ("positions", float, (7, 3)),
-        ("rotations", float, (7, 3, 3)),
-        ("zeros", float, 7),
-        ("masses", float, 7),
-        ("centres", float, (7, 3)),
-        ("inertias", float, (7, 3, 3)),
-    ]
-)
-"""Links of a leg, hip_roll to toe: pose in the parent's frame at joint zero (m; columns are axes),
-joint angle there (rad), mass (kg), centre of mass (m) and inertia about it (kg m^2)."""
-
-MOMENTUM_TYPE = np.dtype(
-    [
-        ("legs", INERTIA_TYPE, (2,)),
-        ("pelvis", float, (3, 3)),  # inertia about its origin, kg m^2
-        ("mass", float),  # of the robot, kg
-    ]
-)
-"""The masses of the robot."""
+from cassie_gaits.linkage import link_rotation
+from cassie_gaits.names import LEG_JOINTS, LEGS
+from cassie_gaits.records import FloatArray, Record, Records, array, part
 
 
-def leg_inertia(leg: str) -> RecordArray:
-    """Links of a leg as `_add_spin` takes them; the rods count with the links that carry them."""
+class LegInertia(Record):
+    """Links of a leg, hip_roll to toe.
+
+    Attributes:
+        positions, rotations: Pose in the parent's frame at joint zero; columns are axes. In m.
+        zeros: Joint angle there. In rad.
+        masses: In kg.
+        centres: Centre of mass in the link's frame. In m.
+        inertias: About it. In kg m^2.
+    """
+
+    positions: FloatArray = array(7, 3)
+    rotations: FloatArray = array(7, 3, 3)
+    zeros: FloatArray = array(7)
+    masses: FloatArray = array(7)
+    centres: FloatArray = array(7, 3)
+    inertias: FloatArray = array(7, 3, 3)
+
+
+class Masses(Record):
+    """The masses of the robot.
+
+    Attributes:
+        legs: Left and right.
+        pelvis: Its inertia about its origin. In kg m^2.
+        mass: Of the robot. In kg.
+    """
+
+    legs: Sequence[LegInertia] = part(LegInertia, 2)
+    pelvis: FloatArray = array(3, 3)
+    mass: float
+
+
+def leg_inertia(leg: str) -> LegInertia:
+    """Links of a leg; the rods count with the links that carry them."""
     links = {link.name: link for link in robot.leg_links(leg)}
-    records = np.zeros(1, INERTIA_TYPE)
-    record = records[0]
+    record = LegInertia()
     for i, joint in enumerate(LEG_JOINTS):
         link = links[joint]
-        record["positions"][i] = link.position
-        record["rotations"][i] = link_rotation(link)
-        record["zeros"][i] = link.joint.zero
-        record["masses"][i] = link.mass
-        record["centres"][i] = link.com
-        record["inertias"][i] = inertia_matrix(link)
+        record.positions[i] = link.position
+        record.rotations[i] = link_rotation(link)
+        record.zeros[i] = link.joint.zero
+        record.masses[i] = link.mass
+        record.centres[i] = link.com
+        record.inertias[i] = inertia_matrix(link)
     _carry(record, "knee", links["knee_spring"])
     for name in ("heel_spring", "foot_crank"):
         _carry(record, "tarsus", links[name])
     _carry_point(record, "hip_pitch", links["achilles_rod"])
     _carry_point(record, "tarsus", links["plantar_rod"], np.array(links["foot_crank"].position))
-    return records
+    return record
 
 
 def inertia_matrix(link: robot.Link) -> FloatArray:
@@ -66,14 +74,14 @@ def inertia_matrix(link: robot.Link) -> FloatArray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _carry(record: np.void, joint: str, link: robot.Link) -> None:
+def _carry(record: LegInertia, joint: str, link: robot.Link) -> None:
     rotation = link_rotation(link)
     centre = np.array(link.position) + rotation @ np.array(link.com)
     _merge(record, joint, link.mass, centre, rotation @ inertia_matrix(link) @ rotation.T)
 
 
 def _carry_point(
-    record: np.void, joint: str, link: robot.Link, centre: FloatArray | None = None
+    record: LegInertia, joint: str, link: robot.Link, centre: FloatArray | None = None
 ) -> None:
     if centre is None:
         centre = np.array(link.position) + link_rotation(link) @ np.array(link.com)
@@ -81,18 +89,18 @@ def _carry_point(
 
 
 def _merge(
-    record: np.void, joint: str, mass: float, centre: FloatArray, inertia: FloatArray
+    record: LegInertia, joint: str, mass: float, centre: FloatArray, inertia: FloatArray
 ) -> None:
     """Join a body, given in the link's frame, to a link."""
     i = LEG_JOINTS.index(joint)
-    own, own_centre = float(record["masses"][i]), record["centres"][i].copy()
+    own, own_centre = float(record.masses[i]), record.centres[i].copy()
     both = own + mass
     middle = (own * own_centre + mass * centre) / both
-    record["inertias"][i] += inertia
-    for part, at in ((own, own_centre), (mass, centre)):
+    record.inertias[i] += inertia
+    for share, at in ((own, own_centre), (mass, centre)):
         arm = at - middle
-        record["inertias"][i] += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    record["masses"][i], record["centres"][i] = both, middle
+        record.inertias[i] += share * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    record.masses[i], record.centres[i] = both, middle
 
 
 @compiled
@@ -100,10 +108,10 @@ def _about_pelvis(
     joints: FloatArray,
     rates: FloatArray,
     omega: FloatArray,
-    momenta: RecordArray,
+    momenta: Records[Masses],
     total: FloatArray,
 ) -> None:
-    """See `AngularMomentum.about_pelvis`; `momenta` is of `MOMENTUM_TYPE`, shape (1,)."""
+    """See `AngularMomentum.about_pelvis`."""
     momentum = momenta[0]
     pelvis = momentum.pelvis
     for k in range(3):
@@ -114,15 +122,9 @@ def _about_pelvis(
 
 @compiled
 def momentum_velocity(
-    robots: RecordArray, stance: int, momenta: RecordArray
+    robots: Records[Robot], stance: int, momenta: Records[Masses]
 ) -> tuple[float, float]:
-    """See `AngularMomentum.velocity`.
-
-    Args:
-        robots: Of `robot.ROBOT_TYPE`. Shape (1,).
-        stance: Number of that leg.
-        momenta: Of `MOMENTUM_TYPE`. Shape (1,).
-    """
+    """See `AngularMomentum.velocity`; `stance` is the number of that leg."""
     robot = robots[0]
     tilt, total, mass = robot.tilt, np.empty(3), momenta[0].mass
     _about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta, total)
@@ -142,7 +144,7 @@ def momentum_velocity(
 
 @compiled
 def _add_spin(
-    joints: FloatArray, rates: FloatArray, omega: FloatArray, leg: Any, total: FloatArray
+    joints: FloatArray, rates: FloatArray, omega: FloatArray, leg: LegInertia, total: FloatArray
 ) -> None:
     """Add the angular momentum of a leg to `total`.
 
@@ -151,7 +153,7 @@ def _add_spin(
     Args:
         joints, rates: The seven joints. Shape (7,), in rad and rad/s.
         omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        leg: Of `INERTIA_TYPE`.
+        leg: Its links.
         total: Shape (3,), in kg m^2/s. Changed in place.
     """
     axes = np.eye(3)
@@ -213,14 +215,15 @@ class AngularMomentum:
     """Angular momentum about a point, from what the estimator gives."""
 
     def __init__(self) -> None:
-        self.records: RecordArray = np.zeros(1, MOMENTUM_TYPE)
+        masses, pelvis = Masses(), robot.PELVIS
+        self.records = masses.records
         """The masses of the robot, for compiled functions."""
-        record, pelvis = self.records[0], robot.PELVIS
-        record["legs"] = np.concatenate([leg_inertia("left"), leg_inertia("right")])
+        for i, leg in enumerate(LEGS):
+            masses.records["legs"][0, i] = leg_inertia(leg).records[0]
         com = np.array(pelvis.com)
         spread = com @ com * np.eye(3) - np.outer(com, com)
-        record["pelvis"] = inertia_matrix(pelvis) + pelvis.mass * spread
-        record["mass"] = robot.total_mass()
+        masses.pelvis[:] = inertia_matrix(pelvis) + pelvis.mass * spread
+        masses.mass = robot.total_mass()
 
     def velocity(self, readings: Readings, stance: LegReadings) -> tuple[float, float]:
         """Angular momentum about the stance toe joint, as the velocity of a mass at the CoM.

@@ -8,17 +8,13 @@ joint, u the swing foot's from the CoM at touchdown. `side` is 1 if the left leg
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, aim_leg
-from cassie_control.planner.momentum import momentum_velocity
+from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, Robot, aim_leg
+from cassie_control.planner.momentum import Masses, momentum_velocity
+from cassie_control.planner.plan import Commanded, StepAhead
 from cassie_gaits.compiled import compiled
-from cassie_gaits.linkage import RecordArray
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import Record, Records
 
 
 class Aim(NamedTuple):
@@ -87,17 +83,29 @@ def _gain(aim: Aim, speed_loss: float, vx: float) -> float:
 
 
 GRAVITY = 9.81
-LAW_TYPE = np.dtype(
-    [
-        (name, float)
-        for name in (
-            *("double_support", "slowest_step", "foot_spread"),
-            *("map_gain", "map_loss_x", "map_loss_y"),
-            *("reach_inward", "reach_outward", "least_foot_distance", "level", "landing_depth"),
-        )
-    ]
-)
-"""What `landing` takes of `WalkConfig`, in its units."""
+
+
+class Law(Record):
+    """What foot placement takes of `config.WalkConfig`, by the same names; the observer's state.
+
+    Attributes:
+        offset_x, offset_y: Of the foot, from the disturbance observer. In m.
+    """
+
+    double_support: float
+    slowest_step: float
+    foot_spread: float
+    map_gain: float
+    map_loss_x: float
+    map_loss_y: float
+    reach_inward: float
+    reach_outward: float
+    least_foot_distance: float
+    level: float
+    landing_depth: float
+    offset_x: float
+    offset_y: float
+
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
@@ -105,48 +113,6 @@ _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
-
-
-class Now(NamedTuple):
-    """What `landing` takes of the present.
-
-    Attributes:
-        com_x, com_y, com_z: CoM from the pelvis origin.
-        ankle_x, ankle_y, ankle_z: Stance toe joint from there.
-        velocity_x, velocity_y: Of the CoM, from the angular momentum about the stance toe joint.
-        pitch: Of the torso. In rad.
-        side: Of the swing leg.
-        elapsed, remaining, earliest, step_time, yaw, rise, slope_x, slope_y: `StepAhead`.
-        lead: Time from the swing foot's first contact to the end of the step.
-        commanded_vx, commanded_vy, spread, roll_trim: `Commanded`.
-        offset_x, offset_y: Of the foot, from the disturbance observer.
-    """
-
-    com_x: float
-    com_y: float
-    com_z: float
-    ankle_x: float
-    ankle_y: float
-    ankle_z: float
-    velocity_x: float
-    velocity_y: float
-    pitch: float
-    side: float
-    elapsed: float
-    remaining: float
-    earliest: float
-    step_time: float
-    yaw: float
-    rise: float
-    slope_x: float
-    slope_y: float
-    lead: float
-    commanded_vx: float
-    commanded_vy: float
-    spread: float
-    roll_trim: float
-    offset_x: float
-    offset_y: float
 
 
 class Fall(NamedTuple):
@@ -219,96 +185,50 @@ def _cost(fall: Fall, aim: Aim, reach: Reach, time: float, change: float) -> flo
 
 @compiled
 def landing(
-    laws: RecordArray,
-    robots: RecordArray,
-    momenta: RecordArray,
+    laws: Records[Law],
+    robots: Records[Robot],
+    momenta: Records[Masses],
     swing: int,
-    elapsed: float,
-    remaining: float,
-    earliest: float,
-    step_time: float,
-    yaw: float,
-    rise: float,
-    slope_x: float,
-    slope_y: float,
+    aheads: Records[StepAhead],
+    commands: Records[Commanded],
     lead: float,
-    commanded_vx: float,
-    commanded_vy: float,
-    spread: float,
-    roll_trim: float,
-    offset_x: float,
-    offset_y: float,
 ) -> tuple[float, float, float, float]:
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
     Args:
-        laws: Of `LAW_TYPE`. Shape (1,).
-        robots: Of `robot.ROBOT_TYPE`. Shape (1,).
-        momenta: Of `angular_momentum.MOMENTUM_TYPE`. Shape (1,).
+        laws, robots, momenta, aheads, commands: What it is to know. Shape (1,).
         swing: Number of the swing leg.
-        elapsed to offset_y: See `Now`.
+        lead: Time from the swing foot's first contact to the end of the step. In s.
 
     Returns:
         Roll and pitch in rad, length in m, time to touchdown in s.
     """
-    robot = robots[0]
-    com, ankle = robot.com, robot.ankle[1 - swing]
-    velocity = momentum_velocity(robots, 1 - swing, momenta)
-    now = Now(
-        com[0],
-        com[1],
-        com[2],
-        ankle[0],
-        ankle[1],
-        ankle[2],
-        velocity[0],
-        velocity[1],
-        robot.pitch,
-        1.0 - 2.0 * swing,
-        elapsed,
-        remaining,
-        earliest,
-        step_time,
-        yaw,
-        rise,
-        slope_x,
-        slope_y,
-        lead,
-        commanded_vx,
-        commanded_vy,
-        spread,
-        roll_trim,
-        offset_x,
-        offset_y,
-    )
-    return _land(laws[0], now, robot.tilt)
-
-
-@compiled
-def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, float]:
-    """See `landing`; `tilt` (3, 3) leads from the pelvis to the heading frame."""
-    side, lead = now.side, now.lead
-    fall = _falling(law, now)
+    law, robot, ahead, commanded = laws[0], robots[0], aheads[0], commands[0]
+    side, tilt, com = 1.0 - 2.0 * swing, robot.tilt, robot.com
+    fall = _falling(law, robot, 1 - swing, momentum_velocity(robots, 1 - swing, momenta), ahead)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
-    down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
+    down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y
+    down = down - robot.ankle[1 - swing, 2] + ahead.rise
     reach = Reach(
         side,
-        hip_x - HIP_BACK - now.com_x,
-        hip_y - now.com_y,
+        hip_x - HIP_BACK - com[0],
+        hip_y - com[1],
         math.sqrt(max(0.01, (_LONGEST + HIP_DOWN) ** 2 - down * down)),
         law.reach_inward,
         law.reach_outward,
         law.least_foot_distance,
     )
-    aim = _steady(law, now, fall.rate, math.sin(now.roll_trim) * down)
-    latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
+    aim = _steady(law, ahead.step_time - lead, commanded, side, fall.rate)
+    trim = math.sin(commanded.roll_trim) * down
+    aim = Aim(aim.ux, aim.uy + trim, aim.vx, aim.vy, aim.gain, aim.loss_x, aim.loss_y)
+    latest = max(ahead.remaining, law.slowest_step * ahead.step_time - ahead.elapsed)
     time = touchdown_time(
         fall,
         aim,
         reach,
-        max(0.0, now.remaining - lead),
-        max(0.0, now.earliest - lead),
+        max(0.0, ahead.remaining - lead),
+        max(0.0, ahead.earliest - lead),
         max(0.0, latest - lead),
     )
     end = fallen(fall, time)
@@ -316,45 +236,48 @@ def _land(law: Any, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
     # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
     spent = end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2
     sinking = (1.0 - law.level) * spent / (2.0 * down)
-    rise = now.slope_x * (fall.x + ux) + now.slope_y * (fall.y + uy)
+    rise = ahead.slope[0] * (fall.x + ux) + ahead.slope[1] * (fall.y + uy)
     roll, pitch, length = aim_leg(
-        now.com_x + ux - hip_x,
-        now.com_y + uy - hip_y,
+        com[0] + ux - hip_x,
+        com[1] + uy - hip_y,
         down - max(-0.1, min(0.1, sinking)) - rise,
-        now.yaw,
-        now.pitch,
+        ahead.yaw,
+        robot.pitch,
     )
     return roll, pitch, max(_SHORTEST, min(_LONGEST, length + law.landing_depth)), lead + time
 
 
 @compiled
-def _falling(law: Any, now: Now) -> Fall:
+def _falling(
+    law: Law, robot: Robot, stance: int, velocity: tuple[float, float], ahead: StepAhead
+) -> Fall:
     """The pendulum as it is, its height above the foot along the slope."""
-    x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
+    x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
+    height = robot.com[2] - robot.ankle[stance, 2]
     # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
-    above = max(0.4, height - now.slope_x * x - now.slope_y * y)
+    above = max(0.4, height - ahead.slope[0] * x - ahead.slope[1] * y)
     faster = max(0.4, height) / above
-    coasts = max(0.0, law.double_support - now.elapsed)
-    rate = math.sqrt(GRAVITY / above)
-    return Fall(x, y, faster * now.velocity_x, faster * now.velocity_y, rate, coasts)
+    coasts = max(0.0, law.double_support - ahead.elapsed)
+    return Fall(
+        x, y, faster * velocity[0], faster * velocity[1], math.sqrt(GRAVITY / above), coasts
+    )
 
 
 @compiled
-def _steady(law: Any, now: Now, w: float, trim: float) -> Aim:
-    """Steady walking as commanded, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
-    coast = law.double_support
-    duration = max(0.2, now.step_time - now.lead)
+def _steady(law: Law, duration: float, commanded: Commanded, side: float, w: float) -> Aim:
+    """Steady walking as commanded, with steps of a duration (s); w is the pendulum's rate (1/s)."""
+    coast, duration = law.double_support, max(0.2, duration)
     single = max(_SHORTEST_SINGLE, duration - coast)
     tanh_half = math.tanh(0.5 * w * single) / w
     coth_half = 1.0 / (w * w * tanh_half)
     slope = coast + 1.0 / (w * math.tanh(w * single))
-    width = now.side * 2.0 * (HIP_Y + law.foot_spread + now.spread)
+    width = side * 2.0 * (HIP_Y + law.foot_spread + commanded.spread)
     travel = duration / (coast + 2.0 * tanh_half)
-    vx, vy = now.commanded_vx * travel, now.commanded_vy * travel
+    vx, vy = commanded.vx * travel, commanded.vy * travel
     sway = width / (coast + 2.0 * coth_half)
     return Aim(
-        vx * (coast + tanh_half) + now.offset_x,
-        vy * (coast + tanh_half) + sway * (coast + coth_half) + now.offset_y + trim,
+        vx * (coast + tanh_half) + law.offset_x,
+        vy * (coast + tanh_half) + sway * (coast + coth_half) + law.offset_y,
         vx,
         vy + sway,
         law.map_gain * slope,

@@ -7,10 +7,10 @@ from typing import Protocol
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import LegReadings, Readings
+from cassie_gaits.records import FloatArray, Record, array
 
 
-@dataclass
-class Commanded:
+class Commanded(Record):
     """What the operator wants of the steps.
 
     Attributes:
@@ -19,11 +19,11 @@ class Commanded:
         spread: How far each foot lands outside its usual place. In m.
     """
 
-    vx: float = 0.0
-    vy: float = 0.0
-    pitch_trim: float = 0.0
-    roll_trim: float = 0.0
-    spread: float = 0.0
+    vx: float
+    vy: float
+    pitch_trim: float
+    roll_trim: float
+    spread: float
 
 
 @dataclass
@@ -44,8 +44,7 @@ class SwingEnd:
     lead: float = 0.0
 
 
-@dataclass
-class StepAhead:
+class StepAhead(Record):
     """The present step, as far as leg-angle adjustment needs to know it.
 
     Attributes:
@@ -61,17 +60,17 @@ class StepAhead:
         slope: Rise of the ground ahead and to the left. Shape (2,).
     """
 
-    elapsed: float = 0.0
-    remaining: float = 0.0
-    earliest: float = 0.0
-    step_time: float = 0.4
-    velocity: tuple[float, float] = (0.0, 0.0)
-    pitch: float = 0.0
-    roll: float = 0.0
-    length: float = 0.8
-    rise: float = 0.0
-    yaw: float = 0.0
-    slope: tuple[float, float] = (0.0, 0.0)
+    elapsed: float
+    remaining: float
+    earliest: float
+    step_time: float
+    velocity: FloatArray = array(2)
+    pitch: float
+    roll: float
+    length: float
+    rise: float
+    yaw: float
+    slope: FloatArray = array(2)
 
 
 class Placement(Protocol):

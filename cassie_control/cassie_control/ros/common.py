@@ -12,17 +12,11 @@ from rclpy.node import Node
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.process import Stop
+from cassie_msgs.schedule import CONTROL_RATE
 from cassie_msgs.tunables import tunable
-
-START_TIMEOUT = 10.0
-"""Wall time that the other nodes have to appear. In s."""
 
 LOOK_PERIOD = 0.1
 """Wall time between looks at who is silent. In s."""
-
-SILENT_AFTER = 0.8
-"""Wall time without samples after which their sender counts as lost; an unanswered sample is
-repeated after 0.5 s. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +24,12 @@ class LaneConfig:
     """Parameters of every node of this package."""
 
     control_rate: int = tunable(
-        500, "Hz", 50, 4000, "Rate of sensor samples, the same as the simulator's", live=False
+        CONTROL_RATE,
+        "Hz",
+        50,
+        4000,
+        "Rate of sensor samples, the same as the simulator's",
+        live=False,
     )
 
     @property

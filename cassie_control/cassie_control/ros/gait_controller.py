@@ -13,13 +13,12 @@ from cassie_control.guarded import GuardedController
 from cassie_control.learning.torques import load_beside, path_beside
 from cassie_control.ros.common import (
     LOOK_PERIOD,
-    SILENT_AFTER,
-    START_TIMEOUT,
     Conditions,
     LaneConfig,
     RateCheck,
     Turns,
 )
+from cassie_control.ros.gait_source import GaitSource
 from cassie_control.ros.mode_source import Irregular, ModeSource
 from cassie_control.ros.node_events import NodeEvents
 from cassie_control.silence import Silence
@@ -39,7 +38,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
-from cassie_msgs.schedule import STATUS_TICKS
+from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT, STATUS_TICKS
 from cassie_msgs.tunables import tunable
 
 _COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
@@ -63,6 +62,12 @@ class GaitControllerConfig(LaneConfig):
     learned_torques_file: str = tunable(
         "",
         description="File of learned torques (JSON); empty is the one beside the gait library",
+        live=False,
+    )
+    gait_source: str = tunable(
+        "library",
+        description="Gaits: those of the library, or from gait_optimizer for what the robot is",
+        choices=("library", "optimizer"),
         live=False,
     )
 
@@ -113,12 +118,14 @@ class GaitControllerNode(Node):
         self._commands = LanePublisher(self, MotorCommand)
         self._status = LanePublisher(self, ControllerStatus)
         self._modes = ModeSource(self, stop, self._states, self._conditions, self._lane.period)
-        WriterWatch(
-            self,
-            [*guards, self._modes.supervisor],
-            [self._commands.publisher, self._status.publisher],
-            self._conditions.set,
-        )
+        guards.append(self._modes.supervisor)
+        publishers = [self._commands.publisher, self._status.publisher]
+        self._gaits: GaitSource | None = None
+        if self._lane.gait_source == "optimizer":
+            self._gaits = GaitSource(self, stop, self._conditions, self._repeat_status)
+            guards.append(self._gaits.optimizer)
+            publishers.append(self._gaits.publisher)
+        WriterWatch(self, guards, publishers, self._conditions.set)
         self._waiter = LaneWaiter(self, [self._states])
         stop.on_request(self._waiter.wake)
         self._state = RobotState()
@@ -144,7 +151,7 @@ class GaitControllerNode(Node):
         while not self._stop.requested and self._take():
             state = self._state
             known = int(state.episode) == self._answered[0]
-            if not may_wait and not (known and self._modes.is_there(int(state.seq))):
+            if not may_wait and not (known and self._is_there(int(state.seq))):
                 self._left_over = True
                 return True
             self._answer()
@@ -152,6 +159,12 @@ class GaitControllerNode(Node):
             if not may_wait:
                 break  # in the thread that receives, no other can have come
         return False
+
+    def _is_there(self, tick: int) -> bool:
+        """Whether a tick needs no message that has not come."""
+        if self._gaits is not None and not self._gaits.is_there(tick):
+            return False
+        return self._modes.is_there(tick)
 
     def _take(self) -> bool:
         """Load the newest state not answered yet; says whether there is one."""
@@ -181,16 +194,31 @@ class GaitControllerNode(Node):
         mode = self._modes.at(seq)
         if self._modes.irregular != self._told_irregular:
             self._tell_irregular()
+        if self._gaits is not None:
+            self._offer(self._gaits)
         command = self._controller.step(state, mode)
         self._reply = command.to_bytes()
         self._commands.publish_raw(self._reply)
         self._answered = key
+        if self._gaits is not None and (request := self._core.request()) is not None:
+            self._gaits.ask(request)
         self._rate.check(episode, seq, state)
         self._scheduling.follow(bool(state.wall_paced))
         if seq % STATUS_TICKS == 0 or not self._status_reply:
             self._tell()  # a new controller at once, so that nobody thinks it is still lost
         self._conditions.set("state_estimator", "")
         self._conditions.set("state", self._controller.problem)
+
+    def _offer(self, gaits: GaitSource) -> None:
+        """Hand the gait of this tick, if there is one, to the core; a replay is told of it."""
+        gait = gaits.at(int(self._state.seq), wall_paced=bool(self._state.wall_paced))
+        if gait is not None:
+            self._core.offer(gait)
+            self._events.tell(self._state, "gait", {"effective_seq": int(gait.effective_seq)})
+
+    def _repeat_status(self) -> None:
+        if self._status_reply:
+            self._status.publish_raw(self._status_reply)
 
     def _tell(self) -> None:
         status = self._controller.status(self._state)
@@ -204,6 +232,8 @@ class GaitControllerNode(Node):
     def _begin(self, episode: int) -> None:
         self._controller.reset()
         self._modes.reset(episode)
+        if self._gaits is not None:
+            self._gaits.reset(episode)
         self._told_irregular = None
         self._events.began(self._state)
         self.get_logger().info(f"episode {episode}")
@@ -234,10 +264,11 @@ ABOUT = About(
     package="cassie_control",
     text="Answers each state with the set-points of the ten drives, in the mode that the "
     "supervisor puts in force.",
-    reads=("/cassie/state", "/cassie/mode"),
+    reads=("/cassie/state", "/cassie/mode", "/cassie/gait"),
     writes=(
         "/cassie/motor_command",
         "/cassie/controller_status",
+        "/cassie/gait_request",
         "/cassie/node_events",
         "/diagnostics",
     ),

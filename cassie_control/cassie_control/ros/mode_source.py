@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from cassie_control.ros.common import START_TIMEOUT, Conditions
+from cassie_control.ros.common import Conditions
 from cassie_control.schedule import ModeInForce, refusal
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter, LocalTopic
 from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import START_TIMEOUT, effective_seq, period_of
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class ModeSource:
         self._tell()
         if mode is self._table.at(tick):
             self._current = mode
-            self._span = range(tick, tick - tick % PERIOD_TICKS + PERIOD_TICKS)
+            self._span = range(tick, effective_seq(period_of(tick)))
             self.irregular = None
         else:
             forces = self._modes_in_force

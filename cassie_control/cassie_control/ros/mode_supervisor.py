@@ -18,7 +18,13 @@ from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_msgs.layout import Mode, RobotState, header
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
-from cassie_msgs.ros.fast_lane import EVERY, Doze, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.fast_lane import (
+    EVERY,
+    LanePublisher,
+    LaneSubscription,
+    LaneWaiter,
+    WakeLimiter,
+)
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
@@ -73,7 +79,7 @@ class ModeSupervisorNode(Node):
         stop.on_request(self._waiter.wake)
         self._state = RobotState()
         self._last = (-1, -1)
-        self._doze = Doze()
+        self._wakes = WakeLimiter()
         self._replies: list[bytes] = []
 
     def loop(self) -> None:
@@ -105,7 +111,7 @@ class ModeSupervisorNode(Node):
                 self._repeat()
             elif seq % PERIOD_TICKS == 0:
                 self._answer(raw, episode, seq)
-                self._doze.doze()
+                self._wakes.limit()
 
     def _repeat(self) -> None:
         """A repeated state says that an answer may have got lost, or that a node is new."""

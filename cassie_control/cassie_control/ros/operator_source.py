@@ -20,17 +20,9 @@ from cassie_msgs.ros.fast_lane import (
     take_from_each,
 )
 from cassie_msgs.ros.process import Stop
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_TIMEOUT, effective_seq
 
-SCRIPT_TIMEOUT = 0.3
-"""Wall time that a script has to answer a state. In s."""
-
-START_TIMEOUT = 8.0
-"""Wall time that a script has for its first answer. In s."""
-
-SCRIPT_AGE = 0.5
-"""Wall time for which a script's command holds when nothing waits for the next. In s."""
-
+_FIRST_ANSWER = 8.0  # s of wall time that a script has for it, within `START_TIMEOUT` of others
 _MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for us
 
 
@@ -151,7 +143,7 @@ class OperatorSource:
         return self._arrived >= 0.0 and int(self._command.seq) == seq
 
     def _wait(self, seq: int) -> None:
-        deadline = time.monotonic() + (SCRIPT_TIMEOUT if self._script else START_TIMEOUT)
+        deadline = time.monotonic() + (SCRIPT_TIMEOUT if self._script else _FIRST_ANSWER)
         while (left := deadline - time.monotonic()) > 0.0 and not self._stop.requested:
             self._waiter.wait(left)
             self._take()
@@ -168,7 +160,7 @@ class OperatorSource:
         if not self._early:
             return False
         _, _, episode, newer = header(self._early[-1])
-        return episode != self._episode or newer > seq + PERIOD_TICKS
+        return episode != self._episode or newer > effective_seq(seq)
 
     def _take(self) -> None:
         now = time.monotonic()
@@ -223,5 +215,5 @@ class CommandInForce:
         told = self._told
         told.copy_from(self._none if command is None else command)
         told.answer(state)
-        told.effective_seq[...] = 0 if command is None else int(state.seq) + PERIOD_TICKS
+        told.effective_seq[...] = 0 if command is None else effective_seq(int(state.seq))
         self._publisher.publish(told)

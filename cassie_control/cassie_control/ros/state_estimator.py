@@ -11,8 +11,6 @@ from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.guarded import BRIDGED, GuardedEstimator
 from cassie_control.ros.common import (
     LOOK_PERIOD,
-    SILENT_AFTER,
-    START_TIMEOUT,
     Conditions,
     LaneConfig,
     RateCheck,
@@ -36,6 +34,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT
 
 _NOT_BELIEVED = (
     "not believed: replaced as far as others tell it, learned anew at rest without power"

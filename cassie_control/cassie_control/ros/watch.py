@@ -8,15 +8,12 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from cassie_control.ros.common import SILENT_AFTER, START_TIMEOUT, Conditions
+from cassie_control.ros.common import Conditions
 from cassie_control.silence import Silence
 from cassie_msgs.layout import ControllerStatus
 from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LaneSubscription, RawSubscription
 from cassie_msgs.ros.one_writer import OneWriter
-
-ANSWER_AFTER = 0.7
-"""Wall time without states or status after which their sender counts as lost, while what they
-answer goes on. In s."""
+from cassie_msgs.schedule import ANSWER_AFTER, SILENT_AFTER, START_TIMEOUT
 
 _CLOCK = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=1

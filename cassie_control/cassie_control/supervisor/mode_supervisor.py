@@ -22,7 +22,7 @@ from cassie_control.supervisor.set_points import (
 from cassie_control.supervisor.status import SupervisorStatus, faults
 from cassie_control.supervisor.transitions import Moment, carries_weight, refusal
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import PERIOD_TICKS, effective_seq
 
 # Feet that are carried off contradict the accelerometer, by which its failures are found.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
@@ -232,7 +232,7 @@ class ModeSupervisor:
     def _answer(self, state: RobotState) -> Mode:
         mode = self._mode
         mode.answer(state)
-        mode.effective_seq[...] = int(state.seq) + PERIOD_TICKS
+        mode.effective_seq[...] = effective_seq(int(state.seq))
         mode.mode[...] = int(self._current)
         mode.transition[...] = min(1.0, self._since)
         self._set_points.write(mode)

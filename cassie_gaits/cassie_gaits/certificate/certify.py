@@ -66,11 +66,13 @@ class Terms:
         clearance: Least height of the swing foot at mid-step. In m.
         slope: Rise of the ground ahead. In rad.
         symmetric: Whether the pelvis counts as symmetric.
+        payload: Mass at the pelvis's centre of mass beside its own. In kg.
     """
 
     clearance: float
     slope: float
     symmetric: bool
+    payload: float
 
 
 def terms(gait: Gait) -> Terms:
@@ -86,8 +88,12 @@ def terms(gait: Gait) -> Terms:
     if not isinstance(symmetric, bool):
         shown = reprlib.repr(symmetric)
         raise GaitLibraryError(f"its request's symmetric is {shown}, expected true or false")
+    payload = _asked(request, "payload", 0.0, 30.0) if "payload" in request else 0.0
     return Terms(
-        _asked(request, "clearance", 0.0, 1.0), _asked(request, "slope", -1.0, 1.0), symmetric
+        _asked(request, "clearance", 0.0, 1.0),
+        _asked(request, "slope", -1.0, 1.0),
+        symmetric,
+        payload,
     )
 
 
@@ -127,7 +133,7 @@ def certify(gait: Gait) -> Certificate:
         raise GaitLibraryError("the gait has no torques or no passive motion to check")
     asked = terms(gait)
     with motion_that_may_break():
-        walker = equations(symmetric=asked.symmetric, slope=asked.slope)
+        walker = equations(symmetric=asked.symmetric, slope=asked.slope, payload=asked.payload)
         mirrored = asked.symmetric and mirror_image(gait)
         steps = [integrate(walker, gait, domain) for domain in ((0,) if mirrored else (0, 1))]
         rows = [_step(walker, gait, step, asked.clearance) for step in steps]

@@ -8,6 +8,7 @@ Chebyshev series that meet it within about 1e-11; a call then costs a tenth.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,17 +16,19 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from cassie_gaits import robot
+from cassie_gaits.compiled import compiled
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 from cassie_gaits.errors import KinematicsError
 from cassie_gaits.names import LEG_DRIVES, LEGS
 from cassie_gaits.pinocchio_model import BASE_SIZE, Tree, build_tree
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 SIZE = RIGID.shape[1]
 
 _DEGREE = 60
-_KNEE_PLACES, _WIDTH = 5, 11
+_KNEE_PLACES, _KNEE_RATES, _WIDTH = 5, 3, 11
 _RANGES = {"knee": (-2.80, -0.60), "toe": (-2.50, -0.45)}  # rad, a little past the stops
 
 
@@ -64,7 +67,7 @@ class RigidTree:
         self._embedding = np.zeros((self._model.nv, SIZE))
         self._embedding[self._tree.joints_v] = RIGID
         self._drift = np.zeros(self._model.nv)
-        self._curves = _Curves(self._tree)
+        self._curves = _curves()
 
     def terms(self, q: FloatArray, v: FloatArray, leg: str) -> RigidTerms:
         """Mass, bias and what the contact of a leg's sole asks.
@@ -129,16 +132,23 @@ class _Curves:
         joints = [(leg, joint) for leg in LEGS for joint in ("knee", "toe")]
         free = [BASE_SIZE + 5 * LEGS.index(leg) + LEG_DRIVES.index(joint) for leg, joint in joints]
         self._columns = free
-        self._in_q = [int(np.argmax(RIGID[:, column])) for column in free]
+        self._still = np.zeros(SIZE)
         self._low = np.array([_RANGES[joint][0] for _, joint in joints])
         self._span = np.array([_RANGES[joint][1] - _RANGES[joint][0] for _, joint in joints])
-        self._orders = np.arange(_DEGREE + 1)
         places, follows = _followers(tree)
         self._places, self._follows = places, follows
         self._series = np.zeros((len(joints), _DEGREE + 1, _WIDTH))
         dynamics = Dynamics()
         for i in range(len(joints)):
             self._series[i] = self._fit(i, dynamics)
+        # Of each curve: its column among the rigid velocities, its joint in q, how many places and
+        # how many rates follow, and where these stand.
+        self._table = np.full((len(joints), 4 + _KNEE_PLACES + _KNEE_RATES), -1, np.int64)
+        for i, column in enumerate(free):
+            joint = int(np.argmax(RIGID[:, column]))
+            entries = [column, joint, len(places[i]), len(follows[i]), *places[i], *follows[i]]
+            self._table[i, : len(entries)] = entries
+        self._ranges = np.column_stack([self._low, self._span])
 
     def write(
         self,
@@ -149,19 +159,12 @@ class _Curves:
         drift: FloatArray,
     ) -> None:
         """Write the followers' configuration, slopes and accelerations."""
-        x = 2.0 * (q[self._in_q] - self._low) / self._span - 1.0
-        if not -1.0 <= x.min() <= x.max() <= 1.0:
-            raise KinematicsError(f"knees and toes are at {q[self._in_q]}, far beyond their stops")
-        basis = np.cos(np.arccos(x)[:, np.newaxis] * self._orders)
-        values = np.matmul(basis[:, np.newaxis, :], self._series)[:, 0]
-        for i, column in enumerate(self._columns):
-            places, follows = self._places[i], self._follows[i]
-            split = len(places)
-            full[places] = values[i, :split]
-            embedding[follows, column] = values[i, split : split + len(follows)]
-            if v is not None:
-                bends = values[i, split + len(follows) : split + 2 * len(follows)]
-                drift[follows] = bends * v[column] ** 2
+        moves = self._still if v is None else v
+        if not _write(
+            self._table, self._ranges, self._series, q, moves, full, embedding, drift, v is not None
+        ):
+            knees_and_toes = q[self._table[:, 1]]
+            raise KinematicsError(f"knees and toes are at {knees_and_toes}, far beyond their stops")
 
     def _fit(self, i: int, dynamics: Dynamics) -> FloatArray:
         chebyshev = np.polynomial.chebyshev
@@ -184,6 +187,48 @@ class _Curves:
             bends = _without_spin(values, changes)
         fitted = np.hstack([series, chebyshev.chebfit(nodes, bends, _DEGREE)])
         return np.pad(fitted, ((0, 0), (0, _WIDTH - fitted.shape[1])))
+
+
+@compiled
+def _write(
+    table: IntArray,
+    ranges: FloatArray,
+    series: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    full: FloatArray,
+    embedding: FloatArray,
+    drift: FloatArray,
+    moving: bool,
+) -> bool:
+    """Write what follows knees and toes; says whether these are within the curves' ranges."""
+    basis, values = np.empty(series.shape[1]), np.empty(series.shape[2])
+    for i in range(table.shape[0]):
+        column, places, rates = table[i, 0], table[i, 2], table[i, 3]
+        x = 2.0 * (q[table[i, 1]] - ranges[i, 0]) / ranges[i, 1] - 1.0
+        if not -1.0 <= x <= 1.0:
+            return False
+        basis[0], basis[1] = 1.0, x
+        for k in range(2, basis.size):
+            basis[k] = 2.0 * x * basis[k - 1] - basis[k - 2]
+        values[:] = 0.0
+        for k in range(basis.size):
+            for j in range(values.size):
+                values[j] += basis[k] * series[i, k, j]
+        for j in range(places):
+            full[table[i, 4 + j]] = values[j]
+        for j in range(rates):
+            row = table[i, 4 + places + j]
+            embedding[row, column] = values[places + j]
+            if moving:
+                drift[row] = values[places + rates + j] * v[column] ** 2
+    return True
+
+
+@cache
+def _curves() -> _Curves:
+    """The legs' curves, which no pelvis changes; fitted once in a process."""
+    return _Curves(build_tree())
 
 
 def _without_spin(values: FloatArray, changes: FloatArray) -> FloatArray:

@@ -8,8 +8,8 @@ about the middle line of its sole. States are q and v of the 20 coordinates with
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -53,11 +53,12 @@ class Walker:
     Args:
         symmetric: Whether the pelvis counts as symmetric.
         slope: Rise of the ground ahead, along the world's x axis. In rad.
+        payload: Mass at the pelvis's centre of mass beside its own. In kg.
     """
 
-    def __init__(self, *, symmetric: bool, slope: float = 0.0) -> None:
+    def __init__(self, *, symmetric: bool, slope: float = 0.0, payload: float = 0.0) -> None:
         pelvis = robot.symmetric_pelvis() if symmetric else robot.PELVIS
-        self.tree = RigidTree(pelvis)
+        self.tree = _tree(replace(pelvis, mass=pelvis.mass + payload))
         self.slope = slope
         self._straight = self._directions(0.0)
         self._axes = self.ground_axes()
@@ -119,10 +120,15 @@ class Walker:
         return rows
 
 
-@cache
-def walker(*, symmetric: bool, slope: float) -> Walker:
-    """The equations, made once in a process."""
-    return Walker(symmetric=symmetric, slope=slope)
+@lru_cache(maxsize=16)
+def walker(*, symmetric: bool, slope: float, payload: float) -> Walker:
+    """The equations; those last asked for are kept."""
+    return Walker(symmetric=symmetric, slope=slope, payload=payload)
+
+
+@lru_cache(maxsize=16)
+def _tree(pelvis: robot.Link) -> RigidTree:
+    return RigidTree(pelvis)
 
 
 def _saddle(D: FloatArray, J: FloatArray, push: FloatArray, target: FloatArray) -> FloatArray:

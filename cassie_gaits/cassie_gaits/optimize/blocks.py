@@ -6,13 +6,18 @@ Jacobian and Hessian are put together from these by constant matrices.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cassie_gaits.optimize.tape import Tape
+
 FloatArray = npt.NDArray[np.float64]
+
+_TAPES: dict[tuple[Hashable, str], Tape] = {}
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,13 @@ class Block:
         cost: Symbol of a cost, or None.
         weights: Of the cost at each instant.
         inner: If given, rows and cost are functions of its symbols.
+        signs: By which the parameters are multiplied at this block. Shape (parameters,).
+        form: What tells blocks with the same rows, cost and inner values from others.
+
+    Attributes:
+        map: All matrices of `maps`, one below the other.
+        weights: Shape (1, instants).
+        signs: As given.
     """
 
     def __init__(
@@ -74,14 +86,19 @@ class Block:
         cost: ca.SX | None = None,
         weights: FloatArray | None = None,
         inner: Inner | None = None,
+        *,
+        signs: FloatArray | None = None,
+        form: Hashable,
     ) -> None:
         self.rows = rows
         self.count = len(maps)
         self.lower = np.tile([row.low / row.scale for row in rows], self.count)
         self.upper = np.tile([row.high / row.scale for row in rows], self.count)
-        self._map = ca.DM(ca.sparsify(ca.DM(np.vstack(maps))))
-        self._weights = ca.DM(weights).T if weights is not None else ca.DM.zeros(1, self.count)
+        self.map = ca.DM(ca.sparsify(ca.DM(np.vstack(maps))))
+        self.weights = ca.DM(weights).T if weights is not None else ca.DM.zeros(1, self.count)
         self._name, self._z, self._p = name, z, p
+        self.signs = np.ones(p.size1()) if signs is None else signs
+        self._form = form
         self._inner = inner or Inner(z, z)
         self._outer_values = ca.vertcat(*(row.value / row.scale for row in rows))
         self._outer_price = cost
@@ -105,7 +122,7 @@ class Block:
     def value(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraints and cost."""
         values, prices = self._value.map(self.count)(self._points(x), self._repeat(p))
-        return ca.vec(values), ca.dot(prices, self._weights)
+        return ca.vec(values), ca.dot(prices, self.weights)
 
     def slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraints and their Jacobian."""
@@ -116,7 +133,7 @@ class Block:
         )
         values, jacobians = slope.map(self.count)(self._points(x), self._repeat(p))
         blocks = ca.diagcat(*ca.horzsplit(jacobians, slope.size2_out(1)))
-        return ca.vec(values), ca.mtimes(blocks, self._map)
+        return ca.vec(values), ca.mtimes(blocks, self.map)
 
     def cost_slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Cost and its gradient."""
@@ -128,8 +145,8 @@ class Block:
             [self._price, ca.gradient(self._price, self._z)],
         )
         prices, gradients = slope.map(self.count)(self._points(x), self._repeat(p))
-        weighted = gradients * ca.repmat(self._weights, gradients.size1(), 1)
-        return ca.dot(prices, self._weights), ca.mtimes(self._map.T, ca.vec(weighted))
+        weighted = gradients * ca.repmat(self.weights, gradients.size1(), 1)
+        return ca.dot(prices, self.weights), ca.mtimes(self.map.T, ca.vec(weighted))
 
     def bend(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
         """Hessian of the Lagrangian."""
@@ -141,10 +158,42 @@ class Block:
             self._points(x),
             self._repeat(p),
             ca.reshape(multipliers, len(self.rows), self.count),
-            sigma * self._weights,
+            sigma * self.weights,
         )
         blocks = ca.diagcat(*ca.horzsplit(hessians, bend.size2_out(0)))
-        return ca.mtimes(self._map.T, ca.mtimes(blocks, self._map))
+        return ca.mtimes(self.map.T, ca.mtimes(blocks, self.map))
+
+    def value_tape(self) -> Tape:
+        """z, p to rows and cost, one below the other."""
+        return self._tape("value", [], lambda: ca.vertcat(self._values, self._price))
+
+    def slope_tape(self) -> Tape:
+        """z, p to rows, cost, gradient of the cost by z, and Jacobian by z column by column."""
+
+        def outputs() -> ca.SX:
+            jacobian = ca.jacobian(self._values, self._z)
+            slope = ca.gradient(self._price, self._z)
+            return ca.vertcat(self._values, self._price, slope, ca.vec(ca.densify(jacobian)))
+
+        return self._tape("slope", [], outputs)
+
+    def bend_tape(self) -> Tape:
+        """z, p, multipliers, share of the cost to the Hessian's upper half, row by row."""
+        lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
+
+        def outputs() -> ca.SX:
+            bend = ca.densify(self._hessian(lam, share))
+            return ca.vertcat(*(bend[i, i:].T for i in range(bend.size1())))
+
+        return self._tape("bend", [lam, share], outputs)
+
+    def _tape(self, what: str, more: list[ca.SX], outputs: Callable[[], ca.SX]) -> Tape:
+        """Made once for all blocks of a form: to write one down takes a second."""
+        key = (self._form, what)
+        if key not in _TAPES:
+            inputs = ca.vertcat(self._z, self._p, *more)
+            _TAPES[key] = Tape(f"{self._name}_{what}", inputs, outputs())
+        return _TAPES[key]
 
     def _hessian(self, lam: ca.SX, share: ca.SX) -> ca.SX:
         """Of the Lagrangian: the inner values' own bend, and the outer one's seen through them."""
@@ -162,7 +211,7 @@ class Block:
         return own + ca.mtimes([jacobian.T, outer, jacobian])
 
     def _points(self, x: ca.MX) -> ca.MX:
-        return ca.reshape(ca.mtimes(self._map, x), -1, self.count)
+        return ca.reshape(ca.mtimes(self.map, x), -1, self.count)
 
     def _repeat(self, p: ca.MX) -> ca.MX:
-        return ca.repmat(p, 1, self.count)
+        return ca.repmat(ca.DM(self.signs) * p, 1, self.count)

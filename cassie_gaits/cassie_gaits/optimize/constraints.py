@@ -19,7 +19,7 @@ from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdow
 
 FloatArray = npt.NDArray[np.float64]
 
-PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "asymmetry")
+PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "payload", "asymmetry")
 """Order of the program's parameters, as `request.parameters` gives them."""
 
 GRID = 25
@@ -59,11 +59,12 @@ def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool
     z = ca.SX.sym("z", 3 * SIZE)
     time = by_name["step_time"]
     y, y1, y2 = ca.vertsplit(z, SIZE)
-    arguments = [y, y1 / time, y2 / time**2, by_name["slope"], sign * by_name["asymmetry"]]
+    arguments = [y, y1 / time, y2 / time**2, by_name["slope"], by_name["asymmetry"]]
+    arguments.append(by_name["payload"])
     at = instant()
-    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry]
+    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry, at.payload]
     names = ("force", "roll_moment", "torque", "rate", "attitude", "hips")
-    values = ca.Function("inner", symbols, _inner_values(at), list("yvasp"), list(names))(
+    values = ca.Function("inner", symbols, _inner_values(at), list("yvaspm"), list(names))(
         *arguments
     )
     parts = dict(zip(names, values, strict=True))
@@ -80,7 +81,14 @@ def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool
         _cost(inner, limits),
         weights,
         Inner(ca.vertcat(*inner.values()), ca.vertcat(*parts.values())),
+        signs=_asymmetry_times(sign),
+        form=("dynamics", limits, lean),
     )
+
+
+def _asymmetry_times(sign: float) -> FloatArray:
+    """Factors of the parameters where the pelvis's asymmetry has another sign."""
+    return np.array([sign if name == "asymmetry" else 1.0 for name in PARAMETERS])
 
 
 def _inner_values(at: Instant) -> list[ca.SX]:
@@ -98,7 +106,7 @@ def _inner_values(at: Instant) -> list[ca.SX]:
 
 
 def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
-    weight = robot.total_mass() * GRAVITY
+    weight = robot.total_mass() * GRAVITY  # a scale: the payload does not matter
     along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")
@@ -163,7 +171,7 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
         rows += _stop_rows("stance", at.stance) + _stop_rows("swing", at.swing)
     phases = np.linspace(0.0, 1.0, GRID)
     maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
-    return Block("posture", y, p, rows, maps)
+    return Block("posture", y, p, rows, maps, form=("posture", limits, lean))
 
 
 def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
@@ -200,7 +208,8 @@ def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block
         phases = list(np.linspace(0.0, 1.0, GRID)[1:-1])
         row = Row("swing foot above the ground", height, 0.0, INF, unit="m")
     maps = [grid.coordinates_at(phase, 0) @ place for phase in phases]
-    return Block("clearance" if middle else "height", y, p, [row], maps)
+    name = "clearance" if middle else "height"
+    return Block(name, y, p, [row], maps, form=(name, limits))
 
 
 def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: float) -> Block:
@@ -217,10 +226,11 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
     time, slope = by_name["step_time"], by_name["slope"]
     ye, ye1, ys, ys1 = ca.vertsplit(z, SIZE)
     at = touchdown()
-    symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry]
+    symbols = [at.end, at.end_rate, at.start, at.start_rate, at.slope, at.asymmetry, at.payload]
     results = [at.same_posture, at.impulse, at.foot, at.foot_velocity, at.foot_yaw, at.lift]
     same, impulse, foot, velocity, yaw, lift = ca.Function("at", symbols, results)(
-        ye, ye1 / time, ys, ys1 / time, slope, sign * by_name["asymmetry"]
+        *(ye, ye1 / time, ys, ys1 / time, slope),
+        *(by_name["asymmetry"], by_name["payload"]),
     )
     c, s = ca.cos(slope), ca.sin(slope)
     along, across = c * velocity[0] + s * velocity[2], c * velocity[2] - s * velocity[0]
@@ -237,7 +247,8 @@ def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: floa
         Row(STRAIGHT, yaw, -1.0, 1.0, unit="rad"),
     ]
     ends, starts = grid.coordinates_at(1.0, 1) @ end, grid.coordinates_at(0.0, 1) @ start
-    return Block("landing", z, p, rows, [np.vstack([ends, starts])])
+    maps, signs = [np.vstack([ends, starts])], _asymmetry_times(sign)
+    return Block("landing", z, p, rows, maps, signs=signs, form=("landing", limits))
 
 
 def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
@@ -264,7 +275,7 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
         miss = advance / time - by_name["vx"]
         rows = [Row("average sagittal velocity", miss, 0.0, 0.0, unit="m/s")]
         maps = [grid.coordinates_at(1.0, 0) @ first]
-        return Block("travel", z, p, rows, maps)
+        return Block("travel", z, p, rows, maps, form=("travel", 1))
     other, other_yaw = place(z[SIZE:], slope)
     turn, yaw2 = by_name["yaw_rate"], -other_yaw
     step = ca.vertcat(ahead, foot[1])
@@ -281,7 +292,7 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
         Row("average turning rate", turned / (2.0 * time) - turn, 0.0, 0.0, unit="rad/s"),
     ]
     ends = [grid.coordinates_at(1.0, 0) @ part for part in (first, second)]
-    return Block("travel", z, p, rows, [np.vstack(ends)])
+    return Block("travel", z, p, rows, [np.vstack(ends)], form=("travel", 2))
 
 
 def _turned(way: ca.SX, angle: ca.SX) -> ca.SX:

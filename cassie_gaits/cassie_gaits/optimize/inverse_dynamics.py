@@ -89,7 +89,7 @@ def leg_motion(q: ca.SX, v: ca.SX, a: ca.SX) -> tuple[Motion, dict[str, ca.SX]]:
 class SymbolicBody:
     """As `bodies.Body`, with symbols."""
 
-    mass: float
+    mass: ca.SX
     com: ca.SX
     inertia: ca.SX
 
@@ -99,11 +99,12 @@ class Recursion:
 
     Args:
         asymmetry: Share of the pelvis's asymmetry: 1 as it is, 0 none, -1 its mirror image.
+        payload: Mass at the pelvis's centre of mass beside its own. In kg.
     """
 
-    def __init__(self, asymmetry: ca.SX) -> None:
+    def __init__(self, asymmetry: ca.SX, payload: ca.SX) -> None:
         self._legs = {"right": bodies.leg("right"), "left": bodies.leg("left")}
-        self._pelvis = _pelvis(asymmetry)
+        self._pelvis = _pelvis(asymmetry, payload)
         self._states: dict[tuple[str, str], State] = {}
         self._motion: dict[str, Motion] = {}
 
@@ -262,15 +263,15 @@ def _load(state: State, body: Body | SymbolicBody) -> None:
     state.moment += turn
 
 
-def _pelvis(asymmetry: ca.SX) -> SymbolicBody:
-    """The pelvis with its asymmetry scaled."""
+def _pelvis(asymmetry: ca.SX, payload: ca.SX) -> SymbolicBody:
+    """The pelvis with its asymmetry scaled, and with its load."""
     body = bodies.pelvis()
     com, inertia = ca.SX(ca.DM(body.com)), ca.SX(ca.DM(body.inertia))
     com[1] *= asymmetry
     for i, j in ((0, 1), (1, 2)):
         inertia[i, j] *= asymmetry
         inertia[j, i] = inertia[i, j]
-    return SymbolicBody(body.mass, com, inertia)
+    return SymbolicBody(body.mass + payload, com, inertia)
 
 
 def foot_frame() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

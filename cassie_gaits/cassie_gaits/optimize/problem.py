@@ -12,6 +12,7 @@ import numpy.typing as npt
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.optimize import constraints, grid
 from cassie_gaits.optimize.blocks import Block
+from cassie_gaits.optimize.evaluation import Evaluation
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.request import Limits
 
@@ -110,10 +111,16 @@ class Problem:
         """The same from a neighbour's solution, with its multipliers."""
         return self._ipopt({**_FOLLOW, "max_iter": min(_FOLLOW_ITERATIONS, self._max_iterations)})
 
+    @cached_property
+    def evaluation(self) -> Evaluation:
+        """Of cost, rows and their derivatives for `newton`."""
+        return Evaluation(self.blocks, self.unknowns, COST_SCALE)
+
     def prepare(self) -> None:
-        """Set up the solver now rather than at the first gait."""
+        """Set up the solvers now rather than at the first gait."""
         self.solver.n_in()
         self.follower.n_in()
+        self.evaluation.cost_and_rows(self.guess(), np.ones(self.parameters))
 
     @cached_property
     def values(self) -> ca.Function:

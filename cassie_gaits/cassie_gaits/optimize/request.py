@@ -13,6 +13,7 @@ _RANGES = {
     "step_time": (0.05, 1.5),
     "clearance": (0.0, 1.0),
     "slope": (-1.0, 1.0),
+    "payload": (0.0, 30.0),
     "landing_speed": (0.01, 1.0),
     "feet_apart": (0.2, 0.5),
     "torso_pitch": (0.005, 1.2),
@@ -45,6 +46,7 @@ class Request:
         step_time: Duration of a step. In s.
         clearance: Least height of the swing foot at mid-step. In m.
         slope: Rise of the ground ahead. In rad.
+        payload: Mass at the pelvis's centre of mass beside its own. In kg.
         landing_speed: Largest speed of the foot down to the ground; the table allows 1. In m/s.
         feet_apart: Least distance of the feet to the side; the table asks for 0.2. In m.
         torso_pitch: Bound of torso pitch, up to 1.2 where it binds nothing. In rad.
@@ -83,6 +85,7 @@ class Request:
     pelvis_distance: float = 0.97
     detour: float = 0.03
     symmetric: bool = True
+    payload: float = 0.0
 
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
@@ -142,10 +145,14 @@ def parameters(request: Request) -> list[float]:
         request.step_time,
         request.clearance,
         request.slope,
+        request.payload,
         asymmetry,
     ]
 
 
 def as_document(request: Request) -> dict[str, float | bool]:
-    """For the library's file."""
-    return asdict(request)
+    """For the library's file; without the payload where there is none, as in older files."""
+    document = asdict(request)
+    if not request.payload:
+        del document["payload"]
+    return document

@@ -14,6 +14,7 @@ from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
 from cassie_gaits.optimize import grid
 from cassie_gaits.optimize.bounds import row_bounds, unknown_bounds
+from cassie_gaits.optimize.newton import Bounds, Newton
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
 from cassie_gaits.optimize.request import Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
@@ -28,6 +29,25 @@ DIGITS = (9, 9, 6)
 
 TRAVEL_ROWS = 3
 """Mean speeds, the last rows of a program of two steps."""
+
+NEWTON_BARRIER = 2.5e-4
+"""Of the scaled cost; what IPOPT's `mu_target` comes to after its own scaling of the cost."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way to begin Newton's method: its arguments `inside`, `barrier` and `most`."""
+
+    inside: float
+    barrier: float
+    most: int
+
+
+NEAR = Attempt(inside=1e-3, barrier=NEWTON_BARRIER, most=20)
+"""From a neighbour of the library, where 8 to 13 steps are usual."""
+
+FAR = Attempt(inside=1e-2, barrier=1e-2, most=30)
+"""Where that does not get there: away from the bounds at first, which takes 14 to 27 steps."""
 
 LEEWAY = 1e-4
 """Largest scaled violation in a solved gait: half of the margin that the limits keep."""
@@ -82,7 +102,16 @@ def prepare(*, symmetric: bool) -> None:
     _torques().n_in()
 
 
-def solve(request: Request, near: Point | None = None) -> Outcome:
+def prepare_newton(*, symmetric: bool) -> None:
+    """The same for `solve` from a neighbour without patience, which leaves IPOPT aside."""
+    for lean in (True, False):
+        program = problem(symmetric=symmetric, lean=lean)
+        program.evaluation.cost_and_rows(program.guess(), np.ones(program.parameters))
+    problem(symmetric=symmetric, lean=False).values.n_in()
+    _torques().n_in()
+
+
+def solve(request: Request, near: Point | None = None, *, patient: bool = True) -> Outcome:
     """Find a gait.
 
     The lean program is solved first. If its gait breaks one of the constraints that are left out
@@ -91,14 +120,15 @@ def solve(request: Request, near: Point | None = None) -> Outcome:
     Args:
         request: What the gait shall be.
         near: Where a neighbour ended, or None to start from the constant guess.
+        patient: Whether IPOPT goes on where Newton's method finds no way from the neighbour.
     """
     start = time.process_time()
     whole = problem(symmetric=request.symmetric, lean=False)
     lean = problem(symmetric=request.symmetric, lean=True)
-    point, status, iterations = _run(lean, request, near)
+    point, status, iterations = _run(lean, request, near, patient)
     x = point.unknowns
     if status == "Solve_Succeeded" and _violations(whole, request, x)[1].max() > LEEWAY:
-        again, status, more = _run(whole, request, Point(x))
+        again, status, more = _run(whole, request, Point(x), patient)
         x, iterations = again.unknowns, iterations + more
     judge = whole if status == "Solve_Succeeded" else lean
     cost, violations = _violations(judge, request, x)
@@ -167,11 +197,27 @@ def _twice(near: Point, program: Problem) -> Point:
     return Point(np.tile(near.unknowns, program.steps))
 
 
-def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point, str, int]:
-    if near is not None:
-        near = _twice(near, program)
+def _run(
+    program: Problem, request: Request, near: Point | None, patient: bool
+) -> tuple[Point, str, int]:
     lower, upper = row_bounds(program, request)
     x_lower, x_upper = unknown_bounds(program, request)
+    tried = 0
+    if near is not None:
+        near = _twice(near, program)
+        newton = Newton(
+            program.evaluation,
+            Bounds(x_lower, x_upper, lower, upper),
+            np.array(parameters(request)),
+            NEWTON_BARRIER,
+        )
+        for attempt in (NEAR, FAR):
+            ended = newton.run(near.unknowns, attempt.most, attempt.inside, attempt.barrier)
+            tried += ended.iterations
+            if ended.status == "Solve_Succeeded":
+                break
+        if ended.status == "Solve_Succeeded" or not patient:
+            return Point(ended.unknowns), ended.status, tried
     bounds = {"lbx": x_lower, "ubx": x_upper, "lbg": lower, "ubg": upper}
     if near is None:
         solver, start = program.solver, {"x0": program.guess()}
@@ -184,7 +230,7 @@ def _run(program: Problem, request: Request, near: Point | None) -> tuple[Point,
     stats = solver.stats()
     names = ("x", "lam_x", "lam_g")
     point = Point(*(np.array(result[name], dtype=np.float64).ravel() for name in names))
-    return point, str(stats["return_status"]), int(stats["iter_count"])
+    return point, str(stats["return_status"]), tried + int(stats["iter_count"])
 
 
 def _violations(program: Problem, request: Request, x: FloatArray) -> tuple[float, FloatArray]:
@@ -238,7 +284,9 @@ def _step(
     for phase in phases:
         y, y1, y2 = (grid.coordinates_at(float(phase), 2) @ unknowns).reshape(3, -1)
         time = request.step_time
-        torque = _torques()(y, y1 / time, y2 / time**2, request.slope, asymmetry)
+        torque = _torques()(
+            *(y, y1 / time, y2 / time**2, request.slope, asymmetry, request.payload)
+        )
         samples.append(np.array(torque, dtype=np.float64).ravel())
     basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])
     torques = np.linalg.lstsq(basis, np.array(samples), rcond=None)[0].T
@@ -251,4 +299,5 @@ def _torques() -> ca.Function:
     at = instant()
     stance = ca.vertcat(at.efforts.stance[:4], 0.0)
     torques = ca.vertcat(at.efforts.swing, stance)
-    return ca.Function("torques", [at.y, at.yd, at.ydd, at.slope, at.asymmetry], [torques])
+    symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry, at.payload]
+    return ca.Function("torques", symbols, [torques])

@@ -29,7 +29,7 @@ class Instant:
     Attributes:
         y, yd, ydd: Coordinates and their rates. Shape (11, 1).
         slope: Rise of the ground ahead. In rad.
-        asymmetry: Share of the pelvis's asymmetry, see `inverse_dynamics.Recursion`.
+        asymmetry, payload: Of the pelvis, see `inverse_dynamics.Recursion`.
         posture: At `y`.
         efforts: With gravity.
         force, moment: Of the ground in the world's axes, about the stance sole. (3, 1).
@@ -41,6 +41,7 @@ class Instant:
     ydd: ca.SX
     slope: ca.SX
     asymmetry: ca.SX
+    payload: ca.SX
     posture: Posture
     efforts: Efforts
     force: ca.SX
@@ -52,7 +53,7 @@ class Instant:
 def instant() -> Instant:
     """The robot in motion on its right foot."""
     y, yd, ydd = (ca.SX.sym(name, SIZE) for name in ("y", "yd", "ydd"))
-    slope, asymmetry = ca.SX.sym("slope"), ca.SX.sym("asymmetry")
+    slope, asymmetry, payload = (ca.SX.sym(name) for name in ("slope", "asymmetry", "payload"))
     at = posture(y, slope)
     joints = ca.vertcat(at.stance, at.swing)
     rates = ca.jtimes(joints, y, yd)
@@ -60,12 +61,13 @@ def instant() -> Instant:
     roll_rate, roll_accel = yd[SIZE - 2], ydd[SIZE - 2]
     up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, GRAVITY]))
     root = foot_state(ca.vertcat(roll_rate, 0.0, 0.0), ca.vertcat(roll_accel, 0.0, 0.0), up)
-    efforts = Recursion(asymmetry).run(
+    efforts = Recursion(asymmetry, payload).run(
         root, (at.stance, rates[:5], accels[:5]), (at.swing, rates[5:], accels[5:])
     )
     to_world = ca.mtimes(at.foot_to_ground, ca.DM(foot_frame().T))
     force, moment = ca.mtimes(to_world, efforts.force), ca.mtimes(to_world, efforts.moment)
-    return Instant(y, yd, ydd, slope, asymmetry, at, efforts, force, moment, rates[:5], rates[5:])
+    symbols = (y, yd, ydd, slope, asymmetry, payload)
+    return Instant(*symbols, at, efforts, force, moment, rates[:5], rates[5:])
 
 
 def foot_state(omega: ca.SX, alpha: ca.SX, accel: ca.SX) -> State:
@@ -83,7 +85,7 @@ class Touchdown:
     Attributes:
         end, end_rate: Coordinates and rates at the end of a step. Shape (11, 1).
         start, start_rate: Those at the start of the next step, mirrored. Shape (11, 1).
-        slope, asymmetry: As in `Instant`; the next step's asymmetry is the negative.
+        slope, asymmetry, payload: As in `Instant`; the next step's asymmetry is the negative.
         same_posture: Differences of torso and joints across the change. Shape (12, 1), in rad.
         impulse: Of drives and of the foot's roll in the impact. Shape (11, 1), in Nms.
         foot: Position of the swing sole at the end. Shape (3, 1), in m.
@@ -98,6 +100,7 @@ class Touchdown:
     start_rate: ca.SX
     slope: ca.SX
     asymmetry: ca.SX
+    payload: ca.SX
     same_posture: ca.SX
     impulse: ca.SX
     foot: ca.SX
@@ -116,7 +119,7 @@ def touchdown() -> Touchdown:
     end, end_rate, start, start_rate = (
         ca.SX.sym(name, SIZE) for name in ("end", "end_rate", "start", "start_rate")
     )
-    slope, asymmetry = ca.SX.sym("slope"), ca.SX.sym("asymmetry")
+    slope, asymmetry, payload = (ca.SX.sym(name) for name in ("slope", "asymmetry", "payload"))
     before, after = posture(end, slope), posture(start, slope)
     _, foot, attitude = places(before)
     velocity = ca.jtimes(foot, end, end_rate)
@@ -132,7 +135,7 @@ def touchdown() -> Touchdown:
     rate_before = ca.jtimes(ca.vertcat(before.stance, before.swing), end, end_rate)
     rate_after = ca.jtimes(ca.vertcat(after.stance, after.swing), start, start_rate)
     still = ca.SX.zeros(5)
-    efforts = Recursion(-asymmetry).run(
+    efforts = Recursion(-asymmetry, payload).run(
         jump,
         (after.stance, still, rate_after[:5] - FLIP * rate_before[5:]),
         (after.swing, still, rate_after[5:] - FLIP * rate_before[:5]),
@@ -141,7 +144,7 @@ def touchdown() -> Touchdown:
     same = _difference(before, after)
     impulse = ca.vertcat(efforts.stance, efforts.swing, roll_impulse)
     yaw = ca.atan2(attitude[1, 0], attitude[0, 0])
-    symbols = (end, end_rate, start, start_rate, slope, asymmetry)
+    symbols = (end, end_rate, start, start_rate, slope, asymmetry, payload)
     return Touchdown(*symbols, same, impulse, foot, velocity, yaw, lift)
 
 

@@ -14,8 +14,12 @@ import numpy.typing as npt
 from cassie_msgs.sample import LayoutError, Sample, header
 
 __all__ = [
+    "GAIT_TYPES",
     "SAMPLE_TYPES",
     "ControllerStatus",
+    "Gait",
+    "GaitRequest",
+    "GaitResult",
     "LayoutError",
     "Mode",
     "MotorCommand",
@@ -43,6 +47,15 @@ class RobotMode(IntEnum):
     STAND = 2
     WALK = 3
     SEGWAY = 4
+
+
+class GaitResult(IntEnum):
+    """What came of a request for a gait, the constants of Gait.msg."""
+
+    FOUND = 0
+    REFUSED = 1
+    NOT_FOUND = 2
+    NOT_CERTIFIED = 3
 
 
 class Sensors(Sample):
@@ -255,6 +268,54 @@ class OperatorCommand(Sample):
     sender: UInt8Array
 
 
+class GaitRequest(Sample):
+    """GaitRequest.msg: what a gait shall be made for."""
+
+    TOPIC = "/cassie/gait_request"
+    LAYOUT = (
+        ("effective_seq", U8, 1),
+        ("vx", F8, 1),
+        ("vy", F8, 1),
+        ("yaw_rate", F8, 1),
+        ("payload", F8, 1),
+        ("slope", F8, 1),
+    )
+    effective_seq: UInt64Array
+    vx: FloatArray
+    vy: FloatArray
+    yaw_rate: FloatArray
+    payload: FloatArray
+    slope: FloatArray
+
+
+class Gait(Sample):
+    """Gait.msg: a certified gait, or that there is none."""
+
+    TOPIC = "/cassie/gait"
+    LAYOUT = (
+        ("effective_seq", U8, 1),
+        ("result", U8, 1),
+        ("vx", F8, 1),
+        ("vy", F8, 1),
+        ("yaw_rate", F8, 1),
+        ("payload", F8, 1),
+        ("slope", F8, 1),
+        ("step_time", F8, 1),
+        ("right_stance", F8, 54),
+        ("left_stance", F8, 54),
+    )
+    effective_seq: UInt64Array
+    result: UInt64Array
+    vx: FloatArray
+    vy: FloatArray
+    yaw_rate: FloatArray
+    payload: FloatArray
+    slope: FloatArray
+    step_time: FloatArray
+    right_stance: FloatArray
+    left_stance: FloatArray
+
+
 SAMPLE_TYPES: tuple[type[Sample], ...] = (
     Sensors,
     RobotState,
@@ -263,3 +324,7 @@ SAMPLE_TYPES: tuple[type[Sample], ...] = (
     ControllerStatus,
     OperatorCommand,
 )
+"""Those of every run."""
+
+GAIT_TYPES: tuple[type[Sample], ...] = (GaitRequest, Gait)
+"""Those of a run whose controller takes gaits from gait_optimizer."""

@@ -94,7 +94,7 @@ def tunable(
 def entries(instance: Any, prefix: str = "") -> Iterator[Entry]:
     """Every tunable field of a dataclass instance, nested ones with dotted names."""
     cls: Any = type(instance)
-    for field, hint in _fields(cls):
+    for field, hint in fields_of(cls):
         value = getattr(instance, field.name)
         if dataclasses.is_dataclass(hint):
             yield from entries(value, f"{prefix}{field.name}.")
@@ -106,7 +106,7 @@ def entries(instance: Any, prefix: str = "") -> Iterator[Entry]:
 def names(cls: Any) -> list[str]:
     """Dotted names of the tunable fields of a dataclass."""
     found = []
-    for field, hint in _fields(cls):
+    for field, hint in fields_of(cls):
         if dataclasses.is_dataclass(hint):
             found += [f"{field.name}.{name}" for name in names(hint)]
         elif _KEY in field.metadata:
@@ -168,6 +168,25 @@ def from_mapping(cls: type[ConfigT], mapping: Mapping[str, Any]) -> ConfigT:
     return config
 
 
+def check_value(name: str, hint: Any, value: Any, spec: Tunable | None) -> Any:
+    """A value as YAML gives it, in the type of a field.
+
+    Args:
+        name: Its name, for messages.
+        hint: bool, int, float, str, or a tuple of floats.
+        value: What was given.
+        spec: Range; None if any value of the type will do.
+
+    Raises:
+        ParameterError: naming the value and what is permitted.
+    """
+    kind, length = _kind(hint)
+    converted = _converted(hint, value)
+    free = Tunable("", None, None, "", True, ())
+    _check_value(Entry(name, kind, length, converted, spec or free))
+    return converted
+
+
 def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested mappings as one with dotted names.
 
@@ -196,7 +215,8 @@ def unknown_name(name: str, known: Iterable[str], what: str) -> str:
 
 
 @cache
-def _fields(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
+def fields_of(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
+    """Each field of a dataclass, with its resolved annotation."""
     hints = typing.get_type_hints(cls)
     return tuple((field, hints[field.name]) for field in dataclasses.fields(cls))
 
@@ -244,7 +264,7 @@ def _check_number(name: str, value: Any, kind: type, spec: Tunable) -> None:
 def _replace(instance: Any, changes: Mapping[str, Any]) -> Any:
     own: dict[str, Any] = {}
     cls: Any = type(instance)
-    for field, hint in _fields(cls):
+    for field, hint in fields_of(cls):
         if dataclasses.is_dataclass(hint):
             prefix = f"{field.name}."
             inner = {k[len(prefix) :]: v for k, v in changes.items() if k.startswith(prefix)}
@@ -257,7 +277,7 @@ def _replace(instance: Any, changes: Mapping[str, Any]) -> Any:
 
 def _build(cls: Any, flat: Mapping[str, Any], prefix: str) -> Any:
     values: dict[str, Any] = {}
-    for field, hint in _fields(cls):
+    for field, hint in fields_of(cls):
         name = prefix + field.name
         if dataclasses.is_dataclass(hint):
             values[field.name] = _build_nested(field, hint, flat, f"{name}.")

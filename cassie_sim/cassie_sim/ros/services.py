@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from cassie_msgs.experiment.scenario import STARTS, Draw
 from cassie_msgs.srv import Gantry, Push, Reset, Step
 from cassie_sim import orders
 from cassie_sim.errors import SimulationError
-from cassie_sim.loop import Loop
+from cassie_sim.loop import SimulationLoop
 from cassie_sim.plant import Plant
-from cassie_sim.scenario import STARTS, Draw
 
 T = TypeVar("T")
 _TIMEOUT = 10.0  # s; the loop looks at requests between ticks and while it waits
@@ -24,7 +24,9 @@ _TIMEOUT = 10.0  # s; the loop looks at requests between ticks and while it wait
 class Services:
     """Hands each call to the loop, and answers when the loop has done it."""
 
-    def __init__(self, node: Node, loop: Loop, make_plant: Callable[[Any], Plant]) -> None:
+    def __init__(
+        self, node: Node, loop: SimulationLoop, make_plant: Callable[[Any], Plant]
+    ) -> None:
         """Create the services; `make_plant` builds a plant for a changed scenario."""
         self._loop = loop
         self._make_plant = make_plant

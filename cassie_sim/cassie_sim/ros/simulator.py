@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from cassie_gaits.compiled import load_kept
+from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
@@ -18,12 +19,11 @@ from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.periodic import Periodic
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
-from cassie_sim.loop import Loop
+from cassie_sim.loop import SimulationLoop
 from cassie_sim.plant import Plant
 from cassie_sim.robot_urdf import robot_urdf
 from cassie_sim.ros.lane import SimulatorLane
 from cassie_sim.ros.services import Services
-from cassie_sim.scenario import Scenario
 from cassie_sim.simulator_config import SimulatorConfig, scenario_of
 from cassie_sim.video import Film, RenderError, frame_of
 from cassie_sim.window import Window
@@ -32,7 +32,7 @@ _FLUSH = 1.0  # s; at the end, for what was published to arrive
 
 
 class Simulator(Node):
-    """Parameters, topics and services around a `Loop`."""
+    """Parameters, topics and services around a `SimulationLoop`."""
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("simulator")
@@ -56,7 +56,7 @@ class Simulator(Node):
         )
         self._lane = lane
         lane.keep_awake = self._config.hurries
-        self._loop = Loop(plant, lane, self._config, self._report)
+        self._loop = SimulationLoop(plant, lane, self._config, self._report)
         self._loop.requests.wake = lane.wake
         self._stop = stop
         stop.on_request(self._end_loop)

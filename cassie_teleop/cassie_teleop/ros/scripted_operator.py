@@ -10,23 +10,24 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from cassie_msgs.experiment.file import read_experiment
 from cassie_msgs.layout import OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import (
     EVERY,
-    Doze,
     LanePublisher,
     LaneSubscription,
     LaneWaiter,
     RawSubscription,
+    WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
-from cassie_teleop.script import ScriptedOperator, read_script
+from cassie_teleop.script import ScriptedOperator
 
 # Every one counts for a rider, who looks at some of them by their time.
 _TRUTH = QoSProfile(
@@ -56,7 +57,8 @@ class ScriptedOperatorNode(Node):
         config = parameters.declare(self, Config())
         if not config.script:
             raise ParameterError("script must be given: -p script:=FILE.yaml")
-        self._operator = ScriptedOperator(*read_script(Path(config.script).expanduser()))
+        script = read_experiment(Path(config.script).expanduser(), needs=("operator",))
+        self._operator = ScriptedOperator(script.operator, script.rider)
         self._stop = stop
         self._scheduling = Scheduling(self.get_logger().warning, beside=True)
         estimator = OneWriter(RobotState)
@@ -72,7 +74,7 @@ class ScriptedOperatorNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""
-        self._doze = Doze()
+        self._wakes = WakeLimiter()
 
     def loop(self) -> None:
         """Answer states until stopped."""
@@ -104,7 +106,7 @@ class ScriptedOperatorNode(Node):
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
         self._commands.publish_raw(self._reply)
-        self._doze.doze()
+        self._wakes.limit()
 
     def _look(self, stamp_ns: int) -> None:
         """Take in what the rider sees; wait for what he must have seen, but not for long."""

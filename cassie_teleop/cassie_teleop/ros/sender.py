@@ -9,8 +9,8 @@ from rclpy.node import Node
 
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import write_sender
+from cassie_msgs.request import Request, write
 from cassie_msgs.ros.fast_lane import LanePublisher
-from cassie_teleop.request import Request, write
 
 _FLUSH = 1.0  # s
 

@@ -16,13 +16,13 @@ from urllib.parse import quote
 from rclpy.node import Node
 
 from cassie_msgs.layout import OperatorCommand
+from cassie_msgs.request import Request
 from cassie_msgs.ros import parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.console import LINK_AGE, Console, Reach
 from cassie_teleop.page_messages import RECORD, Beat, Press, Slide
 from cassie_teleop.page_server import PageServer, is_loopback
-from cassie_teleop.request import Request
 from cassie_teleop.robot_description import RobotDescription
 from cassie_teleop.ros.console_topics import ConsoleTopics
 from cassie_teleop.ros.recorder import Recorder

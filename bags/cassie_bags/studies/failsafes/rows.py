@@ -15,7 +15,7 @@ from cassie_bags.studies.failsafes.wall_paced import (
     CONTROLLER,
     ESTIMATOR,
     SUPERVISOR,
-    Person,
+    SimulatedOperator,
     UnsafeError,
     WallPaced,
 )
@@ -250,7 +250,7 @@ def _battery(run: WallPaced, rng: Rng, state: str) -> None:
 
 
 def _other_stops(run: WallPaced, rng: Rng, state: str) -> None:
-    other = Person("person-2")
+    other = SimulatedOperator("person-2")
     other.changes |= {"power": False}
     run.others.append(other)
     run.run(0.5)

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cassie_bags.run.experiment import Experiment, read_experiment
+from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, Row
 from cassie_bags.studies.failsafes.wall_paced import UnsafeError, WallPaced
 from cassie_bags.studies.workers import Workers
+from cassie_msgs.experiment.file import Experiment
 
 BEGIN, END = "<!-- fail-safes: begin -->", "<!-- fail-safes: end -->"
 """Lines of a README between which the table stands."""

@@ -1,7 +1,7 @@
 """The cores of all nodes as if each ran by the wall clock: nobody waits for anybody.
 
-What a node would do that is silent, restarted, or driven by a person is done here on robot time, so
-that a run is the same on every machine.
+Silence, restarts and operators' commands happen on robot time here, so that a run is the same on
+every machine.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.run.cores import Cores, make_cores
-from cassie_bags.run.experiment import Experiment
 from cassie_bags.studies.trial import has_fallen
 from cassie_control.guarded import (
     BRIDGED,
@@ -22,17 +21,15 @@ from cassie_control.guarded import (
     GuardedSupervisor,
 )
 from cassie_control.schedule import ModeInForce
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.operators import Operators, write_sender
-from cassie_msgs.schedule import PERIOD_TICKS
+from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
 from cassie_teleop.script import ScriptedOperator
 
 ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
-
-CONTROLLER_TIMEOUT = 0.7
-"""Silence of the controller after which the supervisor counts it as lost. In s."""
 
 _LOOK = 25  # ticks between looks at whether the robot has fallen
 
@@ -42,7 +39,7 @@ class UnsafeError(Exception):
 
 
 @dataclass
-class Person:
+class SimulatedOperator:
     """An operator: a script's commands, as a person sends them.
 
     Attributes:
@@ -102,8 +99,8 @@ class WallPaced:
         cores = self._make()
         self.plant = cores.plant
         self.period = self.plant.tick_ns * 1e-9
-        self.person = Person("person-1", cores.operator)
-        self.others: list[Person] = []
+        self.person = SimulatedOperator("person-1", cores.operator)
+        self.others: list[SimulatedOperator] = []
         self.silent: set[str] = set()
         self.drops: Callable[[], bool] | None = None
         self.charge = 1.0
@@ -230,7 +227,7 @@ class WallPaced:
         self._operators.follow(int(self._state.operator_lease))
         held = self._operators.command(self.now)
         silence = (self.plant.seq - self._spoken) * self.period
-        mode = self._supervisor.step(self._state, held, silence > CONTROLLER_TIMEOUT)
+        mode = self._supervisor.step(self._state, held, silence > ANSWER_AFTER)
         self._in_force.table.add(mode)
         kept = Mode()
         kept.copy_from(mode)

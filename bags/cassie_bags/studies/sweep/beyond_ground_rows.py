@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-from cassie_bags.studies.sweep.course import Budget, steady, step_time, walk
+from cassie_bags.studies.sweep.course import Budget, mirrored, robots, steady, step_time, walk
 from cassie_bags.studies.sweep.ground_rows import (
-    DISTANCE,
     LEVEL_PART,
     PAST_STEP,
     SPEED,
+    Parameters,
+    aslant,
+    crossed,
     crossing,
+    falling,
     got_across,
+    rising,
+    slope,
 )
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Trial
@@ -60,279 +63,183 @@ def beyond_ground_rows() -> list[Row]:
     """All rows of this module."""
     return [
         _rough(),
-        *_grass(),
-        *_steep(),
-        *_steps(),
-        *_stairs(),
-        *_turning(),
+        _grass(0.8, "all robots", 1.0),
+        _grass(1.2, "9 of 10 robots", MOST),
+        slope("steep.up", "steep slope up", 28.0, [float(n) for n in range(16, 31, 2)], rising),
+        slope(
+            "steep.down", "steep slope down", 25.0, [float(n) for n in range(15, 30, 2)], falling
+        ),
+        slope(
+            "steep.side", "steep slope to the side", 12.0, [float(n) for n in range(6, 16)], aslant
+        ),
+        _step("up", 1.0, 0.1, [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]),
+        _step("down", -1.0, 0.2, [0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22]),
+        _turning("turning", "in place", 0.0),
+        _turning("circling", "at 0.3 m/s", SPEED),
         _ice(),
+        _stairs("up", "up", 0.17, _HIGH_STAIRS),
+        _stairs("down", "down", 0.17, _HIGH_STAIRS),
+        _stairs("up_and_down", "up, then down", 0.1, _LOW_STAIRS),
+        _stairs("down_and_up", "down, then up", 0.17, _HIGH_STAIRS),
         _course(),
     ]
 
 
-def _rough() -> Row:
-    def trials(budget: Budget, height: float) -> list[Trial]:
-        return [
-            crossing(
-                budget,
-                seed,
-                "rough",
-                {"height": height, "grain": 0.4, "start": LEVEL_PART, "seed": seed},
-                ROUGH_DISTANCE,
-                FAST,
-            )
-            for seed in budget.each_seed()
-        ]
+_LOW_STAIRS = [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]
+_HIGH_STAIRS = [*_LOW_STAIRS[1:], 0.14, 0.17, 0.2]
 
-    levels = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
-    return Row(
+
+def _rough() -> Row:
+    return crossed(
         "rough.hard",
         f"s.d. of hard ground's height, grain 0.4 m, at {FAST:g} m/s over {ROUGH_DISTANCE:g} m, "
         "9 of 10 robots",
         "m",
         0.04,
-        levels,
-        trials,
-        holds=lambda figures, _: got_across(figures, ROUGH_DISTANCE, FAST),
+        [0.01, 0.02, 0.03, 0.04, 0.05, 0.06],
+        "rough",
+        lambda height, seed, _: {
+            "height": height,
+            "grain": 0.4,
+            "start": LEVEL_PART,
+            "seed": seed,
+        },
+        distance=ROUGH_DISTANCE,
+        speed=FAST,
         share=MOST,
-        start=levels.index(0.04),
     )
 
 
-def _grass() -> list[Row]:
-    def trials(budget: Budget, speed: float) -> list[Trial]:
-        return [
-            crossing(budget, seed, "grass", _grass_of(seed), GRASS_DISTANCE, speed)
-            for seed in budget.each_seed()
-        ]
-
-    levels = [0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6]
-    return [
-        Row(
-            f"grass.{speed:g}",
-            f"speed on grass over {GRASS_DISTANCE:g} m, {title}",
-            "m/s",
-            speed,
-            levels,
-            trials,
-            holds=lambda figures, level: got_across(figures, GRASS_DISTANCE, level),
-            share=share,
-            start=levels.index(speed),
-        )
-        for speed, title, share in ((0.8, "all robots", 1.0), (1.2, "9 of 10 robots", MOST))
-    ]
+def _grass(speed: float, title: str, share: float) -> Row:
+    return crossed(
+        f"grass.{speed:g}",
+        f"speed on grass over {GRASS_DISTANCE:g} m, {title}",
+        "m/s",
+        speed,
+        [0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6],
+        "grass",
+        lambda _, seed, __: {"uneven": 0.02, "sinking": 0.02, "start": LEVEL_PART, "seed": seed},
+        distance=GRASS_DISTANCE,
+        speed=None,
+        share=share,
+    )
 
 
-def _grass_of(seed: int) -> dict[str, float]:
-    return {"uneven": 0.02, "sinking": 0.02, "start": LEVEL_PART, "seed": seed}
+def _steep(name: str, title: str, target: float, levels: range, ground: Parameters) -> Row:
+    title = f"steep slope {title}"
+    return slope(f"steep.{name}", title, target, [float(n) for n in levels], ground)
 
 
-def _steep() -> list[Row]:
-    def trials(slope: Callable[[float], dict[str, float]], budget: Budget, deg: float) -> Any:
-        return [
-            crossing(budget, seed, "slope", slope(deg), DISTANCE) for seed in budget.each_seed()
-        ]
-
-    def row(
-        name: str,
-        title: str,
-        target: float,
-        levels: list[float],
-        slope: Callable[[float], dict[str, float]],
-    ) -> Row:
-        return Row(
-            f"steep.{name}",
-            f"steep slope {title} at {SPEED:g} m/s over {DISTANCE:g} m",
-            "deg",
-            target,
-            levels,
-            partial(trials, slope),
-            holds=lambda figures, _: got_across(figures),
-            start=levels.index(target),
-        )
-
-    return [
-        row("up", "up", 28.0, [float(n) for n in range(16, 31, 2)], _rising),
-        row("down", "down", 25.0, [float(n) for n in range(15, 30, 2)], _falling),
-        row("side", "to the side", 12.0, [float(n) for n in range(6, 16)], _aslant),
-    ]
+def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
+    return crossed(
+        f"step_fast.{name}",
+        f"blind step {name} at {FAST:g} m/s, at any phase",
+        "m",
+        target,
+        levels,
+        "step",
+        lambda height, seed, budget: {
+            "height": sign * height,
+            "start": LEVEL_PART + _further(seed, budget),
+        },
+        distance=_stride() + PAST_STEP,
+        speed=FAST,
+    )
 
 
-def _rising(deg: float) -> dict[str, float]:
-    return {"rise_deg": deg, "start": LEVEL_PART}
+def _stride() -> float:
+    """Length of two steps. In m."""
+    return 2.0 * step_time(FAST) * FAST
 
 
-def _falling(deg: float) -> dict[str, float]:
-    return {"rise_deg": -deg, "start": LEVEL_PART}
+def _further(seed: int, budget: Budget) -> float:
+    """Part of a stride that the seeds are spread over. In m."""
+    return _stride() * (seed - 1) / budget.seeds
 
 
-def _aslant(deg: float) -> dict[str, float]:
-    return {"rise_deg": 0.0, "side_deg": deg}
-
-
-def _steps() -> list[Row]:
-    stride = 2.0 * step_time(FAST) * FAST
-    distance = stride + PAST_STEP
-
-    def trials(sign: float, budget: Budget, height: float) -> list[Trial]:
-        return [
-            crossing(
-                budget,
-                seed,
-                "step",
-                {"height": sign * height, "start": LEVEL_PART + further},
-                distance,
-                FAST,
-            )
-            for seed, further in _spread(budget, stride)
-        ]
-
-    def row(name: str, sign: float, target: float, levels: list[float]) -> Row:
-        return Row(
-            f"step_fast.{name}",
-            f"blind step {name} at {FAST:g} m/s, at any phase",
-            "m",
-            target,
-            levels,
-            partial(trials, sign),
-            holds=lambda figures, _: got_across(figures, distance, FAST),
-            start=levels.index(target),
+def _turning(name: str, title: str, speed: float) -> Row:
+    def trial(budget: Budget, seed: int, deg: float) -> Trial:
+        return walk(
+            budget,
+            seed,
+            steady(budget, SPEED, 0.5 * budget.seconds),
+            vx=speed,
+            yaw_rate=mirrored(seed, TURN_RATE),
+            scene="slope",
+            scene_parameters=aslant(deg),
         )
 
-    return [
-        row("up", 1.0, 0.1, [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]),
-        row("down", -1.0, 0.2, [0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22]),
-    ]
+    return Row(
+        f"slope.{name}",
+        f"side slope, turning at {TURN_RATE:g} rad/s {title}",
+        "deg",
+        8.0,
+        [2.0, 4.0, 6.0, 8.0, 10.0, 12.0],
+        robots(trial),
+        holds=lambda figures, _: abs(figures["yaw_rate"]) >= 0.9 * TURN_RATE,
+    )
 
 
-def _stairs() -> list[Row]:
-    stride = 2.0 * step_time(FAST) * FAST
+def _ice() -> Row:
+    def parameters(friction: float, seed: int, budget: Budget) -> dict[str, Any]:
+        ice = {"surface": "waxed", "friction": friction, "length": ICE_LENGTH}
+        patches = [ice, {"length": 1.0}] * ICE_PATCHES
+        level = {"length": LEVEL_PART + _further(seed, budget)}
+        return {"stretches": [level, *patches, {"length": 60.0}]}
 
-    def row(way: str, title: str, target: float, levels: list[float]) -> Row:
-        flights = 1 + way.count("_and_")
-        over = flights * (STAIRS - 1) * TREAD + (flights - 1) * LANDING
-        distance = stride + over + PAST_STEP
+    return crossed(
+        "friction.ice",
+        f"friction of {ICE_PATCHES} patches of {ICE_LENGTH:g} m at {FAST:g} m/s, 9 of 10 robots",
+        "",
+        0.12,
+        [0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08],
+        "course",
+        parameters,
+        distance=ICE_DISTANCE,
+        speed=FAST,
+        sections={"draw": {"friction": 1.0}},
+        share=MOST,
+        at_least=False,
+    )
 
-        def trials(budget: Budget, riser: float) -> list[Trial]:
-            stairs = {"way": way, "flights": flights, "riser": riser, "number": STAIRS}
-            stairs |= {"tread": TREAD, "landing": LANDING}
-            return [
-                crossing(
-                    budget,
-                    seed,
-                    "stairs",
-                    {**stairs, "start": LEVEL_PART + further},
-                    distance,
-                    FAST,
-                )
-                for seed, further in _spread(budget, stride)
-            ]
 
-        return Row(
-            f"stairs.{way}",
-            f"blind stairs {title}, {STAIRS} steps of {TREAD:g} m at {FAST:g} m/s, 9 of 10 robots",
-            "m",
-            target,
-            levels,
-            trials,
-            holds=lambda figures, _: got_across(figures, distance, FAST),
-            share=MOST,
-            start=levels.index(target),
-        )
-
-    low = [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]
-    high = [*low[1:], 0.14, 0.17, 0.2]
-    return [
-        row("up", "up", 0.17, high),
-        row("down", "down", 0.17, high),
-        row("up_and_down", "up, then down", 0.1, low),
-        row("down_and_up", "down, then up", 0.17, high),
-    ]
+def _stairs(way: str, title: str, target: float, levels: list[float]) -> Row:
+    flights = 1 + way.count("_and_")
+    over = flights * (STAIRS - 1) * TREAD + (flights - 1) * LANDING
+    return crossed(
+        f"stairs.{way}",
+        f"blind stairs {title}, {STAIRS} steps of {TREAD:g} m at {FAST:g} m/s, 9 of 10 robots",
+        "m",
+        target,
+        levels,
+        "stairs",
+        lambda riser, seed, budget: {
+            "way": way,
+            "flights": flights,
+            "riser": riser,
+            "number": STAIRS,
+            "tread": TREAD,
+            "landing": LANDING,
+            "start": LEVEL_PART + _further(seed, budget),
+        },
+        distance=_stride() + over + PAST_STEP,
+        speed=FAST,
+        share=MOST,
+    )
 
 
 def _course() -> Row:
-    def trials(budget: Budget, distance: float) -> list[Trial]:
-        return [
-            dataclasses.replace(
-                crossing(budget, seed, "random_course", {"seed": seed}, distance, COURSE_SPEED),
-                kept=KEPT,
-            )
-            for seed in budget.each_seed()
-        ]
+    def trial(budget: Budget, seed: int, distance: float) -> Trial:
+        ground = {"seed": seed}
+        whole = crossing(budget, seed, "random_course", ground, distance, COURSE_SPEED)
+        return dataclasses.replace(whole, kept=KEPT)
 
-    levels = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, FIVE_KILOMETRES]
     return Row(
         "far.course",
         f"way over a course of all grounds at {COURSE_SPEED:g} m/s, each robot its own",
         "m",
         FIVE_KILOMETRES,
-        levels,
-        trials,
+        [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, FIVE_KILOMETRES],
+        robots(trial),
         holds=lambda figures, distance: got_across(figures, distance, COURSE_SPEED),
-        start=levels.index(FIVE_KILOMETRES),
-    )
-
-
-def _spread(budget: Budget, length: float) -> list[tuple[int, float]]:
-    """Each seed, with its part of a length (m): the seeds are spread over it."""
-    return [(seed, length * (seed - 1) / budget.seeds) for seed in budget.each_seed()]
-
-
-def _turning() -> list[Row]:
-    def trials(speed: float, budget: Budget, deg: float) -> list[Trial]:
-        window = steady(budget, SPEED, 0.5 * budget.seconds)
-        return [
-            walk(
-                budget,
-                seed,
-                window,
-                vx=speed,
-                yaw_rate=TURN_RATE if seed % 2 else -TURN_RATE,
-                scene="slope",
-                scene_parameters=_aslant(deg),
-            )
-            for seed in budget.each_seed()
-        ]
-
-    levels = [2.0, 4.0, 6.0, 8.0, 10.0, 12.0]
-    return [
-        Row(
-            f"slope.{name}",
-            f"side slope, turning at {TURN_RATE:g} rad/s {title}",
-            "deg",
-            8.0,
-            levels,
-            partial(trials, speed),
-            holds=lambda figures, _: abs(figures["yaw_rate"]) >= 0.9 * TURN_RATE,
-            start=levels.index(8.0),
-        )
-        for name, title, speed in (("turning", "in place", 0.0), ("circling", "at 0.3 m/s", SPEED))
-    ]
-
-
-def _ice() -> Row:
-    def trials(budget: Budget, friction: float) -> list[Trial]:
-        ice = {"surface": "waxed", "friction": friction, "length": ICE_LENGTH}
-        found = []
-        for seed, further in _spread(budget, 2.0 * step_time(FAST) * FAST):
-            patches = [ice, {"length": 1.0}] * ICE_PATCHES
-            stretches = [{"length": LEVEL_PART + further}, *patches, {"length": 60.0}]
-            parameters = {"stretches": stretches}
-            trial = crossing(budget, seed, "course", parameters, ICE_DISTANCE, FAST)
-            content = {**trial.content, "draw": {"friction": 1.0}}
-            found.append(dataclasses.replace(trial, content=content))
-        return found
-
-    levels = [0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08]
-    return Row(
-        "friction.ice",
-        f"friction of {ICE_PATCHES} patches of {ICE_LENGTH:g} m at {FAST:g} m/s, 9 of 10 robots",
-        "",
-        0.12,
-        levels,
-        trials,
-        holds=lambda figures, _: got_across(figures, ICE_DISTANCE, FAST),
-        share=MOST,
-        at_least=False,
-        start=levels.index(0.12),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,6 +62,29 @@ class Budget:
         return [
             (stride * index / self.phases, 1 + index % self.seeds) for index in range(self.phases)
         ]
+
+
+Trials = Callable[[Budget, float], list[Trial]]
+"""Trials of a level."""
+
+
+def robots(trial: Callable[[Budget, int, float], Trial]) -> Trials:
+    """One trial for each robot.
+
+    Args:
+        trial: Makes it from budget, seed and level.
+    """
+    return lambda budget, level: [trial(budget, seed, level) for seed in budget.each_seed()]
+
+
+def mirrored(seed: int, value: float) -> float:
+    """A value to the left for robots with odd seeds, to the right for the others."""
+    return value if seed % 2 else -value
+
+
+def tenths(first: int, last: int) -> list[float]:
+    """Levels in steps of 0.1, as a person writes them: 1.2 and not 1.2000000000000002."""
+    return [n / 10 for n in range(first, last + 1)]
 
 
 def step_time(speed: float) -> float:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from cassie_bags.studies.sweep.course import COMMAND_AT, Budget, steady, walk
+from cassie_bags.studies.sweep.course import COMMAND_AT, Budget, robots, steady, walk
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Figures, Trial
 
@@ -26,17 +25,10 @@ LEVEL_PART = 1.0
 PAST_STEP = 2.0
 """Distance beyond a step at which it counts as taken. In m."""
 
+_DUG = "pitch of feet whose heels dig in"
 
-def ground_rows() -> list[Row]:
-    """All rows of this module."""
-    return [*_slopes(), *_frictions(), *_sinking(), *_steps()]
-
-
-def across(
-    budget: Budget, scene: str, parameters: dict[str, Any], distance: float = DISTANCE
-) -> list[Trial]:
-    """Walking over a scene for a distance beyond its level part."""
-    return [crossing(budget, seed, scene, parameters, distance) for seed in budget.each_seed()]
+Parameters = Callable[[float, int, Budget], dict[str, Any]]
+"""Parameters of a scene, from level, seed and budget."""
 
 
 def crossing(
@@ -46,6 +38,7 @@ def crossing(
     parameters: dict[str, Any],
     distance: float,
     speed: float = SPEED,
+    **more: Any,
 ) -> Trial:
     """One robot that walks over a scene.
 
@@ -56,6 +49,7 @@ def crossing(
         parameters: Of the scene.
         distance: To walk beyond its level part. In m.
         speed: Commanded. In m/s.
+        more: Other sections of the experiment.
     """
     ahead = LEVEL_PART + distance
     return walk(
@@ -66,6 +60,7 @@ def crossing(
         ahead=ahead,
         scene=scene,
         scene_parameters=parameters,
+        **more,
     )
 
 
@@ -75,134 +70,148 @@ def got_across(figures: Figures, distance: float = DISTANCE, speed: float = SPEE
     return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
 
 
-def _slopes() -> list[Row]:
-    def ahead(sign: float, budget: Budget, angle: float) -> list[Trial]:
-        return across(budget, "slope", {"rise_deg": sign * angle, "start": LEVEL_PART})
+def crossed(
+    name: str,
+    title: str,
+    unit: str,
+    target: float,
+    levels: Sequence[float],
+    scene: str,
+    parameters: Parameters,
+    *,
+    distance: float = DISTANCE,
+    speed: float | None = SPEED,
+    sections: dict[str, Any] | None = None,
+    **more: Any,
+) -> Row:
+    """A row of ground that each robot crosses.
 
-    def side(budget: Budget, angle: float) -> list[Trial]:
-        return across(budget, "slope", {"rise_deg": 0.0, "side_deg": angle})
+    Args:
+        name, title, unit, target, levels: See `Row`.
+        scene: Its name.
+        parameters: Of the scene.
+        distance: To walk beyond its level part. In m.
+        speed: Commanded. In m/s; None: the level.
+        sections: Other sections of the experiment.
+        more: Other fields of the row.
+    """
 
-    def row(name: str, title: str, target: float, levels: list[float], trials: Any) -> Row:
-        return Row(
-            f"slope.{name}",
-            f"slope {title} at {SPEED:g} m/s over {DISTANCE:g} m",
-            "deg",
-            target,
-            levels,
-            trials,
-            holds=lambda figures, _: got_across(figures),
-            start=levels.index(target),
-        )
+    def trial(budget: Budget, seed: int, level: float) -> Trial:
+        ground, vx = parameters(level, seed, budget), level if speed is None else speed
+        return crossing(budget, seed, scene, ground, distance, vx, **(sections or {}))
 
+    def holds(figures: Figures, level: float) -> bool:
+        return got_across(figures, distance, level if speed is None else speed)
+
+    return Row(name, title, unit, target, levels, robots(trial), holds, **more)
+
+
+def ground_rows() -> list[Row]:
+    """All rows of this module."""
     steep = [2.5 * n for n in range(1, 11)]
     return [
-        row("up", "up", 20.0, steep, partial(ahead, 1.0)),
-        row("down", "down", 15.0, steep, partial(ahead, -1.0)),
-        row("side", "to the side", 8.0, [float(n) for n in range(1, 13)], side),
+        slope("slope.up", "slope up", 20.0, steep, rising),
+        slope("slope.down", "slope down", 15.0, steep, falling),
+        slope("slope.side", "slope to the side", 8.0, [float(n) for n in range(1, 13)], aslant),
+        _friction(0.5, 0.25),
+        _friction(0.2, 0.2),
+        _sinking("sand", "depth of the feet", "m", 0.06, 7, "depth", "sinking"),
+        _sinking("heel", _DUG, "deg", 30.0, 8, "sole_pitch", "heel_dig", sinking=0.03),
+        _step("down", -1.0, 0.1, [0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16]),
+        _step("up", 1.0, 0.05, [0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1]),
     ]
 
 
-def _frictions() -> list[Row]:
-    levels = [0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1]
-
-    def trials(speed: float, budget: Budget, friction: float) -> list[Trial]:
-        window = steady(budget, speed, 0.5 * budget.seconds)
-        return [
-            walk(
-                budget,
-                seed,
-                window,
-                vx=speed,
-                scene="waxed_floor",
-                scene_parameters={"friction": friction},
-                draw={"friction": 1.0},
-            )
-            for seed in budget.each_seed()
-        ]
-
-    return [
-        Row(
-            f"friction.{speed:g}",
-            f"least friction at {speed:g} m/s",
-            "",
-            target,
-            levels,
-            partial(trials, speed),
-            at_least=False,
-            start=levels.index(target),
-        )
-        for speed, target in ((0.5, 0.25), (0.2, 0.2))
-    ]
+def slope(
+    name: str, title: str, target: float, levels: Sequence[float], parameters: Parameters
+) -> Row:
+    """A row of slopes."""
+    title = f"{title} at {SPEED:g} m/s over {DISTANCE:g} m"
+    return crossed(name, title, "deg", target, levels, "slope", parameters)
 
 
-def _sinking() -> list[Row]:
-    def over(budget: Budget, ground: dict[str, float]) -> list[Trial]:
-        sand = {"surface": "sand", "uneven": 0.0, "length": 60.0, **ground}
-        found = across(budget, "course", {"stretches": [sand]}, DISTANCE - LEVEL_PART)
-        return [dataclasses.replace(trial, window=(10.0, 20.0)) for trial in found]
+def rising(deg: float, *_: Any) -> dict[str, float]:
+    """A slope up ahead."""
+    return {"rise_deg": deg, "start": LEVEL_PART}
 
-    def row(
-        name: str,
-        title: str,
-        target: tuple[float, str],
-        levels: list[float],
-        start: float,
-        ground: Callable[[float], dict[str, float]],
-        figure: str,
-    ) -> Row:
-        return Row(
-            f"sinking.{name}",
-            f"{title} at {SPEED:g} m/s over {DISTANCE:g} m",
-            target[1],
-            target[0],
-            levels,
-            lambda budget, level: over(budget, ground(level)),
-            holds=lambda figures, _: got_across(figures, DISTANCE - LEVEL_PART),
-            figure=lambda figures, _: figures[figure],
-            start=levels.index(start),
+
+def falling(deg: float, *_: Any) -> dict[str, float]:
+    """A slope down ahead."""
+    return {"rise_deg": -deg, "start": LEVEL_PART}
+
+
+def aslant(deg: float, *_: Any) -> dict[str, float]:
+    """A slope that rises to the left."""
+    return {"rise_deg": 0.0, "side_deg": deg}
+
+
+def _friction(speed: float, target: float) -> Row:
+    def trial(budget: Budget, seed: int, friction: float) -> Trial:
+        return walk(
+            budget,
+            seed,
+            steady(budget, speed, 0.5 * budget.seconds),
+            vx=speed,
+            scene="waxed_floor",
+            scene_parameters={"friction": friction},
+            draw={"friction": 1.0},
         )
 
-    depths = [n / 100 for n in range(1, 15)]
-    return [
-        row("sand", "depth of the feet", (0.06, "m"), depths, 0.07, _deep, "depth"),
-        row(
-            "heel",
-            "pitch of feet whose heels dig in",
-            (30.0, "deg"),
-            depths,
-            0.08,
-            _dug,
-            "sole_pitch",
-        ),
-    ]
+    return Row(
+        f"friction.{speed:g}",
+        f"least friction at {speed:g} m/s",
+        "",
+        target,
+        [0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1],
+        robots(trial),
+        at_least=False,
+    )
 
 
-def _deep(sinking: float) -> dict[str, float]:
-    return {"sinking": sinking}
+def _sinking(
+    name: str,
+    title: str,
+    unit: str,
+    target: float,
+    first_cm: int,
+    figure: str,
+    parameter: str,
+    **ground: float,
+) -> Row:
+    """Sand of which a parameter is the level, in m; its first level in cm."""
+
+    def parameters(level: float, *_: Any) -> dict[str, Any]:
+        sand = {"surface": "sand", "uneven": 0.0, "length": 60.0, **ground, parameter: level}
+        return {"stretches": [sand]}
+
+    row = crossed(
+        f"sinking.{name}",
+        f"{title} at {SPEED:g} m/s over {DISTANCE:g} m",
+        unit,
+        target,
+        [n / 100 for n in range(1, 15)],
+        "course",
+        parameters,
+        distance=DISTANCE - LEVEL_PART,
+        figure=figure,
+        start=first_cm - 1,
+    )
+
+    def measured_late(budget: Budget, level: float) -> list[Trial]:
+        trials = row.trials(budget, level)
+        return [dataclasses.replace(trial, window=(10.0, 20.0)) for trial in trials]
+
+    return dataclasses.replace(row, trials=measured_late)
 
 
-def _dug(heel_dig: float) -> dict[str, float]:
-    return {"sinking": 0.03, "heel_dig": heel_dig}
-
-
-def _steps() -> list[Row]:
-    def trials(sign: float, budget: Budget, height: float) -> list[Trial]:
-        step = {"height": sign * height, "start": LEVEL_PART}
-        return across(budget, "step", step, PAST_STEP)
-
-    def row(name: str, sign: float, target: float, levels: list[float]) -> Row:
-        return Row(
-            f"step.{name}",
-            f"blind step {name} at {SPEED:g} m/s",
-            "m",
-            target,
-            levels,
-            partial(trials, sign),
-            holds=lambda figures, _: got_across(figures, PAST_STEP),
-            start=levels.index(target),
-        )
-
-    return [
-        row("down", -1.0, 0.1, [0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16]),
-        row("up", 1.0, 0.05, [0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1]),
-    ]
+def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
+    return crossed(
+        f"step.{name}",
+        f"blind step {name} at {SPEED:g} m/s",
+        "m",
+        target,
+        levels,
+        "step",
+        lambda height, *_: {"height": sign * height, "start": LEVEL_PART},
+        distance=PAST_STEP,
+    )

@@ -33,7 +33,7 @@ from cassie_bags.studies.sweep.table import (
     table,
 )
 from cassie_bags.studies.trial import experiment_of
-from cassie_bags.studies.workers import Remembering, Workers, completed, workers
+from cassie_bags.studies.workers import CachedWorkers, Workers, completed, workers
 
 FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
@@ -173,11 +173,11 @@ def _measured(
 ) -> Iterator[tuple[Row, str, RowResult]]:
     """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
-    crew = Remembering(workers(arguments.jobs, arguments.scheduler))
-    lanes = max(1, 2 * crew.count // max(arguments.seeds, arguments.phases))
-    # The crew is closed before the threads that wait for it are.
-    with ThreadPoolExecutor(lanes) as threads, contextlib.closing(crew), bar:
-        futures = {threads.submit(_row, *entry, crew, bar): entry for entry in open_rows}
+    pool = CachedWorkers(workers(arguments.jobs, arguments.scheduler))
+    lanes = max(1, 2 * pool.count // max(arguments.seeds, arguments.phases))
+    # The pool is closed before the threads that wait for it are.
+    with ThreadPoolExecutor(lanes) as threads, contextlib.closing(pool), bar:
+        futures = {threads.submit(_row, *entry, pool, bar): entry for entry in open_rows}
         try:
             for future in completed(futures):
                 row, name, _ = futures[future]
@@ -186,13 +186,13 @@ def _measured(
             threads.shutdown(wait=False, cancel_futures=True)
 
 
-def _row(row: Row, variant: str, budget: Budget, crew: Workers, bar: tqdm) -> RowResult:
+def _row(row: Row, variant: str, budget: Budget, pool: Workers, bar: tqdm) -> RowResult:
     def progress(word: str) -> None:
         bar.update()
         bar.set_postfix_str(word)
 
     try:
-        result = measure_row(row, budget, crew, progress)
+        result = measure_row(row, budget, pool, progress)
     except ExperimentError as error:
         result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
     bar.write(f"{row.title} ({variant}): {cell(result)}", file=sys.stderr)

@@ -12,13 +12,16 @@ from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.trial import Figures, Trial, run_trial
 from cassie_bags.studies.workers import Workers
 
+Figure = str | Callable[[Figures, float], float]
+"""Figure of a trial: its name, or what makes it of the figures of a trial and the level."""
+
 
 @dataclass(frozen=True)
 class Row:
     """One capability.
 
     The levels are settings of rising difficulty, such as the strength of a push. A level holds
-    if at least `share` of its trials do. From `start` on, levels are tried upwards until one
+    if at least `share` of its trials do. From `first` on, levels are tried upwards until one
     does not hold; or downwards until one does.
 
     Attributes:
@@ -33,7 +36,7 @@ class Row:
         share: Of the trials that must hold.
         at_least: Whether more than the target is better.
         counts: The figure is the share of the trials that hold, in percent.
-        start: Index of the level to try first.
+        start: Index of the level to try first; None: that of the target, or else the easiest.
         achieved: Speed that a trial reached, by which its level commands one; None if the levels
             are no speeds. In m/s.
     """
@@ -45,17 +48,24 @@ class Row:
     levels: Sequence[float]
     trials: Callable[[Budget, float], list[Trial]]
     holds: Callable[[Figures, float], bool] = lambda figures, level: True
-    figure: Callable[[Figures, float], float] | None = None
+    figure: Figure | None = None
     share: float = 1.0
     at_least: bool = True
     counts: bool = False
-    start: int = 0
-    achieved: Callable[[Figures, float], float] | None = None
+    start: int | None = None
+    achieved: Figure | None = None
 
     @property
     def group(self) -> str:
         """First part of the name."""
         return self.name.partition(".")[0]
+
+    @property
+    def first(self) -> int:
+        """Index of the level to try first."""
+        if self.start is not None:
+            return self.start
+        return self.levels.index(self.target) if self.target in self.levels else 0
 
 
 @dataclass(frozen=True)
@@ -136,7 +146,7 @@ def measure_row(
         tried[index] = measure_level(row, row.levels[index], budget, workers, progress, run)
         return tried[index].passed
 
-    index, last = row.start, len(row.levels) - 1
+    index, last = row.first, len(row.levels) - 1
     spare = math.inf if budget.beyond is None else budget.beyond
     if holds(index):
         while index < last:
@@ -150,7 +160,7 @@ def measure_row(
             index -= 1
     passed = [index for index, level in tried.items() if level.passed]
     best = tried[max(passed)] if passed else None
-    measured = _figure(row, best if best is not None else tried[row.start])
+    measured = _figure(row, best if best is not None else tried[row.first])
     met = _meets(row, measured)
     if row.figure is not None and not row.counts:
         met = met and best is not None
@@ -180,10 +190,10 @@ def measure_level(
         held, fell = held + good, fell + fallen
         missed += [] if good else [trials[index].seed]
         if row.figure is not None and not fallen:
-            figure = row.figure(result, level)
+            figure = value(row.figure, result, level)
             figures += [figure] if math.isfinite(figure) else []
         if row.achieved is not None and not fallen:
-            achieved[index] = row.achieved(result, level)
+            achieved[index] = value(row.achieved, result, level)
         progress(f"{row.name} {level:g}: {held}/{done}")
         decides = row.figure is None or len(row.levels) > 1
         if decides and not row.counts and done - held > len(trials) - needed:
@@ -193,6 +203,11 @@ def measure_level(
     passed = held >= needed
     speeds = None if row.achieved is None else [achieved[index] for index in sorted(achieved)]
     return Level(level, len(trials), done, held, fell, worst, mean, passed, missed, speeds)
+
+
+def value(figure: Figure, figures: Figures, level: float) -> float:
+    """A figure of a trial."""
+    return figures[figure] if isinstance(figure, str) else figure(figures, level)
 
 
 def _meets(row: Row, figure: float) -> bool:

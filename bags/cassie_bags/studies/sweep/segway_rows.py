@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import Any
 
-from cassie_bags.run.seed import Stream
-from cassie_bags.studies.sweep.course import Budget, push
-from cassie_bags.studies.sweep.row import Row
+from cassie_bags.studies.sweep.course import Budget, Trials, mirrored, push, robots
+from cassie_bags.studies.sweep.random_commands import riding_commands
+from cassie_bags.studies.sweep.row import Figure, Row
 from cassie_bags.studies.trial import Figures, Trial
+from cassie_gaits.robot import WEIGHT
 
 LET_GO = 10.0
 """When the operator lets go of the Segway; he watches from a second later. In s."""
@@ -23,9 +26,14 @@ GATE = 0.15
 STEADY = 0.2
 """Error of the speed while it is held. In m/s."""
 
+NOMINAL = (600.0, 80.0)
+"""The paper's gains of one foot, in Nm/m and Nms/m."""
+
+QUIET = 0.5
+"""RMS of the platform's pitch that gains of the feet may bring. In deg."""
+
+_WATCHED = 12.0  # s after the operator has let go
 _TURN = 0.82  # rad/s asked for, of which some per cent may be lacking
-_LEANS = {"com_x": 0.1, "com_y": 0.1, "roll": 0.25, "pitch": 0.25}
-_HEIGHTS = (0.39, 1.01)
 
 
 def ride(
@@ -70,10 +78,6 @@ def ride(
 
 def segway_rows() -> list[Row]:
     """All rows of this module."""
-    return [*_speeds(), _still(), _turn(), _slalom(), _push(), _alone(), _leans()]
-
-
-def _speeds() -> list[Row]:
     return [
         Row(
             "segway.speed",
@@ -81,7 +85,7 @@ def _speeds() -> list[Row]:
             "m/s",
             STEADY,
             (TOP,),
-            lambda budget, speed: _fast(budget, speed, "sidewalk"),
+            _held("sidewalk"),
             figure=_off,
             at_least=False,
         ),
@@ -91,173 +95,187 @@ def _speeds() -> list[Row]:
             "m/s",
             TOP,
             [2.0, 2.5, 3.0, 3.5, TOP],
-            lambda budget, speed: _fast(budget, speed, "grass"),
+            _held("grass"),
             holds=lambda figures, speed: _off(figures, speed) <= STEADY,
-            start=4,
+        ),
+        _row("brake", f"time to rest from {TOP:g} m/s", "s", 6.0, TOP, _brakes, "stop_time"),
+        _row("still", f"way in {HELD:g} s of standing on it", "m", 0.5, 0.0, _rests, "ride_drift"),
+        Row(
+            "segway.turn",
+            "turn rate at 1 m/s",
+            "rad/s",
+            0.8,
+            (_TURN,),
+            robots(_turns),
+            holds=lambda figures, _: abs(figures["vx"] - 1.0) <= 0.2,
+            figure=lambda figures, _: abs(figures["yaw_rate"]),
+        ),
+        _row(
+            "slalom",
+            "distance from the middle of ten gates 3 m apart, 0.2 m to a side, at 2 m/s",
+            "m",
+            GATE,
+            2.0,
+            _weaves,
+            "gate_miss",
         ),
         Row(
-            "segway.brake",
-            f"time to rest from {TOP:g} m/s",
-            "s",
-            6.0,
-            (TOP,),
-            _brake,
-            figure=lambda figures, _: figures["stop_time"],
-            at_least=False,
+            "segway.push",
+            "push at 2 m/s, each robot from another of eight directions",
+            "Ns",
+            8.0,
+            [4.0, 6.0, 8.0, 10.0, 12.0],
+            robots(_pushed),
+            holds=lambda figures, _: abs(figures["vx"] - 2.0) <= 0.5,
+        ),
+        _row(
+            "alone",
+            "greatest error of 2 m/s in 30 s by its own estimate, nobody leaning",
+            "m/s",
+            1.0,
+            2.0,
+            _alone,
+            _off,
+        ),
+        Row(
+            "segway.leans",
+            "robots that bear random leans and heights on it for 5 min",
+            "%",
+            100.0,
+            (0.0,),
+            robots(_leans),
+            counts=True,
         ),
     ]
 
 
-def _fast(budget: Budget, speed: float, surface: str) -> list[Trial]:
+def _row(
+    name: str,
+    title: str,
+    unit: str,
+    target: float,
+    level: float,
+    trial: Callable[[Budget, int, float], Trial],
+    figure: Figure,
+) -> Row:
+    """A row of one level, whose figure is to be at most the target."""
+    trials = robots(trial)
+    return Row(
+        f"segway.{name}", title, unit, target, (level,), trials, figure=figure, at_least=False
+    )
+
+
+def _held(surface: str) -> Trials:
     window = (GO + 10.0, GO + 10.0 + HELD)
-    go = [{"t": GO, "speed": speed}]
-    return [ride(budget, seed, window, go, surface=surface) for seed in budget.each_seed()]
-
-
-def _brake(budget: Budget, speed: float) -> list[Trial]:
-    stop = GO + 20.0
-    course = [{"t": GO, "speed": speed}, {"t": stop, "speed": 0.0}]
-    return [ride(budget, seed, (stop, stop + 10.0), course) for seed in budget.each_seed()]
+    return robots(
+        lambda budget, seed, speed: ride(
+            budget, seed, window, [{"t": GO, "speed": speed}], surface=surface
+        )
+    )
 
 
 def _off(figures: Figures, speed: float) -> float:
     return max(figures["ride_max"] - speed, speed - figures["ride_min"])
 
 
-def _still() -> Row:
-    def trials(budget: Budget, _: float) -> list[Trial]:
-        rest = [{"t": GO, "speed": 0.0}]
-        return [ride(budget, seed, (GO, GO + HELD), rest) for seed in budget.each_seed()]
-
-    return Row(
-        "segway.still",
-        f"way in {HELD:g} s of standing on it",
-        "m",
-        0.5,
-        (0.0,),
-        trials,
-        figure=lambda figures, _: figures["ride_drift"],
-        at_least=False,
-    )
+def _brakes(budget: Budget, seed: int, speed: float) -> Trial:
+    stop = GO + 20.0
+    targets = [{"t": GO, "speed": speed}, {"t": stop, "speed": 0.0}]
+    return ride(budget, seed, (stop, stop + 10.0), targets)
 
 
-def _turn() -> Row:
-    def trials(budget: Budget, rate: float) -> list[Trial]:
-        return [
-            ride(
-                budget,
-                seed,
-                (GO + 12.0, GO + 22.0),
-                [{"t": GO, "speed": 1.0}, {"t": GO + 6.0, "turn": rate if seed % 2 else -rate}],
-            )
-            for seed in budget.each_seed()
-        ]
-
-    return Row(
-        "segway.turn",
-        "turn rate at 1 m/s",
-        "rad/s",
-        0.8,
-        (_TURN,),
-        trials,
-        holds=lambda figures, _: abs(figures["vx"] - 1.0) <= 0.2,
-        figure=lambda figures, _: abs(figures["yaw_rate"]),
-    )
+def _rests(budget: Budget, seed: int, speed: float) -> Trial:
+    return ride(budget, seed, (GO, GO + HELD), [{"t": GO, "speed": speed}])
 
 
-def _slalom() -> Row:
-    begin, end = GO + 7.0, GO + 30.0
-
-    def trials(budget: Budget, speed: float) -> list[Trial]:
-        gates: dict[str, Any] = {"t": begin, "gates": {"count": 10}}
-        course = [{"t": GO, "speed": speed}, gates]
-        return [ride(budget, seed, (begin, end), course) for seed in budget.each_seed()]
-
-    return Row(
-        "segway.slalom",
-        "distance from the middle of ten gates 3 m apart, 0.2 m to a side, at 2 m/s",
-        "m",
-        GATE,
-        (2.0,),
-        trials,
-        figure=lambda figures, _: figures["gate_miss"],
-        at_least=False,
-    )
+def _turns(budget: Budget, seed: int, rate: float) -> Trial:
+    targets = [{"t": GO, "speed": 1.0}, {"t": GO + 6.0, "turn": mirrored(seed, rate)}]
+    return ride(budget, seed, (GO + 12.0, GO + 22.0), targets)
 
 
-def _push() -> Row:
+def _weaves(budget: Budget, seed: int, speed: float) -> Trial:
+    begin = GO + 7.0
+    gates: dict[str, Any] = {"t": begin, "gates": {"count": 10}}
+    targets = [{"t": GO, "speed": speed}, gates]
+    return ride(budget, seed, (begin, GO + 30.0), targets)
+
+
+def _pushed(budget: Budget, seed: int, impulse: float) -> Trial:
     begin = GO + 9.0
-
-    def trials(budget: Budget, impulse: float) -> list[Trial]:
-        return [
-            ride(
-                budget,
-                seed,
-                (begin + 6.0, begin + 8.0),
-                [{"t": GO, "speed": 2.0}],
-                pushes=[push(begin, impulse, 45.0 * (seed - 1))],
-            )
-            for seed in budget.each_seed()
-        ]
-
-    return Row(
-        "segway.push",
-        "push at 2 m/s, each robot from another of eight directions",
-        "Ns",
-        8.0,
-        [4.0, 6.0, 8.0, 10.0, 12.0],
-        trials,
-        holds=lambda figures, _: abs(figures["vx"] - 2.0) <= 0.5,
-        start=2,
-    )
+    pushes = [push(begin, impulse, 45.0 * (seed - 1))]
+    window = (begin + 6.0, begin + 8.0)
+    return ride(budget, seed, window, [{"t": GO, "speed": 2.0}], pushes=pushes)
 
 
-def _alone() -> Row:
-    def trials(budget: Budget, speed: float) -> list[Trial]:
-        go = [{"t": GO, "vx": speed}]
-        window = (GO + 10.0, GO + 40.0)
-        return [ride(budget, seed, window, [], then=go) for seed in budget.each_seed()]
-
-    return Row(
-        "segway.alone",
-        "greatest error of 2 m/s in 30 s by its own estimate, nobody leaning",
-        "m/s",
-        1.0,
-        (2.0,),
-        trials,
-        figure=_off,
-        at_least=False,
-    )
+def _alone(budget: Budget, seed: int, speed: float) -> Trial:
+    return ride(budget, seed, (GO + 10.0, GO + 40.0), [], then=[{"t": GO, "vx": speed}])
 
 
-def _leans() -> Row:
+def _leans(budget: Budget, seed: int, _: float) -> Trial:
     end = GO + 300.0
+    return ride(budget, seed, (end - 1.0, end), [], then=riding_commands(seed, GO, end))
 
-    def trials(budget: Budget, _: float) -> list[Trial]:
-        return [
-            ride(budget, seed, (end - 1.0, end), [], then=leans(seed, GO, end))
-            for seed in budget.each_seed()
+
+def shaking_rows() -> list[Row]:
+    """How the gains of the feet shake a Segway that is let go: the paper's oscillation, its cure.
+
+    The paper's nominal gains give each foot 600 Nm per m of CoM x and 80 Nms. With the standing
+    controller the Segway oscillated, with lower gains it did not. Both laws stand here while a
+    rider keeps the Segway in place, on platforms that are stiffer and softer than the nominal one.
+    """
+    rows = []
+    for softness, title in ((0.5, "stiff"), (1.0, "nominal"), (2.0, "soft")):
+        rows += [
+            Row(
+                f"segway_shaking.{law}_{title}",
+                f"gains of the feet by the nominal ones, law of {law}, {title} platform, "
+                f"pitch up to {QUIET:g} deg RMS",
+                "",
+                1.0,
+                [0.45, 0.6, 0.8, 1.0],
+                robots(_shaken(law, softness)),
+                holds=lambda figures, _: figures["platform_rms"] <= QUIET,
+            )
+            for law in ("standing", "riding")
         ]
+        rows.append(
+            Row(
+                f"segway_shaking.shipped_{title}",
+                f"RMS of the platform's pitch with the shipped gains, {title} platform",
+                "deg",
+                QUIET,
+                (1.0,),
+                robots(_shaken("shipped", softness)),
+                figure="platform_rms",
+                at_least=False,
+            )
+        )
+    return rows
 
-    return Row(
-        "segway.leans",
-        "robots that bear random leans and heights on it for 5 min",
-        "%",
-        100.0,
-        (0.0,),
-        trials,
-        counts=True,
-    )
 
+def _shaken(law: str, softness: float) -> Callable[[Budget, int, float], Trial]:
+    """Standing on a Segway from the moment it is let go, with gains that the level gives."""
 
-def leans(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
-    """Operator steps that lean anywhere the message permits, from one moment to another, in s."""
-    rng = Stream.LEANS.rng(seed)
-    steps: list[dict[str, Any]] = []
-    time = begin
-    while time < end:
-        step = {name: round(float(rng.uniform(-most, most)), 3) for name, most in _LEANS.items()}
-        step["height"] = round(float(rng.uniform(*_HEIGHTS)), 3)
-        steps.append({"t": round(time, 3), **step})
-        time += float(rng.uniform(0.3, 4.0))
-    return steps
+    def trial(budget: Budget, seed: int, factor: float) -> Trial:
+        kd = 2.0 * factor * NOMINAL[1]
+        # Both laws have the weight's own stiffness; what is set lies over it.
+        kp = max(0.0, 2.0 * factor * NOMINAL[0] - WEIGHT)
+        gains = {"kp_com_x": kp, "kd_com_x": kd, "settled_kd_com_x": kd}
+        section = {"standing": {"stand": gains}, "riding": {"segway": gains}, "shipped": {}}[law]
+        made = ride(
+            budget,
+            seed,
+            (LET_GO + 1.0, LET_GO + 1.0 + _WATCHED),
+            [{"t": GO, "speed": 0.0}],
+            surface="floor",
+            scene_parameters={"softness": softness},
+            controller=section,
+        )
+        if law != "standing":
+            return made
+        content = dict(made.content)
+        content["operator"] = content["operator"][:1]  # it never rides, but leans as far and fast
+        content["supervisor"] = {"com_x_limit": 0.07, "shift_rate": 0.3}
+        return dataclasses.replace(made, content=content)
+
+    return trial

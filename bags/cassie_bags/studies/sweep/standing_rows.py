@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from functools import partial
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from cassie_bags.run.seed import Stream
-from cassie_bags.studies.sweep.course import Budget, push
+from cassie_bags.studies.sweep.course import Budget, push, robots
+from cassie_bags.studies.sweep.random_commands import standing_commands
 from cassie_bags.studies.sweep.row import Row
-from cassie_bags.studies.sweep.standing_course import (
-    AROUND,
-    DIAGONAL,
-    SETTLED,
-    hardest,
-    rests,
-    stand,
-)
-from cassie_bags.studies.sweep.standing_ground_rows import standing_ground_rows
 from cassie_bags.studies.trial import Figures, Trial
 
+HEIGHT = 0.9
+"""Pelvis height at which it stands unless a row is about another. In m."""
+
+SETTLED = 5.0
+"""When it stands quietly after being let down. In s."""
+
+AROUND = {"fore": 0.0, "left": 90.0, "aft": 180.0, "right": 270.0}
+"""Directions from ahead, to the left. In deg."""
+
+DIAGONAL = {"fore_left": 45.0, "aft_left": 135.0, "aft_right": 225.0, "fore_right": 315.0}
+"""Those between them."""
+
+_LET_DOWN = {"t": 0.2, "height": 0.8, "speed": 0.5}
+_GENTLY = {"t": 0.5, "height": 0.7, "speed": 0.3}
+_STILL = 0.02  # m/s
 _LASTS = 7.5  # of the budget's measured seconds: five minutes of the usual 40 s
 _AFTER = 8.0  # s after an event in which it comes to rest
 _SHAKES = 0.02  # m/s, of the pelvis, with late commands
@@ -25,184 +33,261 @@ _NEAR = 0.015  # m, of a height that is reached
 _LATE = {"torque": 0.002, "set_point": 0.015}
 
 
+def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: Any) -> Trial:
+    """One robot, let down from the gantry and measured over its last seconds.
+
+    Args:
+        budget: How much to run.
+        seed: Robot.
+        end: Of the run. In s.
+        seconds: To measure. In s.
+        words: Sections of the experiment; `height` of the pelvis, `then` steps of the operator.
+    """
+    height, then = words.pop("height", HEIGHT), words.pop("then", [])
+    content = {
+        "start": "gantry",
+        "gantry": [_LET_DOWN],
+        "duration": end,
+        "operator": [{"t": 0.0, "power": True, "mode": "stand", "height": height}, *then],
+        **words,
+    }
+    return Trial(content, seed, (end - seconds, end), None, budget.changes)
+
+
+def rests(figures: Figures, _: float) -> bool:
+    """Whether a robot stands still in the end, on the feet that it stood on."""
+    return figures["standing"] > 0.0 and figures["end_speed"] < _STILL and not figures["stepped"]
+
+
 def standing_rows() -> list[Row]:
     """All rows of this module; the long ones last."""
-    rows = [*_pushes(), *_recoveries(), *_heights(), *standing_ground_rows(), *_ways_in()]
-    return [*rows, _late(), _random(), *_quiet()]
-
-
-def _pushes() -> list[Row]:
-    def trials(angle: float, budget: Budget, impulse: float) -> list[Trial]:
-        end = SETTLED + _AFTER
-        return stand(budget, end, end - SETTLED, pushes=[push(SETTLED, impulse, angle)])
-
+    around = {**AROUND, **DIAGONAL}
     return [
-        hardest(
-            f"push.{name}",
-            f"push stood without a step, {name}",
-            "Ns",
-            target,
-            [float(n) for n in range(4, 25)],
-            partial(trials, AROUND[name]),
-            holds=rests,
-        )
-        for name, target in (("fore", 10.0), ("aft", 9.0), ("left", 18.0), ("right", 18.0))
+        _push("fore", 10.0),
+        _push("aft", 9.0),
+        _push("left", 18.0),
+        _push("right", 18.0),
+        *(_recovery(name, angle) for name, angle in around.items()),
+        _height("up", "from 0.39 to 1.01 m", 0.39, 1.01),
+        _height("down", "from 1.01 to 0.39 m", 1.01, 0.39),
+        _block("left"),
+        _block("right"),
+        *(row(name, angle) for name, angle in around.items() for row in (_slope, _tilting)),
+        _sinking(),
+        _drop(),
+        _counted("stand_in.boot", "stands up, booted with the torso hanging at 0.5 m", _booted),
+        _counted("stand_in.from_steps", "stands after stepping in place", _from_steps),
+        _late(),
+        _random(),
+        _quiet("com_rms", "CoM about its mean, RMS,", 0.003),
+        _quiet("creep", "creep of a foot", 0.005),
     ]
 
 
-def _recoveries() -> list[Row]:
-    def trials(angle: float, budget: Budget, impulse: float) -> list[Trial]:
-        return stand(budget, SETTLED + _AFTER + 4.0, pushes=[push(SETTLED, impulse, angle)])
-
-    return [
-        hardest(
-            f"recovery.{name}",
-            f"push stood with steps, {name.replace('_', ' ')}, 9 of 10",
-            "Ns",
-            25.0,
-            [10.0, 15.0, 20.0, 25.0, 30.0, 35.0],
-            partial(trials, angle),
-            share=0.9,
-            holds=rests,
-        )
-        for name, angle in {**AROUND, **DIAGONAL}.items()
-    ]
+def _row(
+    name: str,
+    title: str,
+    unit: str,
+    target: float,
+    levels: Sequence[float],
+    trial: Callable[[Budget, int, float], Trial],
+    **more: Any,
+) -> Row:
+    """A row whose figure is the hardest level at which it rests."""
+    return Row(f"stand_{name}", title, unit, target, levels, robots(trial), rests, **more)
 
 
-def _heights() -> list[Row]:
-    def trials(way: tuple[float, float], budget: Budget, _: float) -> list[Trial]:
-        first, then = way
-        commanded = [{"t": SETTLED, "height": then}]
-        return stand(budget, SETTLED + 5.0, 3.0, height=first, then=commanded)
-
-    return [
-        Row(
-            f"stand_height.{name}",
-            f"height error after 2 s {title}, held 3 s",
-            "m",
-            _NEAR,
-            (0.0,),
-            partial(trials, way),
-            holds=rests,
-            figure=lambda figures, _: figures["height_off"],
-            at_least=False,
-        )
-        for name, title, way in (
-            ("up", "from 0.39 to 1.01 m", (0.39, 1.01)),
-            ("down", "from 1.01 to 0.39 m", (1.01, 0.39)),
-        )
-    ]
-
-
-def _ways_in() -> list[Row]:
-    def drops(budget: Budget, fall: float) -> list[Trial]:
-        # With the legs at 0.97 m of pelvis height the soles hang 1.004 m below the pelvis.
-        moves = [
-            {"t": 0.5, "hold": 1.004 + fall, "speed": 0.3},
-            {"t": 2.5, "release": True},
-        ]
-        return stand(budget, 8.0, height=0.97, gantry=moves)
-
-    def boots(budget: Budget, _: float) -> list[Trial]:
-        moves = [
-            {"t": 0.3, "hold": 0.5, "speed": 0.5},
-            {"t": 4.0, "height": 0.4},
-        ]
-        power = [{"t": 0.1, "power": False}, {"t": 3.0, "power": True}]
-        return stand(budget, 12.0, gantry=moves, then=power)
-
-    def stepped(budget: Budget, _: float) -> list[Trial]:
-        within_limits = [{"t": SETTLED, "mode": "walk"}, {"t": SETTLED + 5.0, "mode": "stand"}]
-        return stand(budget, SETTLED + 14.0, height=0.95, then=within_limits)
-
-    falls = [0.02, 0.05, 0.1, 0.15, 0.2]
-    counted = (
-        ("boot", "stands up, booted with the torso hanging at 0.5 m", boots),
-        ("from_steps", "stands after stepping in place", stepped),
-    )
-    return [
-        hardest("drop.height", "drop out of the gantry", "m", 0.1, falls, drops, holds=rests),
-        *(
-            Row(f"stand_in.{name}", title, "%", 100.0, (0.0,), trials, rests, counts=True)
-            for name, title, trials in counted
+def _push(name: str, target: float) -> Row:
+    return _row(
+        f"push.{name}",
+        f"push stood without a step, {name}",
+        "Ns",
+        target,
+        [float(n) for n in range(4, 25)],
+        lambda budget, seed, impulse: stand(
+            budget,
+            seed,
+            SETTLED + _AFTER,
+            _AFTER,
+            pushes=[push(SETTLED, impulse, AROUND[name])],
         ),
-    ]
+    )
+
+
+def _recovery(name: str, angle: float) -> Row:
+    return _row(
+        f"recovery.{name}",
+        f"push stood with steps, {name.replace('_', ' ')}, 9 of 10",
+        "Ns",
+        25.0,
+        [10.0, 15.0, 20.0, 25.0, 30.0, 35.0],
+        lambda budget, seed, impulse: stand(
+            budget, seed, SETTLED + _AFTER + 4.0, pushes=[push(SETTLED, impulse, angle)]
+        ),
+        share=0.9,
+    )
+
+
+def _height(name: str, title: str, first: float, then: float) -> Row:
+    return _row(
+        f"height.{name}",
+        f"height error after 2 s {title}, held 3 s",
+        "m",
+        _NEAR,
+        (0.0,),
+        lambda budget, seed, _: stand(
+            budget, seed, SETTLED + 5.0, 3.0, height=first, then=[{"t": SETTLED, "height": then}]
+        ),
+        figure="height_off",
+        at_least=False,
+    )
+
+
+def _on(
+    scene: str, parameters: Callable[[float], Mapping[str, Any]]
+) -> Callable[[Budget, int, float], Trial]:
+    """Standing in a scene whose parameters a level gives."""
+    return lambda budget, seed, level: stand(
+        budget,
+        seed,
+        SETTLED + 8.0,
+        3.0,
+        height=0.85,
+        scene=scene,
+        scene_parameters=parameters(level),
+        gantry=[_GENTLY],
+    )
+
+
+def _block(side: str) -> Row:
+    return _row(
+        f"block.{side}",
+        f"block under the {side} foot",
+        "m",
+        0.1,
+        [0.04, 0.06, 0.08, 0.1, 0.12, 0.14],
+        _on("block", lambda height: {"height": height, "side": side}),
+    )
+
+
+def _slope(name: str, angle: float) -> Row:
+    def parameters(slope_deg: float) -> Mapping[str, float]:
+        ahead, left = _components(angle, slope_deg)
+        # Only ground that rises to the side does so under its feet; some rise it must have.
+        return {"rise_deg": ahead, "side_deg": left if abs(left) > 1e-3 else 1e-3}
+
+    return _row(
+        f"slope.{name}",
+        f"slope that rises {name.replace('_', ' ')}, stood",
+        "deg",
+        12.0,
+        [6.0, 9.0, 12.0, 15.0, 18.0],
+        _on("slope", parameters),
+    )
+
+
+def _tilting(name: str, angle: float) -> Row:
+    def parameters(slope_deg: float) -> Mapping[str, float]:
+        ahead, left = _components(angle, slope_deg)
+        rate = 5.0 * max(abs(ahead), abs(left)) / slope_deg
+        return {"rise_deg": ahead, "side_deg": left, "start": SETTLED, "rate_deg": rate}
+
+    return _row(
+        f"tilting.{name}",
+        f"ground that tilts at 5 deg/s, up {name.replace('_', ' ')}",
+        "deg",
+        10.0,
+        [5.0, 10.0, 15.0, 20.0],
+        _on("tilting", parameters),
+    )
+
+
+def _components(angle_deg: float, slope_deg: float) -> tuple[float, float]:
+    """Rises ahead and to the left of a slope towards an angle from ahead. In deg."""
+    angle, slope = math.radians(angle_deg), math.tan(math.radians(slope_deg))
+    along = (slope * math.cos(angle), slope * math.sin(angle))
+    ahead, left = (math.degrees(math.atan(rise)) for rise in along)
+    return ahead, left
+
+
+def _sinking() -> Row:
+    return _row(
+        "sinking.sand",
+        "depth to which sand gives way under it",
+        "m",
+        0.06,
+        [0.02, 0.04, 0.06, 0.08, 0.1],
+        _on("course", lambda depth: {"stretches": [_sand(depth)]}),
+    )
+
+
+def _sand(depth: float) -> Mapping[str, Any]:
+    return {"surface": "sand", "sinking": depth, "length": 20.0}
+
+
+def _drop() -> Row:
+    def trial(budget: Budget, seed: int, fall: float) -> Trial:
+        # With the legs at 0.97 m of pelvis height the soles hang 1.004 m below the pelvis.
+        moves = [{"t": 0.5, "hold": 1.004 + fall, "speed": 0.3}, {"t": 2.5, "release": True}]
+        return stand(budget, seed, 8.0, height=0.97, gantry=moves)
+
+    levels = [0.02, 0.05, 0.1, 0.15, 0.2]
+    return _row("drop.height", "drop out of the gantry", "m", 0.1, levels, trial)
+
+
+def _counted(
+    name: str,
+    title: str,
+    trial: Callable[[Budget, int, float], Trial],
+    holds: Callable[[Figures, float], bool] = rests,
+) -> Row:
+    """A row of one level, of which the robots that hold it count."""
+    return Row(name, title, "%", 100.0, (0.0,), robots(trial), holds, counts=True)
+
+
+def _booted(budget: Budget, seed: int, _: float) -> Trial:
+    moves = [{"t": 0.3, "hold": 0.5, "speed": 0.5}, {"t": 4.0, "height": 0.4}]
+    power = [{"t": 0.1, "power": False}, {"t": 3.0, "power": True}]
+    return stand(budget, seed, 12.0, gantry=moves, then=power)
+
+
+def _from_steps(budget: Budget, seed: int, _: float) -> Trial:
+    modes = [{"t": SETTLED, "mode": "walk"}, {"t": SETTLED + 5.0, "mode": "stand"}]
+    return stand(budget, seed, SETTLED + 14.0, height=0.95, then=modes)
 
 
 def _late() -> Row:
-    def trials(budget: Budget, _: float) -> list[Trial]:
-        pushes = [push(SETTLED, 5.0, 45.0)]
-        return stand(budget, SETTLED + _AFTER, delays=_LATE, pushes=pushes)
-
-    return Row(
+    return _counted(
         "stand_late.both",
         "stands, pushed by 5 Ns, with torques 2 ms and set-points 15 ms later",
-        "%",
-        100.0,
-        (0.0,),
-        trials,
+        lambda budget, seed, _: stand(
+            budget, seed, SETTLED + _AFTER, delays=_LATE, pushes=[push(SETTLED, 5.0, 45.0)]
+        ),
         lambda figures, level: rests(figures, level) and figures["shaking"] < _SHAKES,
-        counts=True,
     )
 
 
 def _random() -> Row:
-    def trials(budget: Budget, _: float) -> list[Trial]:
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
         end = SETTLED + _LASTS * budget.seconds
-        runs = []
-        for seed, trial in zip(budget.each_seed(), stand(budget, end), strict=True):
-            operator = [*trial.content["operator"], *random_commands(seed, SETTLED, end)]
-            content = {**trial.content, "operator": operator}
-            runs.append(Trial(content, seed, trial.window, None, budget.changes))
-        return runs
+        return stand(budget, seed, end, then=standing_commands(seed, SETTLED, end))
+
+    title = "bears heights, CoM shifts and leans at random for 5 min"
+    return _counted("stand_random.commands", title, trial, lambda *_: True)
+
+
+def _quiet(name: str, title: str, target: float) -> Row:
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
+        seconds = _LASTS * budget.seconds
+        return stand(budget, seed, SETTLED + seconds, seconds)
 
     return Row(
-        "stand_random.commands",
-        "bears heights, CoM shifts and leans at random for 5 min",
-        "%",
-        100.0,
+        f"stand_quiet.{name}",
+        f"{title} in 5 min of quiet standing",
+        "m",
+        target,
         (0.0,),
-        trials,
-        counts=True,
+        robots(trial),
+        figure=name,
+        at_least=False,
     )
-
-
-def random_commands(seed: int, begin: float, end: float) -> list[dict[str, float]]:
-    """Steps of an operator who moves sliders and sticks of standing at random, times in s."""
-    draw = Stream.STANDING_COMMANDS.rng(seed)
-    steps = []
-    time = begin
-    while time < end:
-        step = {"t": round(time, 3), "height": draw.uniform(0.39, 1.01)}
-        step |= {"com_x": draw.uniform(-0.05, 0.05), "com_y": draw.uniform(-0.06, 0.06)}
-        step |= {"roll": draw.uniform(-0.25, 0.25), "pitch": draw.uniform(-0.25, 0.25)}
-        steps.append({key: float(value) for key, value in step.items()})
-        time += draw.uniform(0.1, 3.0)
-    return steps
-
-
-def _named(name: str, figures: Figures, _: float) -> float:
-    return figures[name]
-
-
-def _quiet() -> list[Row]:
-    def trials(budget: Budget, _: float) -> list[Trial]:
-        seconds = _LASTS * budget.seconds
-        return stand(budget, SETTLED + seconds, seconds)
-
-    return [
-        Row(
-            f"stand_quiet.{name}",
-            f"{title} in 5 min of quiet standing",
-            "m",
-            target,
-            (0.0,),
-            trials,
-            figure=partial(_named, name),
-            at_least=False,
-        )
-        for name, title, target in (
-            ("com_rms", "CoM about its mean, RMS,", 0.003),
-            ("creep", "creep of a foot", 0.005),
-        )
-    ]

@@ -17,9 +17,8 @@ from cassie_bags.studies.sweep.beyond_rows import beyond_rows
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.ground_rows import ground_rows
 from cassie_bags.studies.sweep.loop_rows import loop_rows
-from cassie_bags.studies.sweep.radio_rows import radio_rows
 from cassie_bags.studies.sweep.row import Level, Row, RowResult
-from cassie_bags.studies.sweep.segway_rows import segway_rows
+from cassie_bags.studies.sweep.segway_rows import segway_rows, shaking_rows
 from cassie_bags.studies.sweep.standing_rows import standing_rows
 from cassie_bags.studies.sweep.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
@@ -39,13 +38,12 @@ def all_rows() -> list[Row]:
 
 def promised_rows() -> list[Row]:
     """Rows whose targets the robot is to reach."""
-    rows = [*walking_rows(), *radio_rows(), *ground_rows(), *loop_rows(), *segway_rows()]
-    return [*rows, *standing_rows()]
+    return [*walking_rows(), *ground_rows(), *loop_rows(), *segway_rows(), *standing_rows()]
 
 
 def rows_beyond() -> list[Row]:
     """Rows that look for the limits, with targets that are not promised."""
-    return [*beyond_rows(), *beyond_ground_rows()]
+    return [*beyond_rows(), *beyond_ground_rows(), *shaking_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:

@@ -1,25 +1,31 @@
-"""Rows on level ground: speeds, turning, drift, stops and pushes."""
+"""Rows on level ground: speeds, turning, drift, stops, pushes, and a radio at random."""
 
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 from cassie_bags.studies.sweep.course import (
     AFTER_EVENT,
     COMMAND_AT,
+    PUSH_TIME,
     SETTLING,
     Budget,
+    Trials,
+    mirrored,
     push,
     reached_at,
+    robots,
     steady,
+    tenths,
     walk,
 )
+from cassie_bags.studies.sweep.random_commands import radio_commands
 from cassie_bags.studies.sweep.row import Row
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Trial
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 STOP_SPEEDS = (0.0, 0.3, 0.6, 1.0, -0.4)
+
 HELD = 20.0
 """Time for which a top speed is held. In s."""
 
@@ -30,6 +36,10 @@ STOPPED_WITHIN = 12.0
 """Time from asking to stand until the robot must, beyond that of slowing down. In s."""
 
 DRIFT_TIME = 60.0
+
+RADIO_TIME = 7.5
+"""How long a radio jumps, by the measured seconds of the budget: 5 min of the usual 40 s."""
+
 DIRECTIONS = {
     "fore": 0.0,
     "aft": 180.0,
@@ -45,202 +55,180 @@ DIRECTIONS = {
 
 def walking_rows() -> list[Row]:
     """All rows of this module."""
-    return [*_speeds(), *_top_speeds(), *_sideways(), *_turns(), *_drifts(), *_stops(), *_pushes()]
-
-
-def _speeds() -> list[Row]:
     return [
-        Row(
-            f"speed.{speed:+g}",
-            f"speed error at {speed:g} m/s",
-            "m/s",
-            0.03,
-            (speed,),
-            _at_speed,
-            figure=lambda figures, speed: abs(figures["vx"] - speed),
-            at_least=False,
-            achieved=lambda figures, _: figures["vx"],
-        )
-        for speed in SPEEDS
+        *(_speed(speed) for speed in SPEEDS),
+        _top_speed("forward", 1.0, tenths(8, 20), 1.6),
+        _top_speed("backward", -1.0, tenths(3, 10), 0.9),
+        _sideways("left", 0.3),
+        _sideways("right", -0.3),
+        _turn("in_place", "in place", 0.0, 0.8),
+        _turn("walking", "at 0.5 m/s", 0.5, 0.5),
+        _drift("hold", "with", 0.05),
+        _drift("free", "without", 0.1, "controller.walk.hold_gain=0"),
+        *(_stop(speed) for speed in STOP_SPEEDS),
+        *(_push("in_place", 0.0, name, 22.0, 12.0) for name in DIRECTIONS),
+        *(_push("walking", 0.5, name, 18.0, 10.0) for name in ("fore", "aft", "left", "right")),
+        _radio(),
     ]
 
 
-def _at_speed(budget: Budget, speed: float, seconds: float | None = None) -> list[Trial]:
-    window = steady(budget, speed, seconds)
-    return [walk(budget, seed, window, vx=speed) for seed in budget.each_seed()]
+def _speed(speed: float) -> Row:
+    return Row(
+        f"speed.{speed:+g}",
+        f"speed error at {speed:g} m/s",
+        "m/s",
+        0.03,
+        (speed,),
+        robots(lambda budget, seed, vx: walk(budget, seed, steady(budget, vx), vx=vx)),
+        figure=lambda figures, vx: abs(figures["vx"] - vx),
+        at_least=False,
+        achieved="vx",
+    )
 
 
-def _top_speeds() -> list[Row]:
-    def row(name: str, sign: float, levels: list[float], target: float) -> Row:
-        return Row(
-            f"top_speed.{name}",
-            f"top speed {name}, held {HELD:g} s",
-            "m/s",
-            target,
-            levels,
-            lambda budget, level: _at_speed(budget, sign * level, HELD),
-            figure=lambda figures, _: sign * figures["vx"],
-            start=_nearest(levels, target),
-            achieved=lambda figures, _: sign * figures["vx"],
-        )
+def _top_speed(name: str, sign: float, levels: list[float], target: float) -> Row:
+    def trial(budget: Budget, seed: int, level: float) -> Trial:
+        return walk(budget, seed, steady(budget, sign * level, HELD), vx=sign * level)
 
-    return [
-        row("forward", 1.0, _tenths(8, 20), 1.6),
-        row("backward", -1.0, _tenths(3, 10), 0.9),
-    ]
+    return Row(
+        f"top_speed.{name}",
+        f"top speed {name}, held {HELD:g} s",
+        "m/s",
+        target,
+        levels,
+        robots(trial),
+        figure=lambda figures, _: sign * figures["vx"],
+        achieved=lambda figures, _: sign * figures["vx"],
+    )
 
 
-def _sideways() -> list[Row]:
-    def trials(budget: Budget, speed: float) -> list[Trial]:
-        window = steady(budget, speed, 0.5 * budget.seconds)
-        return [walk(budget, seed, window, vy=speed) for seed in budget.each_seed()]
+def _sideways(name: str, speed: float) -> Row:
+    def trial(budget: Budget, seed: int, vy: float) -> Trial:
+        return walk(budget, seed, steady(budget, vy, 0.5 * budget.seconds), vy=vy)
 
-    return [
-        Row(
-            f"sideways.{name}",
-            f"sideways speed error at {speed:+g} m/s",
-            "m/s",
-            0.05,
-            (speed,),
-            trials,
-            figure=lambda figures, speed: abs(figures["vy"] - speed),
-            at_least=False,
-            achieved=lambda figures, _: figures["vy"],
-        )
-        for name, speed in (("left", 0.3), ("right", -0.3))
-    ]
+    return Row(
+        f"sideways.{name}",
+        f"sideways speed error at {speed:+g} m/s",
+        "m/s",
+        0.05,
+        (speed,),
+        robots(trial),
+        figure=lambda figures, vy: abs(figures["vy"] - vy),
+        at_least=False,
+        achieved="vy",
+    )
 
 
-def _turns() -> list[Row]:
-    def trials(speed: float, budget: Budget, rate: float) -> list[Trial]:
+def _turn(name: str, title: str, speed: float, target: float) -> Row:
+    return Row(
+        f"turn.{name}",
+        f"turn rate {title}, side-slip below {SLIP:g} m/s",
+        "rad/s",
+        target,
+        tenths(1, 12),
+        turning(speed),
+        holds=lambda figures, _: figures["vy_slip"] <= SLIP,
+        figure=lambda figures, _: abs(figures["yaw_rate"]),
+    )
+
+
+def turning(speed: float) -> Trials:
+    """Turning at a rate that is the level, every other robot to the right; speed in m/s."""
+
+    def trial(budget: Budget, seed: int, rate: float) -> Trial:
         window = steady(budget, max(speed, 0.5 * rate), 0.5 * budget.seconds)
+        return walk(budget, seed, window, vx=speed, yaw_rate=mirrored(seed, rate))
+
+    return robots(trial)
+
+
+def _drift(name: str, title: str, target: float, *changes: str) -> Row:
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
+        begin = COMMAND_AT + SETTLING
+        changed = dataclasses.replace(budget, changes=(*budget.changes, *changes))
+        return walk(changed, seed, (begin, begin + DRIFT_TIME))
+
+    return Row(
+        f"drift.{name}",
+        f"drift in place in {DRIFT_TIME:g} s, {title} position hold",
+        "m",
+        target,
+        (0.0,),
+        robots(trial),
+        figure="drift_of_steps",
+        at_least=False,
+    )
+
+
+def _stop(speed: float) -> Row:
+    def trials(budget: Budget, vx: float) -> list[Trial]:
+        begin = reached_at(vx) + SETTLING
+        end = begin + abs(vx) / 0.3 + STOPPED_WITHIN
         return [
-            walk(budget, seed, window, vx=speed, yaw_rate=rate if seed % 2 else -rate)
-            for seed in budget.each_seed()
+            walk(budget, seed, (end - 1.0, end), vx=vx, then=[_stand_at(begin + delay)])
+            for delay, seed in budget.each_phase(vx)
         ]
 
-    levels = _tenths(1, 12)
-    return [
-        Row(
-            f"turn.{name}",
-            f"turn rate {title}, side-slip below {SLIP:g} m/s",
-            "rad/s",
-            target,
-            levels,
-            partial(trials, speed),
-            holds=lambda figures, _: figures["vy_slip"] <= SLIP,
-            figure=lambda figures, _: abs(figures["yaw_rate"]),
-            start=_nearest(levels, target),
-        )
-        for name, title, speed, target in (
-            ("in_place", "in place", 0.0, 0.8),
-            ("walking", "at 0.5 m/s", 0.5, 0.5),
-        )
-    ]
+    return Row(
+        f"stop.{speed:+g}",
+        f"walk to stand from {speed:g} m/s, 10 phases",
+        "%",
+        100.0,
+        (speed,),
+        trials,
+        holds=lambda figures, _: figures["standing"] > 0.0 and figures["end_speed"] < 0.02,
+        counts=True,
+    )
 
 
-def _drifts() -> list[Row]:
-    window = (COMMAND_AT + SETTLING, COMMAND_AT + SETTLING + DRIFT_TIME)
-
-    def trials(changes: tuple[str, ...], budget: Budget, _: float) -> list[Trial]:
-        budget = dataclasses.replace(budget, changes=(*budget.changes, *changes))
-        return [walk(budget, seed, window) for seed in budget.each_seed()]
-
-    return [
-        Row(
-            f"drift.{name}",
-            f"drift in place in {DRIFT_TIME:g} s, {title} position hold",
-            "m",
-            target,
-            (0.0,),
-            partial(trials, changes),
-            figure=lambda figures, _: figures["drift_of_steps"],
-            at_least=False,
-        )
-        for name, title, target, changes in (
-            ("hold", "with", 0.05, ()),
-            ("free", "without", 0.1, ("controller.walk.hold_gain=0",)),
-        )
-    ]
+def _stand_at(time: float) -> dict[str, object]:
+    return {"t": time, "mode": "stand", "vx": 0.0}
 
 
-def _stops() -> list[Row]:
-    def trials(budget: Budget, speed: float) -> list[Trial]:
-        begin = reached_at(speed) + SETTLING
-        end = begin + abs(speed) / 0.3 + STOPPED_WITHIN
-        return [
-            walk(
-                budget,
-                seed,
-                (end - 1.0, end),
-                vx=speed,
-                then=[{"t": begin + delay, "mode": "stand", "vx": 0.0}],
-            )
-            for delay, seed in budget.each_phase(speed)
-        ]
-
-    return [
-        Row(
-            f"stop.{speed:+g}",
-            f"walk to stand from {speed:g} m/s, 10 phases",
-            "%",
-            100.0,
-            (speed,),
-            trials,
-            holds=_stands,
-            counts=True,
-        )
-        for speed in STOP_SPEEDS
-    ]
+def _push(where: str, speed: float, name: str, fore: float, aside: float) -> Row:
+    return Row(
+        f"push_{where}.{name}",
+        f"push {where.replace('_', ' ')}, {name.replace('_', ' ')}, 9 of 10 phases",
+        "Ns",
+        fore if name in ("fore", "aft") else aside,
+        [2.0 * n for n in range(1, 21)],
+        pushed(speed, DIRECTIONS[name]),
+        share=0.9,
+    )
 
 
-def _stands(figures: Figures, _: float) -> bool:
-    return figures["standing"] > 0.0 and figures["end_speed"] < 0.02
+def pushed(speed: float, angle_deg: float, durations: tuple[float, ...] = (PUSH_TIME,)) -> Trials:
+    """Pushes at moments over two steps, of an impulse (Ns) that is the level.
+
+    Args:
+        speed: At which the robot walks. In m/s.
+        angle_deg: Direction of the force from ahead, to the left. In deg.
+        durations: Of the pushes, in turn. In s.
+    """
+
+    def trials(budget: Budget, impulse: float) -> list[Trial]:
+        begin = reached_at(speed) + (SETTLING if speed else 2.0)
+        end = begin + 1.0 + AFTER_EVENT
+        made = []
+        for index, (delay, seed) in enumerate(budget.each_phase(speed)):
+            event = push(begin + delay, impulse, angle_deg, durations[index % len(durations)])
+            made.append(walk(budget, seed, (end - 1.0, end), vx=speed, pushes=[event]))
+        return made
+
+    return trials
 
 
-def _pushes() -> list[Row]:
-    rows = []
-    in_place = [2.0 * n for n in range(1, 21)]
-    for where, speed, names, fore, aside in (
-        ("in_place", 0.0, tuple(DIRECTIONS), 22.0, 12.0),
-        ("walking", 0.5, ("fore", "aft", "left", "right"), 18.0, 10.0),
-    ):
-        for name in names:
-            target = fore if name in ("fore", "aft") else aside
-            rows.append(
-                Row(
-                    f"push_{where}.{name}",
-                    f"push {where.replace('_', ' ')}, {name.replace('_', ' ')}, 9 of 10 phases",
-                    "Ns",
-                    target,
-                    in_place,
-                    partial(_pushed, speed, DIRECTIONS[name]),
-                    share=0.9,
-                    start=_nearest(in_place, target),
-                )
-            )
-    return rows
+def _radio() -> Row:
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
+        end = COMMAND_AT + RADIO_TIME * budget.seconds
+        return walk(budget, seed, (end - 1.0, end), then=radio_commands(seed, COMMAND_AT, end))
 
-
-def _pushed(speed: float, angle_deg: float, budget: Budget, impulse: float) -> list[Trial]:
-    begin = reached_at(speed) + (SETTLING if speed else 2.0)
-    end = begin + 1.0 + AFTER_EVENT
-    return [
-        walk(
-            budget,
-            seed,
-            (end - 1.0, end),
-            vx=speed,
-            pushes=[push(begin + delay, impulse, angle_deg)],
-        )
-        for delay, seed in budget.each_phase(speed)
-    ]
-
-
-def _nearest(levels: list[float], value: float) -> int:
-    return min(range(len(levels)), key=lambda index: abs(levels[index] - value))
-
-
-def _tenths(first: int, last: int) -> list[float]:
-    """Levels in steps of 0.1, as a person writes them: 1.2 and not 1.2000000000000002."""
-    return [n / 10 for n in range(first, last + 1)]
+    return Row(
+        "radio.jumps",
+        "robots that bear sticks and switches at random for 5 min",
+        "%",
+        100.0,
+        (0.0,),
+        robots(trial),
+        counts=True,
+    )

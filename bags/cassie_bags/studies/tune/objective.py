@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,17 +14,15 @@ from cassie_bags.run.seed import Stream
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_bags.studies.sweep.course import Budget, push, reached_at, step_time, walk
 from cassie_bags.studies.trial import Figures, Trial
-from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
+from cassie_msgs.experiment.scenario import Delays, ModelScale
+from cassie_msgs.structured import refuse_unknown, structure
+from cassie_msgs.tunables import ParameterError, as_mapping, check_value, names, tunable
 
 DEFAULT = Path(__file__).with_name("objective.yaml")
 """The objective that comes with the package."""
 
 SETTLING = 3.0
 """Time between reaching a speed and measuring. In s."""
-
-_KEYS = ("courses", "model", "cost")
-_PUSH_KEYS = ("impulse", "angle_deg")
-_DELAY_KEYS = ("torque", "set_point")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +37,16 @@ class Cost:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Course:
-    """One thing that every robot does."""
+class Impulse:
+    """A push on the pelvis, a second into what is measured."""
+
+    impulse: float = tunable(dataclasses.MISSING, "Ns", 0.0, 1000.0, "Force by time")
+    angle_deg: float | None = tunable(None, "deg", -360.0, 360.0, "From ahead, to the left")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manoeuvre:
+    """One manoeuvre that every robot does."""
 
     name: str = tunable("course", description="For people")
     vx: float = tunable(0.0, "m/s", -1.0, 2.0, "Speed forward")
@@ -47,25 +54,28 @@ class Course:
     yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
     seconds: float = tunable(6.0, "s", 0.5, 600.0, "Measured time")
     scene: str = tunable("flat", description="Ground")
+    scene_parameters: Mapping[str, Any] = field(default_factory=dict)
+    push: Impulse | None = None
+    delays: Delays = field(default_factory=Delays)
 
 
-@dataclass(frozen=True)
-class Circumstances:
-    """What else there is on a course: parameters of the ground, a push, delays of the drives."""
-
-    ground: Mapping[str, Any]
-    push: Mapping[str, Any]
-    delays: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Objective:
-    """Courses, errors of the model, and costs."""
+    """Manoeuvres, errors of the model as [low, high] by name, and costs."""
 
-    courses: tuple[tuple[Course, Circumstances], ...]
-    model: Mapping[str, tuple[float, float]]
-    cost: Cost
-    content: Mapping[str, Any] = field(default_factory=dict)
+    courses: tuple[Manoeuvre, ...] = ()
+    model: Mapping[str, Any] = field(default_factory=dict)
+    cost: Cost = field(default_factory=Cost)
+
+    def __post_init__(self) -> None:
+        """Refuse an objective without manoeuvres, and errors of the model that are no ranges."""
+        if not self.courses:
+            raise ParameterError("courses must be a list of at least one")
+        refuse_unknown(self.model, names(ModelScale), "model")
+        for name, value in self.model.items():
+            pair = check_value(f"model.{name}", tuple[float, float], value, None)
+            if not 0.0 < pair[0] <= pair[1]:
+                raise ParameterError(f"model.{name} = {value!r} is not [low, high]")
 
     def trials(
         self, values: Mapping[str, float], seeds: Sequence[int], changes: Sequence[str]
@@ -77,21 +87,22 @@ class Objective:
         ]
 
     def _trial(self, index: int, seed: int, words: tuple[str, ...]) -> Trial:
-        course, there = self.courses[index]
+        course = self.courses[index]
         fastest = max(abs(course.vx), abs(course.vy), 0.5 * abs(course.yaw_rate))
         begin = reached_at(fastest) + (SETTLING if fastest else 0.0)
         rng = Stream.TUNED_MODEL.rng(seed, index)
         model = {name: float(rng.uniform(*bounds)) for name, bounds in self.model.items()}
         sections: dict[str, Any] = {
             "scene": course.scene,
-            "scene_parameters": dict(there.ground),
+            "scene_parameters": dict(course.scene_parameters),
             "model": model,
-            "delays": dict(there.delays),
+            "delays": as_mapping(course.delays),
         }
-        if there.push:
-            angle = float(there.push.get("angle_deg", rng.uniform(-180.0, 180.0)))
+        if course.push is not None:
+            drawn = float(rng.uniform(-180.0, 180.0))
+            angle = drawn if course.push.angle_deg is None else course.push.angle_deg
             at = begin + 1.0 + float(rng.uniform(0.0, 2.0 * step_time(course.vx)))
-            sections["pushes"] = [push(at, float(there.push["impulse"]), angle)]
+            sections["pushes"] = [push(at, course.push.impulse, angle)]
         commanded = {"vx": course.vx, "vy": course.vy, "yaw_rate": course.yaw_rate}
         window = (begin, begin + course.seconds)
         return walk(Budget(changes=words), seed, window, **commanded, **sections)
@@ -114,53 +125,7 @@ def load_objective(path: Path = DEFAULT) -> Objective:
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
-    content = read_mapping(path)
-    for key in content:
-        if key not in _KEYS:
-            raise ExperimentError(f"{path}: {unknown_name(str(key), _KEYS, 'key')}")
-    entries = content.get("courses")
-    if not isinstance(entries, list) or not entries:
-        raise ExperimentError(f"{path}: courses must be a list of at least one")
     try:
-        courses = tuple(_course(entry, f"courses.{i}") for i, entry in enumerate(entries))
-        cost = from_mapping(Cost, content.get("cost") or {})
+        return structure(Objective, read_mapping(path))
     except ParameterError as error:
         raise ExperimentError(f"{path}: {error}") from None
-    model = {
-        str(name): _bounds(bounds, f"{path}: model.{name}")
-        for name, bounds in (content.get("model") or {}).items()
-    }
-    return Objective(courses, model, cost, content)
-
-
-def _course(entry: object, where: str) -> tuple[Course, Circumstances]:
-    if not isinstance(entry, Mapping):
-        raise ParameterError(f"{where} = {entry!r} is not a mapping")
-    rest = dict(entry)
-    there = Circumstances(
-        *(rest.pop(key, None) or {} for key in ("scene_parameters", "push", "delays"))
-    )
-    for name, given, known in (
-        ("push", there.push, _PUSH_KEYS),
-        ("delays", there.delays, _DELAY_KEYS),
-    ):
-        for key in given:
-            if key not in known:
-                raise ParameterError(f"{where}.{name}: {unknown_name(str(key), known, 'key')}")
-    if there.push and "impulse" not in there.push:
-        raise ParameterError(f"{where}.push.impulse must be given, in Ns")
-    try:
-        return from_mapping(Course, rest), there
-    except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from None
-
-
-def _bounds(value: object, where: str) -> tuple[float, float]:
-    if (
-        not isinstance(value, list)
-        or len(value) != 2
-        or not all(isinstance(bound, (int, float)) for bound in value)
-        or not 0.0 < value[0] <= value[1]
-    ):
-        raise ExperimentError(f"{where} = {value!r} is not [low, high]")
-    return float(value[0]), float(value[1])

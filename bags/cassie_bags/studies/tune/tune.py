@@ -23,6 +23,7 @@ from cassie_bags.studies.tune.result import Score, table, write_result
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import Parameter, parameters, values
 from cassie_bags.studies.workers import Workers, workers
+from cassie_msgs.structured import unstructure
 from cassie_msgs.tunables import flatten
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,7 +47,7 @@ class Task:
     def purpose(self) -> str:
         """What makes two searches the same."""
         names = [(p.name, p.start, p.low, p.high) for p in self.space]
-        what = [names, self.objective.content, self.seeds, self.changes]
+        what = [names, unstructure(self.objective), self.seeds, self.changes]
         return json.dumps(what, sort_keys=True)
 
 
@@ -54,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Search, and report on what was found; returns the exit code."""
     task = _task(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as crew:
-        _tune(task, crew, arguments)
+    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool:
+        _tune(task, pool, arguments)
     return 0
 
 
@@ -76,7 +77,7 @@ def _task(arguments: argparse.Namespace) -> Task:
     return task
 
 
-def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
+def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
     """Search until the last generation or Ctrl-C, then report on robots held out."""
     state = arguments.out / "search.pickle"
     bar = tqdm(unit="run", disable=not sys.stderr.isatty(), leave=False)
@@ -89,13 +90,13 @@ def _tune(task: Task, crew: Workers, arguments: argparse.Namespace) -> None:
             search.save(state, task.purpose())
         stopped = False
         try:
-            _advance(task, search, crew, bar, arguments.generations, state)
+            _advance(task, search, pool, bar, arguments.generations, state)
         except KeyboardInterrupt:
             stopped = True
             _say(bar, "stopped; what was found is kept, --resume goes on")
         scores: dict[str, Score] = {}
         if not stopped and arguments.held_out:
-            scores = _held_out(task, search, crew, bar, arguments.held_out)
+            scores = _held_out(task, search, pool, bar, arguments.held_out)
     _report(task, search, scores, arguments)
 
 
@@ -104,7 +105,7 @@ def _report(
 ) -> None:
     found = values(task.space, search.found)
     settings = {
-        "objective": task.objective.content,
+        "objective": unstructure(task.objective),
         "robots of a generation": task.seeds,
         "seed": arguments.seed,
         "changes": list(task.changes),
@@ -121,7 +122,7 @@ def _report(
 
 
 def _advance(
-    task: Task, search: Search, crew: Workers, bar: tqdm, generations: int, state: Path
+    task: Task, search: Search, pool: Workers, bar: tqdm, generations: int, state: Path
 ) -> None:
     """Generations up to a number of them, each with robots of its own and kept when it is done."""
     while len(search.history) < generations:
@@ -129,7 +130,7 @@ def _advance(
         robots = range(first, first + task.seeds)
 
         def evaluate(candidates: Sequence[FloatArray], robots: range = robots) -> list[float]:
-            return [found.cost for found in score(task, candidates, robots, crew, bar)]
+            return [found.cost for found in score(task, candidates, robots, pool, bar)]
 
         generation = search.advance(evaluate)
         search.save(state, task.purpose())
@@ -140,11 +141,11 @@ def _advance(
         )
 
 
-def _held_out(task: Task, search: Search, crew: Workers, bar: tqdm, count: int) -> dict[str, Score]:
+def _held_out(task: Task, search: Search, pool: Workers, bar: tqdm, count: int) -> dict[str, Score]:
     """Where it began and what was found, on robots that the search has not seen."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + count)
     candidates = [np.zeros(len(task.space)), search.found]
-    before, after = score(task, candidates, seeds, crew, bar)
+    before, after = score(task, candidates, seeds, pool, bar)
     return {START_SCORE: before, FOUND_SCORE: after}
 
 
@@ -152,7 +153,7 @@ def score(
     task: Task,
     candidates: Sequence[FloatArray],
     seeds: range,
-    crew: Workers,
+    pool: Workers,
     bar: tqdm,
 ) -> list[Score]:
     """Candidates on all courses by the robots of some seeds, all runs at once."""
@@ -163,7 +164,7 @@ def score(
         owners += [index] * len(some)
     costs: list[list[float]] = [[] for _ in candidates]
     fell = [0] * len(candidates)
-    for index, figures in crew.results(run_trial, trials):
+    for index, figures in pool.results(run_trial, trials):
         costs[owners[index]].append(task.objective.cost_of(trials[index], figures))
         fell[owners[index]] += int(figures["fell"])
         bar.update()

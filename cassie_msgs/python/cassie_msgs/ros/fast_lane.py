@@ -332,11 +332,11 @@ class LaneWaiter:
         os.eventfd_write(self._bell, 1)
 
 
-class Doze:
+class WakeLimiter:
     """Sleeps through half of the time between messages that matter.
 
     A node that answers every 10th message of a topic would wake for each of them just when
-    those who answer every one need the cores; dozing, it misses half of that. Its queue keeps
+    those who answer every one need the cores; asleep, it misses half of them. Its queue keeps
     what comes meanwhile.
 
     Args:
@@ -347,7 +347,7 @@ class Doze:
         self._longest = longest
         self._last = time.monotonic()
 
-    def doze(self) -> None:
+    def limit(self) -> None:
         """Sleep, right after a message that matters was answered."""
         now = time.monotonic()
         time.sleep(min(0.5 * (now - self._last), self._longest))

@@ -15,9 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cassie_msgs.tunables import ParameterError, from_mapping, tunable, unknown_name
+from cassie_msgs.structured import refuse_unknown, structure, structure_fields
+from cassie_msgs.tunables import ParameterError, tunable
 
 STARTS = ("gantry", "standing")
+_ACTIONS = {"height": "lower", "release": "release", "hold": "hold"}
+"""Action of a move by the key that people write."""
+
 FAULT_KINDS = ("off", "stuck", "nan", "spike", "delay")
 
 Pair = tuple[float, float]
@@ -53,7 +57,7 @@ class Draw:
         """One robot out of many.
 
         Initial yaw and joints within 2 degrees, torque constants 3 %, mass 2 %, friction 10 %
-        (uniform); IMU errors as in `cassie_sim.sensors.ImuErrors` (normal).
+        (uniform); errors of attitude normal, as those of the IMU in cassie_sim.
         """
         rng = np.random.default_rng(seed)
         two_degrees = math.radians(2.0)
@@ -126,6 +130,27 @@ class GantryMove:
     height: float = tunable(0.9, "m", 0.2, 2.0, "Pelvis height to reach")
     speed: float = tunable(0.1, "m/s", 0.01, 1.0, "Of the winch")
 
+    @classmethod
+    def from_content(cls, mapping: Mapping[str, Any], where: str) -> GantryMove:
+        """From its fields, or as people write it: `{t, height | release | hold, speed}`.
+
+        Raises:
+            ParameterError: naming the key, its value and what is permitted.
+        """
+        if "action" in mapping:
+            return structure_fields(cls, mapping, where)
+        refuse_unknown(mapping, ("t", *_ACTIONS, "speed"), where)
+        given = [key for key in _ACTIONS if key in mapping]
+        if len(given) != 1:
+            raise ParameterError(f"{where}: expected one of height, release and hold")
+        fields = {key: value for key, value in mapping.items() if key not in given}
+        fields["action"] = _ACTIONS[given[0]]
+        if given[0] != "release":
+            fields["height"] = mapping[given[0]]
+        elif mapping["release"] is not True:
+            raise ParameterError(f"{where}.release = {mapping['release']!r} is not true")
+        return structure_fields(cls, fields, where)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFault:
@@ -141,14 +166,25 @@ class SensorFault:
         1.0, "", -1e6, 1e6, description="Height of spikes, in the channel's unit; delay in s"
     )
 
+    @classmethod
+    def from_content(cls, mapping: Mapping[str, Any], where: str) -> SensorFault:
+        """From its fields.
 
-@dataclass(frozen=True)
+        Raises:
+            ParameterError: naming the key, its value and what is permitted.
+        """
+        if mapping.get("kind") is False:  # as YAML reads an off without quotes
+            mapping = {**mapping, "kind": "off"}
+        return structure_fields(cls, mapping, where)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything about the plant that an experiment fixes. See the fields' classes."""
 
-    scene: str = "flat"
+    scene: str = tunable("flat", description="Ground under the robot", live=False)
     scene_parameters: Mapping[str, Any] = field(default_factory=dict)
-    start: str = "gantry"
+    start: str = tunable("gantry", choices=STARTS, description="Pose at the start", live=False)
     draw: Draw = field(default_factory=Draw)
     gantry: tuple[GantryMove, ...] = ()
     pushes: tuple[Push, ...] = ()
@@ -157,88 +193,17 @@ class Scenario:
     model: ModelScale = field(default_factory=ModelScale)
     payload: Payload = field(default_factory=Payload)
 
-    @staticmethod
-    def from_mapping(mapping: Mapping[str, Any]) -> Scenario:
-        """A scenario from a mapping as YAML gives it.
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any]) -> Scenario:
+        """From its keys alone, as YAML gives them.
 
         Raises:
-            ParameterError: naming the key, its value and what is permitted.
+            ParameterError: naming the key's path, its value and what is permitted.
         """
-        known = [entry.name for entry in dataclasses.fields(Scenario)]
-        for key in mapping:
-            if key not in known:
-                raise ParameterError(unknown_name(key, known, "scenario key"))
-        start = mapping.get("start", "gantry")
-        if start not in STARTS:
-            raise ParameterError(unknown_name(str(start), STARTS, "start"))
-        return Scenario(
-            scene=str(mapping.get("scene", "flat")),
-            scene_parameters=_section(mapping, "scene_parameters"),
-            start=start,
-            draw=from_mapping(Draw, _section(mapping, "draw")),
-            gantry=_events(GantryMove, mapping, "gantry"),
-            pushes=_events(Push, mapping, "pushes"),
-            faults=_events(SensorFault, mapping, "faults"),
-            delays=from_mapping(Delays, _section(mapping, "delays")),
-            model=from_mapping(ModelScale, _section(mapping, "model")),
-            payload=from_mapping(Payload, _section(mapping, "payload")),
-        )
+        return structure(Scenario, mapping)
 
-
-def gantry_order(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """`{t, height | release | hold}`, as people write it, as the fields of a `GantryMove`.
-
-    Args:
-        entry: What stands in the file; one with `action` is taken as it is.
-        where: Its name, for messages.
-
-    Raises:
-        ParameterError: naming the key, its value and what is permitted.
-    """
-    move = dict(entry)
-    if "action" in move:
-        return move
-    known = ("t", "height", "release", "hold", "speed")
-    for key in move:
-        if key not in known:
-            raise ParameterError(unknown_name(str(key), known, f"key of {where}"))
-    actions = {"height": "lower", "release": "release", "hold": "hold"}
-    given = [key for key in actions if key in move]
-    if len(given) != 1:
-        raise ParameterError(f"{where}: expected one of height, release and hold")
-    value = move.pop(given[0])
-    move["action"] = actions[given[0]]
-    if given[0] == "release":
-        if value is not True:
-            raise ParameterError(f"{where}.release = {value!r} is not true")
-    else:
-        move["height"] = value
-    return move
-
-
-def _section(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
-    section = mapping.get(key)
-    if section is None:
-        return {}
-    if not isinstance(section, Mapping):
-        raise ParameterError(f"{key} = {section!r} is not a mapping of names to values")
-    return dict(section)
-
-
-def _events(cls: type, mapping: Mapping[str, Any], key: str) -> tuple[Any, ...]:
-    entries = mapping.get(key)
-    if entries is None:
-        return ()
-    if not isinstance(entries, (list, tuple)):
-        raise ParameterError(f"{key} = {entries!r} is not a list")
-    events: list[Any] = []
-    for index, entry in enumerate(entries):
-        if not isinstance(entry, Mapping):
-            raise ParameterError(f"{key}[{index}] = {entry!r} is not a mapping of names to values")
-        if entry.get("kind") is False:
-            entry = {**entry, "kind": "off"}  # which YAML takes for false, unless it is quoted
-        try:
-            events.append(from_mapping(cls, entry))
-        except ParameterError as error:
-            raise ParameterError(f"{key}[{index}]: {error}") from None
-    return tuple(sorted(events, key=lambda event: float(event.t)))
+    def __post_init__(self) -> None:
+        """Put events in the order of time."""
+        for name in ("gantry", "pushes", "faults"):
+            events = sorted(getattr(self, name), key=lambda event: float(event.t))
+            object.__setattr__(self, name, tuple(events))

@@ -1,0 +1,51 @@
+"""A controller whose gaits are made while it walks, in one process."""
+
+from __future__ import annotations
+
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import GaitController
+from cassie_control.learning.torques import LearnedTorques
+from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library_file import library_path, load_certified
+from cassie_gaits.gait_message import conditions_of, gait_message
+from cassie_gaits.optimize.single import GaitMaker
+from cassie_msgs.layout import Gait, Mode, MotorCommand, RobotState
+
+STARTS_FROM = "dense"
+"""Library whose gaits the optimizer starts from; the default of its node."""
+
+
+class OptimizedGaitController(GaitController):
+    """The controller with the optimizer beside it, on the schedule of lock-step.
+
+    Args:
+        config, library, period, learned: As for `GaitController`.
+    """
+
+    def __init__(
+        self,
+        config: ControllerConfig,
+        library: GaitLibrary,
+        period: float,
+        learned: LearnedTorques | None = None,
+    ) -> None:
+        self._maker = GaitMaker(load_certified(library_path(STARTS_FROM)))
+        self._answer: Gait | None = None
+        super().__init__(config, library, period, learned)
+
+    def reset(self) -> None:
+        """Start afresh."""
+        self._answer = None
+        super().reset()
+
+    def step(self, state: RobotState, mode: Mode) -> MotorCommand:
+        """Set-points for one tick; offers the gait that names it."""
+        answer = self._answer
+        if answer is not None and int(state.seq) == int(answer.effective_seq):
+            self.offer(answer)
+            self._answer = None
+        command = super().step(state, mode)
+        request = self.request()
+        if request is not None:
+            self._answer = gait_message(request, self._maker.make(conditions_of(request)))
+        return command

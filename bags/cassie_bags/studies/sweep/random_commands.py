@@ -1,0 +1,78 @@
+"""Operators who ask for anything at any time: steps of their scripts, from a seed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cassie_bags.run.seed import Stream
+
+_STICKS = {
+    "vx": (-0.7, 0.0, 1.2),
+    "vy": (-0.3, 0.0, 0.3),
+    "yaw_rate": (-0.8, 0.0, 0.8),
+    "pitch": (-0.2, 0.0, 0.2),
+    "height": (0.6, 0.9, 1.0),
+}
+"""Lowest, middle and highest position of what the radio has sticks and a slider for."""
+
+_OTHERS = {"roll": 0.3, "com_x": 0.1, "com_y": 0.1}
+"""What else an operator may ask for, up to beyond what the supervisor lets through."""
+
+_TRIM = 0.1  # rad, of the four trims
+_MODES, _MODE_CHANCES = ("walk", "stand", "segway"), (0.8, 0.17, 0.03)
+_HOLDS, _FLICKS = (0.2, 4.0), (0.02, 0.2)  # s, between two jumps
+_FLICK_CHANCE = 0.2
+_MOVES, _EXTREME = 0.5, 0.6  # chance that a stick moves, and that it goes to a stop or the middle
+
+_LEANS = {"com_x": 0.1, "com_y": 0.1, "roll": 0.25, "pitch": 0.25}
+_SHIFTS = {"com_x": 0.05, "com_y": 0.06, "roll": 0.25, "pitch": 0.25}
+_HEIGHTS = (0.39, 1.01)
+
+
+def radio_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
+    """Sticks, slider and switches of a radio that jump anywhere, times in s."""
+    rng, other = Stream.RADIO.rng(seed), Stream.RADIO.rng(seed, 1)
+    steps: list[dict[str, Any]] = []
+    time = begin
+    while time < end:
+        step: dict[str, Any] = {"t": round(time, 3)}
+        for name, (low, middle, high) in _STICKS.items():
+            if rng.random() < _MOVES:
+                stop = rng.random() < _EXTREME
+                value = rng.choice((low, middle, high)) if stop else rng.uniform(low, high)
+                step[name] = round(float(value), 3)
+        if rng.random() < _MOVES:
+            step["mode"] = str(rng.choice(_MODES, p=_MODE_CHANCES))
+        if other.random() < _MOVES:
+            for name, most in _OTHERS.items():
+                step[name] = float(other.choice((-most, 0.0, most)))
+            step["trims"] = other.choice((-_TRIM, 0.0, _TRIM), 4).tolist()
+        steps.append(step)
+        time += rng.uniform(*(_FLICKS if rng.random() < _FLICK_CHANCE else _HOLDS))
+    return steps
+
+
+def riding_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
+    """Leans and heights anywhere the message permits, for a robot on a Segway, times in s."""
+    rng = Stream.LEANS.rng(seed)
+    steps: list[dict[str, Any]] = []
+    time = begin
+    while time < end:
+        step = {name: round(float(rng.uniform(-most, most)), 3) for name, most in _LEANS.items()}
+        step["height"] = round(float(rng.uniform(*_HEIGHTS)), 3)
+        steps.append({"t": round(time, 3), **step})
+        time += float(rng.uniform(0.3, 4.0))
+    return steps
+
+
+def standing_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
+    """Sliders and sticks of standing anywhere they go, times in s."""
+    rng = Stream.STANDING_COMMANDS.rng(seed)
+    steps: list[dict[str, Any]] = []
+    time = begin
+    while time < end:
+        step = {"t": round(time, 3), "height": float(rng.uniform(*_HEIGHTS))}
+        step |= {name: float(rng.uniform(-most, most)) for name, most in _SHIFTS.items()}
+        steps.append(step)
+        time += rng.uniform(0.1, 3.0)
+    return steps

@@ -1,0 +1,28 @@
+"""A made gait as a message, for the node and for runs in one process."""
+
+from __future__ import annotations
+
+from cassie_gaits.optimize.single import Answer, Conditions
+from cassie_msgs.layout import Gait, GaitRequest
+
+
+def conditions_of(request: GaitRequest) -> Conditions:
+    """What a request asks for."""
+    return Conditions(*request.floats.tolist())
+
+
+def gait_message(request: GaitRequest, answer: Answer) -> Gait:
+    """The answer to a request."""
+    message = Gait()
+    message.answer(request)
+    message.effective_seq[...] = request.effective_seq
+    message.result[...] = int(answer.result)
+    if answer.gait is None:
+        return message
+    made = answer.conditions
+    message.vx[...], message.vy[...], message.yaw_rate[...] = made.vx, made.vy, made.yaw_rate
+    message.payload[...], message.slope[...] = made.payload, made.slope
+    message.step_time[...] = answer.gait.step_time
+    right, left = answer.gait.coefficients
+    message.right_stance[:], message.left_stance[:] = right.ravel(), left.ravel()
+    return message

@@ -1,0 +1,122 @@
+"""Values and derivatives of a program as dense arrays, made from the tapes of its blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cassie_gaits.optimize.blocks import Block
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """A program at a point.
+
+    Attributes:
+        cost: Scaled.
+        rows: Constraints. Shape (rows,).
+        cost_slope: Shape (unknowns,).
+        jacobian: Shape (rows, unknowns).
+    """
+
+    cost: float
+    rows: FloatArray
+    cost_slope: FloatArray
+    jacobian: FloatArray
+
+
+class Evaluation:
+    """Evaluates a program.
+
+    Args:
+        blocks: Of the program.
+        unknowns: Of the program.
+        scale: Of the cost.
+    """
+
+    def __init__(self, blocks: list[Block], unknowns: int, scale: float) -> None:
+        self._parts = [_Part(block) for block in blocks]
+        self._unknowns, self._scale = unknowns, scale
+        ends = np.cumsum([0, *(block.size for block in blocks)])
+        self._rows = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        self._count = int(ends[-1])
+
+    def cost_and_rows(self, x: FloatArray, p: FloatArray) -> tuple[float, FloatArray]:
+        """Scaled cost, and constraints of shape (rows,)."""
+        found = [part.values(x, p) for part in self._parts]
+        cost = self._scale * sum(cost for cost, _ in found)
+        return cost, np.concatenate([rows for _, rows in found])
+
+    def values(self, x: FloatArray, p: FloatArray) -> Values:
+        """Cost and constraints with their first derivatives."""
+        rows, jacobian = np.empty(self._count), np.zeros((self._count, self._unknowns))
+        cost, cost_slope = 0.0, np.zeros(self._unknowns)
+        for part, at in zip(self._parts, self._rows, strict=True):
+            share, slope, rows[at], jacobian[at, part.columns] = part.slopes(x, p)
+            cost += share
+            cost_slope[part.columns] += slope
+        return Values(self._scale * cost, rows, self._scale * cost_slope, jacobian)
+
+    def hessian(self, x: FloatArray, p: FloatArray, multipliers: FloatArray) -> FloatArray:
+        """Of the Lagrangian. Shape (unknowns, unknowns)."""
+        result = np.zeros((self._unknowns, self._unknowns))
+        for part, at in zip(self._parts, self._rows, strict=True):
+            bend = part.hessian(x, p, multipliers[at], self._scale)
+            result[part.columns, part.columns] += bend
+        return result
+
+
+class _Part:
+    """A block with its tapes and its matrices from the unknowns that it depends on."""
+
+    def __init__(self, block: Block) -> None:
+        maps = np.array(ca.DM(block.map)).reshape(block.count, -1, block.map.size2())
+        used = np.flatnonzero(np.abs(maps).max(axis=(0, 1)))
+        self.columns = slice(int(used[0]), int(used[-1]) + 1)
+        self._maps = np.ascontiguousarray(maps[:, :, self.columns])
+        self._count, self._size = self._maps.shape[:2]
+        self._height = len(block.rows)
+        self._weights, self._signs = np.array(block.weights).ravel(), block.signs
+        self._value, self._slope = block.value_tape(), block.slope_tape()
+        self._bend = block.bend_tape()
+        self._upper = np.triu_indices(self._size)
+
+    def values(self, x: FloatArray, p: FloatArray) -> tuple[float, FloatArray]:
+        out = self._value.run(self._inputs(x, p))
+        return float(self._weights @ out[-1]), out[:-1].T.ravel()
+
+    def slopes(
+        self, x: FloatArray, p: FloatArray
+    ) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+        out = self._slope.run(self._inputs(x, p))
+        height, size = self._height, self._size
+        rows, prices, out = out[:height].T.ravel(), out[height], out[height + 1 :]
+        gradients = out[:size].T * self._weights[:, np.newaxis]
+        slope = np.tensordot(gradients, self._maps, axes=2)
+        jacobians = np.ascontiguousarray(out[size:].T).reshape(-1, size, height).swapaxes(1, 2)
+        jacobian = np.matmul(jacobians, self._maps).reshape(len(rows), -1)
+        return float(self._weights @ prices), slope, rows, jacobian
+
+    def hessian(
+        self, x: FloatArray, p: FloatArray, multipliers: FloatArray, scale: float
+    ) -> FloatArray:
+        lam = multipliers.reshape(self._count, self._height).T
+        share = (scale * self._weights)[np.newaxis]
+        out = self._bend.run(np.concatenate([self._inputs(x, p), lam, share]))
+        bends = np.zeros((self._count, self._size, self._size))
+        rows, columns = self._upper
+        bends[:, rows, columns] = bends[:, columns, rows] = out.T
+        first = np.matmul(bends, self._maps).reshape(-1, self._maps.shape[2])
+        result: FloatArray = self._maps.reshape(first.shape).T @ first
+        return result
+
+    def _inputs(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        places = (self._maps @ x[self.columns]).T
+        parameters = np.repeat((self._signs * p)[:, np.newaxis], self._count, axis=1)
+        return np.concatenate([places, parameters])

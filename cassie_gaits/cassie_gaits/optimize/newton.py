@@ -1,0 +1,321 @@
+"""Newton's method on the barrier problem of a program, from a point near its solution.
+
+IPOPT begins with a large barrier, lowers it, and treats the program as sparse. A gait's program has
+at most 200 unknowns and dense rows, so a dense factorization takes a few ms. From a neighbouring
+gait the barrier need not be large at first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import lapack
+
+from cassie_gaits.optimize.evaluation import Evaluation, Values
+
+FloatArray = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Of the scaled optimality conditions; the same as IPOPT's `tol`."""
+
+_TO_BOUNDARY = 0.99
+"""Part of the distance to a bound that a step may take."""
+
+_SHORTEST = 1e-3
+"""Part of the longest step below which the search gives up."""
+
+_SHIFTS = (0.0, 1e-2, 1.0, 1e2, 1e4)
+"""Added to the Hessian's diagonal until the step is one towards a minimum."""
+
+_SOLVED, _FALL = 10.0, 0.2
+"""Error by barrier at which a barrier counts as solved, and by which the next one is smaller."""
+
+_PRICE_SCALE = 100.0
+_LESS = 1e-5
+"""Least relative progress that the filter takes for one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Of unknowns and rows; equal where one is fixed, infinite where there is none.
+
+    Attributes:
+        x_lower, x_upper: Shape (unknowns,).
+        lower, upper: Shape (rows,).
+    """
+
+    x_lower: FloatArray
+    x_upper: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """Where the iteration ended.
+
+    Attributes:
+        unknowns: Shape (unknowns,).
+        status: In IPOPT's words.
+        iterations: Steps taken.
+    """
+
+    unknowns: FloatArray
+    status: str
+    iterations: int
+
+
+@dataclass(eq=False)
+class _Iterate:
+    """A point with its multipliers.
+
+    Attributes:
+        x: Unknowns. Shape (unknowns,).
+        w: Variables with bounds: free unknowns, then slacks of the inequalities. Shape (m,).
+        low, high: Multipliers of the bounds of `w`. Shape (m,).
+        prices: Multipliers of the rows. Shape (rows,).
+        values: Of the program at x.
+        miss: By how much rows differ from their targets and slacks. Shape (rows,).
+    """
+
+    x: FloatArray
+    w: FloatArray
+    low: FloatArray
+    high: FloatArray
+    prices: FloatArray
+    values: Values
+    miss: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Change of `w` and the multipliers to go to."""
+
+    change: FloatArray
+    low: FloatArray
+    high: FloatArray
+    prices: FloatArray
+
+
+class Newton:
+    """The barrier problem of one request.
+
+    Args:
+        evaluation: Of the program.
+        bounds: Of unknowns and rows.
+        p: Parameters.
+        barrier: Weight of the logarithms where the iteration ends.
+
+    Source:
+        Waechter and Biegler 2006, Secs. 2.1 to 2.3, with the slacks eliminated.
+    """
+
+    def __init__(
+        self, evaluation: Evaluation, bounds: Bounds, p: FloatArray, barrier: float
+    ) -> None:
+        self._evaluation, self._p, self._last = evaluation, p, barrier
+        self._barrier = barrier
+        self._x_bounds = bounds.x_lower, bounds.x_upper
+        self._free = np.flatnonzero(bounds.x_lower != bounds.x_upper)
+        self._equal = bounds.lower == bounds.upper
+        self._unequal = ~self._equal
+        self._target = bounds.lower[self._equal]
+        unequal = self._unequal
+        self._lower = np.concatenate([bounds.x_lower[self._free], bounds.lower[unequal]])
+        self._upper = np.concatenate([bounds.x_upper[self._free], bounds.upper[unequal]])
+        self._has_lower, self._has_upper = np.isfinite(self._lower), np.isfinite(self._upper)
+        self._filter: list[tuple[float, float]] = []
+
+    def run(self, start: FloatArray, most: int, inside: float, barrier: float) -> Ended:
+        """Iterate.
+
+        Args:
+            start: Unknowns.
+            most: Steps at most.
+            inside: Least distance from the bounds in which the iteration begins.
+            barrier: With which it begins; it falls to that of the class.
+        """
+        self._filter.clear()
+        self._barrier = max(barrier, self._last)
+        at = self._begin(start, inside)
+        for iteration in range(most + 1):
+            while self._barrier > self._last and self._error(at) <= _SOLVED * self._barrier:
+                self._barrier = max(self._last, _FALL * self._barrier)
+                self._filter.clear()
+            if self._barrier == self._last and self._error(at) <= TOLERANCE:
+                return Ended(at.x, "Solve_Succeeded", iteration)
+            if iteration == most:
+                break
+            step = self._step(at)
+            if step is None:
+                return Ended(at.x, "Error_In_Step_Computation", iteration)
+            if not self._advance(at, step):
+                return Ended(at.x, "Search_Direction_Becomes_Too_Small", iteration)
+        return Ended(at.x, "Maximum_Iterations_Exceeded", most)
+
+    def _begin(self, start: FloatArray, inside: float) -> _Iterate:
+        """Inside the bounds, with the multipliers that belong there."""
+        n = len(self._free)
+        x = np.clip(start, *self._x_bounds)
+        rows = self._evaluation.cost_and_rows(x, self._p)[1]
+        w = self._moved_inside(np.concatenate([x[self._free], rows[self._unequal]]), inside)
+        x[self._free] = w[:n]
+        values = self._evaluation.values(x, self._p)
+        low, high = self._barrier / (w - self._lower), self._barrier / (self._upper - w)
+        prices = np.empty(len(values.rows))
+        prices[self._unequal] = (high - low)[n:]
+        jacobian = values.jacobian[:, self._free]
+        rest = values.cost_slope[self._free] + (high - low)[:n]
+        rest += jacobian[self._unequal].T @ prices[self._unequal]
+        prices[self._equal] = np.linalg.lstsq(jacobian[self._equal].T, -rest, rcond=None)[0]
+        return _Iterate(x, w, low, high, prices, values, self._miss(values.rows, w))
+
+    def _moved_inside(self, w: FloatArray, inside: float) -> FloatArray:
+        gap = np.minimum(inside, 1e-2 * (self._upper - self._lower))
+        return np.clip(w, self._lower + gap, self._upper - gap)
+
+    def _miss(self, rows: FloatArray, w: FloatArray) -> FloatArray:
+        miss = np.empty(len(rows))
+        miss[self._equal] = rows[self._equal] - self._target
+        miss[self._unequal] = rows[self._unequal] - w[len(self._free) :]
+        return miss
+
+    def _error(self, at: _Iterate) -> float:
+        """How far the conditions of an optimum are from being met, scaled as in IPOPT."""
+        n = len(self._free)
+        pull = at.high - at.low
+        dual = at.values.cost_slope[self._free] + at.values.jacobian[:, self._free].T @ at.prices
+        dual += pull[:n]
+        slack = pull[n:] - at.prices[self._unequal]
+        products = np.concatenate(
+            [
+                at.low[self._has_lower] * (at.w - self._lower)[self._has_lower],
+                at.high[self._has_upper] * (self._upper - at.w)[self._has_upper],
+            ]
+        )
+        total = float(at.low.sum() + at.high.sum())
+        mean = (float(np.abs(at.prices).sum()) + total) / (len(at.prices) + len(products))
+        scale = max(_PRICE_SCALE, mean) / _PRICE_SCALE
+        bound_scale = max(_PRICE_SCALE, total / len(products)) / _PRICE_SCALE
+        return max(
+            float(np.abs(dual).max()) / scale,
+            float(np.abs(slack).max()) / scale,
+            float(np.abs(at.miss).max()),
+            float(np.abs(products - self._barrier).max()) / bound_scale,
+        )
+
+    def _step(self, at: _Iterate) -> _Step | None:
+        """Newton's step; None if the Hessian cannot be made convex along the equations."""
+        n, equal, unequal = len(self._free), self._equal, self._unequal
+        down, up = at.w - self._lower, self._upper - at.w
+        stiff = at.low / down + at.high / up
+        push = self._barrier / up - self._barrier / down
+        jacobian = at.values.jacobian[:, self._free]
+        equations, others = jacobian[equal], jacobian[unequal]
+        hessian = self._evaluation.hessian(at.x, self._p, at.prices)
+        hessian = hessian[np.ix_(self._free, self._free)]
+        hessian += (others.T * stiff[n:]) @ others
+        hessian[np.diag_indices(n)] += stiff[:n]
+        slope = at.values.cost_slope[self._free] + push[:n]
+        slope += others.T @ (stiff[n:] * at.miss[unequal] + push[n:])
+        solution = _saddle(hessian, equations, -np.concatenate([slope, at.miss[equal]]))
+        if solution is None:
+            return None
+        change = np.concatenate([solution[:n], others @ solution[:n] + at.miss[unequal]])
+        prices = np.empty(len(at.prices))
+        prices[equal] = solution[n:]
+        prices[unequal] = stiff[n:] * change[n:] + push[n:]
+        low = (self._barrier - at.low * change) / down
+        high = (self._barrier + at.high * change) / up
+        return _Step(change, low, high, prices)
+
+    def _advance(self, at: _Iterate, step: _Step) -> bool:
+        """Go along a step as far as that is an improvement; says whether there is any."""
+        down, up = at.w - self._lower, self._upper - at.w
+        longest = min(_reach(down, step.change), _reach(up, -step.change))
+        size = self._search(at, step.change, longest)
+        if size is None:
+            return False
+        dual = min(_reach(at.low, step.low - at.low), _reach(at.high, step.high - at.high))
+        at.w = at.w + size * step.change
+        at.x[self._free] = at.w[: len(self._free)]
+        at.low = at.low + dual * (step.low - at.low)
+        at.high = at.high + dual * (step.high - at.high)
+        at.prices = at.prices + size * (step.prices - at.prices)
+        at.values = self._evaluation.values(at.x, self._p)
+        at.miss = self._miss(at.values.rows, at.w)
+        return True
+
+    def _search(self, at: _Iterate, change: FloatArray, longest: float) -> float | None:
+        """Length of a step that the filter accepts."""
+        n = len(self._free)
+        missed, merit = float(np.abs(at.miss).sum()), self._merit(at.values.cost, at.w)
+        push = self._barrier / (self._upper - at.w) - self._barrier / (at.w - self._lower)
+        slope = float(at.values.cost_slope[self._free] @ change[:n] + push @ change)
+        size, x = longest, at.x.copy()
+        while size > _SHORTEST * longest:
+            w = at.w + size * change
+            x[self._free] = w[:n]
+            cost, rows = self._evaluation.cost_and_rows(x, self._p)
+            new_missed = float(np.abs(self._miss(rows, w)).sum())
+            new_merit = self._merit(cost, w)
+            steep = slope < 0.0 and missed < 1e-4 and size * (-slope) ** 2.3 > missed**1.1
+            rounding = 1e-10 * abs(merit)
+            if steep:
+                better = new_merit <= merit + 1e-8 * size * slope + rounding
+            else:
+                better = _better(new_missed, new_merit, missed, merit)
+            # Where only rounding is left, the last steps are Newton's own.
+            better = better or (new_missed < 1e-7 and new_merit <= merit + rounding)
+            if better and all(_better(new_missed, new_merit, *entry) for entry in self._filter):
+                if not steep:
+                    self._filter.append((missed, merit))
+                return size
+            size *= 0.5
+        return None
+
+    def _merit(self, cost: float, w: FloatArray) -> float:
+        with np.errstate(invalid="ignore"):
+            low = np.log((w - self._lower)[self._has_lower]).sum()
+            high = np.log((self._upper - w)[self._has_upper]).sum()
+        return cost - self._barrier * float(low + high)
+
+
+def _better(missed: float, merit: float, old_missed: float, old_merit: float) -> bool:
+    """Whether one of the two is smaller; never for what is not a number."""
+    return missed <= (1.0 - _LESS) * old_missed or (
+        merit <= old_merit - _LESS * old_missed and missed < np.inf
+    )
+
+
+def _reach(distance: FloatArray, change: FloatArray) -> float:
+    """Longest step, at most 1, that leaves a part of each distance."""
+    shrinks = (change < 0.0) & np.isfinite(distance)
+    if not shrinks.any():
+        return 1.0
+    return min(1.0, float((-_TO_BOUNDARY * distance[shrinks] / change[shrinks]).min()))
+
+
+def _saddle(hessian: FloatArray, equations: FloatArray, right: FloatArray) -> FloatArray | None:
+    """Solution of [[H + shift, J'], [J, 0]] with as many negative eigenvalues as J has rows."""
+    n, m = len(hessian), len(equations)
+    matrix = np.zeros((n + m, n + m))
+    matrix[:n, :n], matrix[n:, :n] = hessian, equations
+    matrix[np.arange(n, n + m), np.arange(n, n + m)] = -1e-10
+    diagonal = hessian.diagonal()
+    for shift in _SHIFTS:
+        matrix[np.arange(n), np.arange(n)] = diagonal + shift
+        factors, pivots, info = lapack.dsytrf(matrix, lower=1)
+        if info == 0 and _negative(factors, pivots) == m:
+            solution: FloatArray = lapack.dsytrs(factors, pivots, right, lower=1)[0].ravel()
+            return solution
+    return None
+
+
+def _negative(factors: FloatArray, pivots: npt.NDArray[np.int32]) -> int:
+    """Negative eigenvalues of a matrix from LAPACK's factors L D L'."""
+    single = pivots > 0
+    pairs = int((~single).sum()) // 2  # a block of two has one of each sign
+    return int((factors.diagonal()[single] < 0.0).sum()) + pairs

@@ -1,0 +1,148 @@
+"""Node `gait_optimizer`: gaits made while the robot walks, on request."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rclpy.node import Node
+
+from cassie_gaits.gait_library_file import library_path, load_certified
+from cassie_gaits.gait_message import conditions_of, gait_message
+from cassie_gaits.optimize.single import Answer, Conditions, GaitMaker
+from cassie_msgs.layout import Gait, GaitRequest
+from cassie_msgs.ros.about import About
+from cassie_msgs.ros.claim import Claim, ClaimConfig
+from cassie_msgs.ros.diagnostics import OK, WARN, Diagnostics
+from cassie_msgs.ros.fast_lane import EVERY, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
+from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.srv import SolveGait
+from cassie_msgs.tunables import tunable
+
+_LOOK_PERIOD = 0.5  # s of wall time between looks at whether to stop
+BUDGET = 0.5
+"""Time for solve and certificate together, after which it is told that they take too long. In s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitOptimizerConfig:
+    """Parameters of the node."""
+
+    gait_library: str = tunable(
+        "dense",
+        description="Gait library whose gaits the solver starts from: a file, optimized or dense",
+        live=False,
+    )
+    payload: float = tunable(
+        -1.0, "kg", -1.0, 30.0, "Mass on the pelvis; -1 takes the estimate of each request"
+    )
+    slope: float = tunable(
+        -1.0, "rad", -1.0, 0.5, "Rise of the ground ahead; -1 takes the estimate of each request"
+    )
+
+
+class GaitOptimizerNode(Node):
+    """Answers each request with a certified gait, or with why there is none.
+
+    Args:
+        stop: When to end.
+    """
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__("gait_optimizer")
+        self.claim = Claim(self, "gait_optimizer")
+        self._config = declare(self, GaitOptimizerConfig())
+        on_change(self, lambda: self._config, self._set_config)
+        library = load_certified(library_path(self._config.gait_library))
+        self._maker = GaitMaker(library)
+        self._stop = stop
+        self._working = threading.Lock()  # a service call comes in the executor's thread
+        self._diagnostics = Diagnostics(self)
+        self._requests = LaneSubscription(
+            self, GaitRequest, qos=EVERY, guard=(guard := OneWriter(GaitRequest))
+        )
+        self._gaits = LanePublisher(self, Gait)
+        WriterWatch(self, [guard], [self._gaits.publisher], self._tell)
+        self._waiter = LaneWaiter(self, [self._requests])
+        stop.on_request(self._waiter.wake)
+        self._request = GaitRequest()
+        self.create_service(SolveGait, "/cassie/solve_gait", self._on_solve)
+
+    def loop(self) -> None:
+        """Answer requests until stopped."""
+        with self._working:
+            self._maker.prepare()
+        self._diagnostics.set("node", OK, "ready")
+        self.get_logger().info("ready")
+        while not self._stop.requested:
+            for raw in self._requests.take_last(1):
+                self._answer(raw)
+            self._waiter.wait(_LOOK_PERIOD)
+
+    def _answer(self, raw: bytes) -> None:
+        request = self._request
+        try:
+            request.load(raw)
+        except ValueError as error:
+            self._tell("request", str(error))
+            return
+        self._tell("request", "")
+        answer = self._make(conditions_of(request))
+        self._gaits.publish(gait_message(request, answer))
+        spent = answer.solve_time + answer.certify_time
+        late = f"{spent:.2f} s for one gait, expected {BUDGET} s" if spent > BUDGET else ""
+        self._tell("time", late)
+        self._tell("gait", "" if answer.gait is not None else answer.reason)
+
+    def _make(self, asked: Conditions) -> Answer:
+        """A gait for a request, with what the parameters say instead of its estimates."""
+        given = self._config
+        if given.payload >= 0.0:
+            asked = replace(asked, payload=given.payload)
+        if given.slope > -1.0:
+            asked = replace(asked, slope=given.slope)
+        with self._working:
+            return self._maker.make(asked)
+
+    def _on_solve(self, request: Any, response: Any) -> Any:
+        numbers = (getattr(request, name) for name in ("vx", "vy", "yaw_rate", "payload", "slope"))
+        with self._working:
+            answer = self._maker.make(Conditions(*numbers))
+        response.success, response.message = answer.gait is not None, answer.reason
+        response.solve_time, response.certify_time = answer.solve_time, answer.certify_time
+        if answer.gait is not None:
+            response.step_time, response.cost = answer.gait.step_time, answer.gait.cost or 0.0
+            response.right_stance, response.left_stance = (
+                stance.ravel() for stance in answer.gait.coefficients
+            )
+        return response
+
+    def _set_config(self, config: GaitOptimizerConfig) -> None:
+        self._config = config
+
+    def _tell(self, subject: str, problem: str) -> None:
+        self._diagnostics.set(subject, WARN if problem else OK, problem or "ok")
+
+
+ABOUT = About(
+    package="cassie_gaits",
+    text="Answers each request of the controller with a gait for what the robot is asked and is "
+    "now, certified, or with why there is none. The controller asks if its parameter gait_source "
+    "is optimizer.",
+    reads=(GaitRequest.TOPIC,),
+    writes=(Gait.TOPIC, "/diagnostics"),
+    services=("/cassie/solve_gait",),
+    parameters=(GaitOptimizerConfig(), ClaimConfig()),
+)
+
+
+def main() -> None:
+    """Entry point of `ros2 run cassie_gaits gait_optimizer`."""
+    run("gait_optimizer", GaitOptimizerNode, ABOUT)
+
+
+if __name__ == "__main__":
+    main()
