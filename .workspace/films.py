@@ -1,4 +1,4 @@
-"""Films the experiments that the README shows: bags/images/walk.gif and ride.gif.
+"""Films the experiments that the README shows: walk.gif, ride.gif and stairs.gif of bags/images.
 
 Run it in the shell of env.sh: python3 .workspace/films.py [NAME ...]
 """
@@ -52,6 +52,7 @@ class Shot:
 SHOTS = {
     "walk": Shot("grove", 12.5, 20.5, 65.0, -14.0, 2.0),
     "ride": Shot("segway_slalom", 25.0, 32.0, 125.0, -12.0, 1.9),
+    "stairs": Shot("stairs", 7.5, 14.8, 60.0, -8.0, 2.2),
 }
 
 

@@ -28,6 +28,10 @@ PLACES: list[tuple[str, str, dict[str, Any]]] = [
     ("step, down", "step", {"height": -0.1, "start": 0.3}),
     ("step, up", "step", {"height": 0.05, "start": 0.3}),
     ("rough", "rough", {"start": 0.3}),
+    ("gravel", "gravel", {"start": 0.3}),
+    ("stairs", "stairs", {"start": 0.3, "riser": 0.1, "number": 4, "landing": 0.9}),
+    ("stairs, way: down", "stairs", {"start": 0.3, "riser": 0.17, "way": "down", "flights": 1}),
+    ("random_course", "random_course", {"start": 0.6, "seed": 4}),
     ("pillar", "pillar", {"x": 0.9, "y": 0.3}),
     (
         "course",

@@ -15,7 +15,7 @@ from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Store, run
+from cassie_bags.run.simulate import RecentStore, Store, run
 from cassie_bags.signals.track import make_track
 from cassie_control.control.gait_controller import GaitController
 from cassie_msgs.experiment.file import Experiment
@@ -159,3 +159,16 @@ def test_a_core_that_breaks_damps_and_is_told_of_as_over_dds(monkeypatch: pytest
     recording = store.recording(wall_time)
     assert not recording.rows(MotorCommand)["kp"][100:].any()
     assert recording.rows(ControllerStatus)["seq"].tolist() == list(range(0, 200, 5))
+
+
+def test_a_store_of_the_last_messages_has_the_end_of_the_run_and_no_more_than_twice_its_span():
+    whole, recent = Store(), RecentStore(0.2)
+
+    def both(topic: str, raw: bytes, stamp: int) -> None:
+        whole(topic, raw, stamp)
+        recent(topic, raw, stamp)
+
+    run(make_loop(read(), both), range(250))
+    every, last = (store.recording(0.0).rows(Sensors) for store in (whole, recent))
+    assert 100 <= len(last) <= 200
+    assert last.tobytes() == every[-len(last) :].tobytes()

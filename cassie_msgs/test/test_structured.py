@@ -132,5 +132,5 @@ def test_a_file_names_itself_and_the_key_that_it_lacks(tmp_path):
     with pytest.raises(ParameterError, match=r"e\.yaml: operator must be given"):
         read_experiment(path, needs=("operator",))
     path.write_text("operator: [{t: 0, vx: 9}]")
-    with pytest.raises(ParameterError, match=r"e\.yaml: operator\.0\.vx = 9 m/s is outside -1 "):
+    with pytest.raises(ParameterError, match=r"e\.yaml: operator\.0\.vx = 9 m/s is outside -1\.3 "):
         read_experiment(path)

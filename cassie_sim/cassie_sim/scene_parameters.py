@@ -10,6 +10,7 @@ from cassie_msgs.tunables import ParameterError, from_mapping, tunable
 from cassie_sim.stretches import SURFACES, Stretch, read_stretch
 
 _GRASS, _SNOW, _SAND, _BURN = (SURFACES[name] for name in ("grass", "snow", "sand", "burn"))
+_GRAVEL = SURFACES["gravel"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +107,17 @@ class Rough(Flat):
     start: float = tunable(1.0, "m", 0.3, 10.0, "Distance ahead at which it begins")
     length: float = tunable(20.0, "m", 1.0, 60.0, "Beyond that it is level again")
     seed: int = tunable(1, "", 0, 2**31, "Of the heights")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gravel(_Ahead):
+    """Hard, fine-grained ground of random height, as of stones that lie fast."""
+
+    friction: float = tunable(_GRAVEL.friction, "", 0.05, 3.0, "Coulomb friction")
+    rough: float = tunable(_GRAVEL.rough, "m", 0.0, 0.05, "Standard deviation of the height")
+    grain: float = tunable(
+        _GRAVEL.grain, "m", 0.02, 0.5, "Distance over which the height changes, a stone's size"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

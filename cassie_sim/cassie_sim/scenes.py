@@ -13,8 +13,8 @@ from cassie_gaits.names import LEGS
 from cassie_msgs.tunables import from_mapping, replace_checked, unknown_name
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import Surface, add_plane, add_texture, make_ground, tilt
-from cassie_sim.height_field import add_rough
 from cassie_sim.motion import GroundMotion
+from cassie_sim.random_course import CourseMotion, RandomCourse, add_course
 from cassie_sim.robot_mjcf import robot_spec
 from cassie_sim.scene_parameters import (
     Block,
@@ -22,6 +22,7 @@ from cassie_sim.scene_parameters import (
     Debris,
     Flat,
     Grass,
+    Gravel,
     Pillar,
     Rough,
     Sand,
@@ -36,6 +37,7 @@ from cassie_sim.scene_parameters import (
 from cassie_sim.segway import add_segway
 from cassie_sim.segway_drive import SegwayDrive
 from cassie_sim.segway_ground import WAYS, add_bumps
+from cassie_sim.stairs import Stairs, stairs_stretches
 from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches, check_branches
 
 SoftT = TypeVar("SoftT", Sand, Stretch)
@@ -90,7 +92,9 @@ def scene_spec(
     return spec
 
 
-def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | SegwayDrive | None:
+def scene_motion(
+    name: str, parameters: Mapping[str, object]
+) -> GroundMotion | SegwayDrive | CourseMotion | None:
     """How a scene's ground moves by itself, or None if it does not.
 
     Raises:
@@ -106,6 +110,8 @@ def scene_motion(name: str, parameters: Mapping[str, object]) -> GroundMotion | 
         return GroundMotion(_MOVING, settings.start, ahead, left, 0.0, most / settings.rate_deg)
     if isinstance(settings, Segway):
         return SegwayDrive(settings)
+    if isinstance(settings, RandomCourse):
+        return CourseMotion(settings)
     return None
 
 
@@ -150,7 +156,7 @@ def _debris(spec: mujoco.MjSpec, settings: Debris) -> None:
 
 def _add_ahead(
     spec: mujoco.MjSpec,
-    settings: Grass | Snow | Sand | Debris,
+    settings: Grass | Snow | Sand | Debris | Gravel,
     surface: str,
     names: tuple[str, ...],
 ) -> None:
@@ -167,7 +173,27 @@ def _step(spec: mujoco.MjSpec, settings: Step) -> None:
 
 
 def _rough(spec: mujoco.MjSpec, settings: Rough) -> None:
-    add_rough(spec, settings)
+    level = Stretch(length=settings.start, friction=settings.friction)
+    field = Stretch(
+        length=settings.length,
+        friction=settings.friction,
+        rough=settings.height,
+        grain=settings.grain,
+    )
+    beyond = Stretch(length=FAR, friction=settings.friction)
+    add_stretches(spec, (level, field, beyond), settings.seed)
+
+
+def _gravel(spec: mujoco.MjSpec, settings: Gravel) -> None:
+    _add_ahead(spec, settings, "gravel", ("friction", "rough", "grain"))
+
+
+def _stairs(spec: mujoco.MjSpec, settings: Stairs) -> None:
+    add_stretches(spec, stairs_stretches(settings), 0)
+
+
+def _random_course(spec: mujoco.MjSpec, settings: RandomCourse) -> None:
+    add_course(spec, settings)
 
 
 def _pillar(spec: mujoco.MjSpec, settings: Pillar) -> None:
@@ -286,6 +312,9 @@ SCENES: dict[str, tuple[type[Any], Callable[..., None]]] = {
     "debris": (Debris, _debris),
     "step": (Step, _step),
     "rough": (Rough, _rough),
+    "gravel": (Gravel, _gravel),
+    "stairs": (Stairs, _stairs),
+    "random_course": (RandomCourse, _random_course),
     "pillar": (Pillar, _pillar),
     "course": (Course, _course),
     "block": (Block, _block),

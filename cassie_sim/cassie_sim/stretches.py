@@ -21,6 +21,7 @@ from cassie_msgs.tunables import (
     unknown_name,
 )
 from cassie_sim.ground import Surface, carry_only, make_ground, tell_ends_apart, tilt
+from cassie_sim.height_field import FIELD_BASE, FIELD_HALF_WIDTH, random_heights
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,13 +46,17 @@ class Stretch:
     """A stretch of ground. Its surface gives what is not said."""
 
     surface: str = tunable("concrete", description="What it is made of")
-    length: float = tunable(5.0, "m", 0.3, 200.0, "Along the ground")
+    length: float = tunable(5.0, "m", 0.1, 200.0, "Along the ground")
     rise_deg: float = tunable(0.0, "deg", -30.0, 30.0, "Rise ahead; negative goes down")
     step: float = tunable(0.0, "m", -0.3, 0.3, "Step at its beginning; negative goes down")
     friction: float = tunable(1.0, "", 0.05, 3.0, "Coulomb friction")
     sinking: float = tunable(0.0, "m", 0.0, 0.15, "Depth to which a foot with the weight sinks")
     heel_dig: float = tunable(0.0, "m", 0.0, 0.3, "How much deeper its heel does")
     uneven: float = tunable(0.0, "m", 0.0, 0.05, "Bumps up and hollows down by this much")
+    rough: float = tunable(
+        0.0, "m", 0.0, 0.15, "Standard deviation of random height, of hard ground"
+    )
+    grain: float = tunable(0.4, "m", 0.02, 5.0, "Distance over which the random height changes")
     branches: float = tunable(0.0, "1/m", 0.0, 20.0, "Branches across the way on each metre")
     branch_low: float = tunable(0.02, "m", 0.005, 0.1, "Thinnest branch")
     branch_high: float = tunable(0.04, "m", 0.005, 0.1, "Thickest branch")
@@ -64,6 +69,7 @@ SURFACES: Mapping[str, Stretch] = {
     "snow": Stretch(surface="snow", friction=0.3, sinking=0.02, uneven=0.005),
     "sand": Stretch(surface="sand", friction=0.6, sinking=0.06, uneven=0.01),
     "burn": Stretch(surface="burn", friction=0.7, sinking=0.01, uneven=0.01, branches=3.0),
+    "gravel": Stretch(surface="gravel", friction=0.6, rough=0.008, grain=0.06),
 }
 """What each surface is unless a stretch says otherwise."""
 
@@ -74,6 +80,7 @@ COLOURS = {
     "snow": (1.1, 1.12, 1.17, 1.0),
     "sand": (0.98, 0.85, 0.58, 1.0),
     "burn": (0.45, 0.42, 0.38, 1.0),
+    "gravel": (0.66, 0.64, 0.6, 1.0),
 }
 
 
@@ -108,39 +115,67 @@ def check_branches(low: float, high: float, where: str) -> None:
         raise ParameterError(f"{where}: branch_low = {low:g} m is above branch_high = {high:g} m")
 
 
+@dataclass(frozen=True)
+class Site:
+    """Where ground is built.
+
+    Attributes:
+        spec: The world.
+        body: That carries the ground; its origin is where the first stretch begins.
+        prefix: Of the names of its geoms.
+    """
+
+    spec: mujoco.MjSpec
+    body: mujoco.MjsBody
+    prefix: str = ""
+
+
 def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) -> None:
     """Lay stretches one behind the other; the first begins behind the robot, level with it.
 
     Args:
         spec: Gets the ground.
         stretches: From the start on. The first one's length counts from the robot.
-        seed: Of bumps and branches.
+        seed: Of bumps, branches and random heights.
     """
-    rng = np.random.default_rng(seed)
     if any(stretch.sinking > 0.0 for stretch in stretches):
         tell_ends_apart(spec)
+    lay(Site(spec, spec.worldbody), stretches, np.random.default_rng(seed), BEHIND)
+
+
+def lay(site: Site, stretches: Sequence[Stretch], rng: np.random.Generator, behind: float) -> None:
+    """Lay stretches one behind the other from the origin of a body on.
+
+    Args:
+        site: Where. With soft ground it needs `tell_ends_apart`.
+        stretches: From the origin on.
+        rng: For bumps, branches and random heights.
+        behind: How far the first stretch reaches behind the origin. In m.
+    """
     x = z = 0.0
     for index, stretch in enumerate(stretches):
         z += stretch.step
         rise = math.radians(stretch.rise_deg)
-        before = BEHIND if index == 0 else _overlap_before(stretches[index - 1], stretch)
+        before = behind if index == 0 else _overlap_before(stretches[index - 1], stretch)
         following = stretches[index + 1] if index + 1 < len(stretches) else None
         frame = _Frame(x, z, rise)
         surface = Surface(stretch.friction, stretch.sinking, COLOURS[stretch.surface])
-        _add_box(
-            spec,
-            f"stretch_{index}",
-            frame,
-            stretch,
-            surface,
-            before,
-            _overlap_after(stretch, following),
-        )
+        if is_rough(stretch):
+            _add_field(site, f"field_{index}", frame, stretch, surface, rng)
+        if before > 0.0 or not is_rough(stretch):
+            shown = dataclasses.replace(stretch, length=0.0) if is_rough(stretch) else stretch
+            after = _overlap_after(stretch, following)
+            _add_box(site, f"stretch_{index}", frame, shown, surface, before, after)
         keep_clear = 0.5 if index == 0 else 0.0
-        _add_bumps(spec, f"bump_{index}", frame, stretch, surface, rng, keep_clear)
-        _add_branches(spec, f"branch_{index}", frame, stretch, rng, keep_clear)
+        _add_bumps(site, f"bump_{index}", frame, stretch, surface, rng, keep_clear)
+        _add_branches(site, f"branch_{index}", frame, stretch, rng, keep_clear)
         x += stretch.length * math.cos(rise)
         z += stretch.length * math.sin(rise)
+
+
+def is_rough(stretch: Stretch) -> bool:
+    """Whether a stretch is hard ground of random height."""
+    return stretch.rough > 0.0 and stretch.sinking == 0.0
 
 
 @dataclass(frozen=True)
@@ -177,7 +212,7 @@ def _overlap_after(stretch: Stretch, following: Stretch | None) -> float:
 
 
 def _add_box(
-    spec: mujoco.MjSpec,
+    site: Site,
     name: str,
     frame: _Frame,
     stretch: Stretch,
@@ -191,14 +226,14 @@ def _add_box(
     low = -_THICKNESS - max(stretch.uneven, _BELOW if stretch.sinking > 0.0 else 0.0)
 
     def add(name: str, up: float, surface: Surface) -> mujoco.MjsGeom:
-        geom = spec.worldbody.add_geom(
-            name=name,
+        geom = site.body.add_geom(
+            name=f"{site.prefix}{name}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[half, _HALF_WIDTH, _THICKNESS],
             pos=frame.at(half - before, 0.0, up),
             quat=frame.quat,
         )
-        make_ground(spec, geom, surface)
+        make_ground(site.spec, geom, surface)
         return geom
 
     box = add(name, low, surface)
@@ -209,6 +244,36 @@ def _add_box(
     depth = stretch.sinking + stretch.heel_dig
     add(f"{name}_bottom", low - _BOTTOM * depth, dataclasses.replace(unseen, sinking=0.0))
     _carry_feet(box, stretch, lambda deeper: add(f"{name}_heel", low, deeper), surface)
+
+
+def _add_field(
+    site: Site,
+    name: str,
+    frame: _Frame,
+    stretch: Stretch,
+    surface: Surface,
+    rng: np.random.Generator,
+) -> None:
+    """Random heights, level with the neighbours at both ends."""
+    heights = random_heights(stretch.length, stretch.rough, stretch.grain, rng)
+    low, high = float(heights.min()), float(heights.max())
+    span = max(high - low, 1e-6)
+    half = 0.5 * stretch.length
+    site.spec.add_hfield(
+        name=f"{site.prefix}{name}",
+        size=[half, FIELD_HALF_WIDTH, span, FIELD_BASE],
+        nrow=heights.shape[0],
+        ncol=heights.shape[1],
+        userdata=((heights - low) / span).ravel().tolist(),
+    )
+    geom = site.body.add_geom(
+        name=f"{site.prefix}{name}",
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname=f"{site.prefix}{name}",
+        pos=frame.at(half, 0.0, low),
+        quat=frame.quat,
+    )
+    make_ground(site.spec, geom, surface)
 
 
 def _carry_feet(
@@ -227,7 +292,7 @@ def _carry_feet(
 
 
 def _add_bumps(
-    spec: mujoco.MjSpec,
+    site: Site,
     name: str,
     frame: _Frame,
     stretch: Stretch,
@@ -246,23 +311,25 @@ def _add_bumps(
         foot = float(rng.uniform(*_BUMP_RADIUS))
         radius = (foot**2 + height**2) / (2.0 * height)
         pos = frame.at(along, y, height - stretch.uneven - radius)
-        bump = _add_ball(spec, f"{name}_{index}", pos, radius, surface)
+        bump = _add_ball(site, f"{name}_{index}", pos, radius, surface)
         if surface.sinking > 0.0:
-            again = functools.partial(_add_ball, spec, f"{name}_{index}_heel", pos, radius)
+            again = functools.partial(_add_ball, site, f"{name}_{index}_heel", pos, radius)
             _carry_feet(bump, stretch, again, surface)
 
 
 def _add_ball(
-    spec: mujoco.MjSpec, name: str, pos: list[float], radius: float, surface: Surface
+    site: Site, name: str, pos: list[float], radius: float, surface: Surface
 ) -> mujoco.MjsGeom:
     kind = mujoco.mjtGeom.mjGEOM_SPHERE
-    geom = spec.worldbody.add_geom(name=name, type=kind, size=[radius, 0.0, 0.0], pos=pos)
-    make_ground(spec, geom, surface)
+    geom = site.body.add_geom(
+        name=f"{site.prefix}{name}", type=kind, size=[radius, 0.0, 0.0], pos=pos
+    )
+    make_ground(site.spec, geom, surface)
     return geom
 
 
 def _add_branches(
-    spec: mujoco.MjSpec,
+    site: Site,
     name: str,
     frame: _Frame,
     stretch: Stretch,
@@ -278,8 +345,8 @@ def _add_branches(
         turn = float(rng.uniform(-math.pi / 3.0, math.pi / 3.0))
         ahead, left = half * math.sin(turn), half * math.cos(turn)
         up = radius - stretch.uneven
-        geom = spec.worldbody.add_geom(
-            name=f"{name}_{index}",
+        geom = site.body.add_geom(
+            name=f"{site.prefix}{name}_{index}",
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             size=[radius, 0.0, 0.0],
             fromto=[
@@ -287,4 +354,4 @@ def _add_branches(
                 *frame.at(along + ahead, y + left, up),
             ],
         )
-        make_ground(spec, geom, Surface(stretch.friction, 0.0, _WOOD))
+        make_ground(site.spec, geom, Surface(stretch.friction, 0.0, _WOOD))

@@ -105,6 +105,9 @@ EVERY_SCENE = [
     ("debris", {}),
     ("step", {"height": -0.1}),
     ("rough", {}),
+    ("gravel", {"rise_deg": -5.0}),
+    ("stairs", {"way": "down_and_up"}),
+    ("random_course", {}),
     ("pillar", {}),
     ("block", {"side": "right"}),
     ("segway", {"softness": 2.0}),
@@ -216,6 +219,56 @@ def test_rough_ground_has_its_standard_deviation_and_is_level_at_the_start():
     assert field.std() == pytest.approx(0.03, rel=0.4)
     level = heights("rough", {"height": 0.03}, -3.0, 0.99)
     assert np.abs(level).max() < 1e-9
+
+
+def test_gravel_has_its_standard_deviation_and_is_finer_than_rough_ground():
+    field = heights("gravel", {"rough": 0.01, "grain": 0.06}, 1.6, 14.0)
+    assert field.std() == pytest.approx(0.01, rel=0.3)
+    model = scene_spec("gravel", {"rough": 0.01, "grain": 0.06}).compile()
+    line = np.array([ground_height(model, x) for x in np.arange(3.0, 6.0, 0.01)])
+    level = line - line.mean()
+    assert abs(np.mean(level[:-12] * level[12:])) < 0.5 * level.var()
+    assert np.mean(level[:-1] * level[1:]) > 0.7 * level.var()
+
+
+def test_gravel_among_other_ground_meets_it_level():
+    stretches = [
+        {"length": 2.0},
+        {"surface": "gravel", "length": 3.0, "rise_deg": 5.0},
+        {"surface": "gravel", "length": 3.0},
+        {"length": 2.0},
+    ]
+    model = scene_spec("course", {"stretches": stretches}).compile()
+    x, z = 2.0 + 3.0 * math.cos(math.radians(5.0)), 3.0 * math.sin(math.radians(5.0))
+    for where, height in ((2.0, 0.0), (x, z), (x + 3.0, z), (x + 4.0, z)):
+        assert ground_height(model, where - 0.002) == pytest.approx(height, abs=2e-3)
+        assert ground_height(model, where + 0.002) == pytest.approx(height, abs=2e-3)
+
+
+def test_a_robot_may_begin_on_gravel():
+    model = scene_spec("course", {"stretches": [{"surface": "gravel"}]}).compile()
+    assert ground_height(model, -2.0) == pytest.approx(0.0, abs=1e-9)
+    assert abs(ground_height(model, 0.5)) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("way", "tops"),
+    [
+        ("up", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+        ("down", [-0.1, -0.2, -0.3, -0.4, -0.5, -0.6]),
+        ("up_and_down", [0.1, 0.2, 0.3, 0.2, 0.1, 0.0]),
+        ("down_and_up", [-0.1, -0.2, -0.3, -0.2, -0.1, 0.0]),
+    ],
+)
+def test_stairs_have_their_risers_treads_and_landings(way, tops):
+    parameters = {"number": 3, "riser": 0.1, "tread": 0.35, "landing": 1.2, "start": 2.0}
+    model = scene_spec("stairs", {"way": way, **parameters}).compile()
+    begins = [2.0, 2.35, 2.7, 3.9, 4.25, 4.6]
+    ends = [*begins[1:], 60.0]
+    assert ground_height(model, 1.999) == pytest.approx(0.0, abs=1e-9)
+    for begin, end, top in zip(begins, ends, tops, strict=True):
+        assert ground_height(model, begin + 1e-3) == pytest.approx(top, abs=1e-9)
+        assert ground_height(model, end - 1e-3) == pytest.approx(top, abs=1e-9)
 
 
 def test_branches_are_as_thick_as_asked_for_and_lie_on_the_ground():

@@ -76,8 +76,8 @@ def test_what_is_not_meant_is_refused_by_name_and_counts_as_stop(commands, wild,
 
 def test_too_fast_is_held_within_the_range_and_the_lease_is_asked_for_at_rest(commands):
     assert commands.receive(0.5, 0.0, 0.0, 1.9) == ""
-    assert commands.receive(-9.0, 0.0, 9.0, 2.0) == "linear.x is held within -1 .. 4.5 m/s"
-    assert speeds(commands.request(2.1)) == (-1.0, 0.0, 1.2)
+    assert commands.receive(-9.0, 0.0, 9.0, 2.0) == "linear.x is held within -1.3 .. 4.5 m/s"
+    assert speeds(commands.request(2.1)) == (-1.3, 0.0, 1.2)
     commands.take_over(2.1)
     assert commands.request(2.2).take_over and speeds(commands.request(2.2)) == (0.0, 0.0, 0.0)
 

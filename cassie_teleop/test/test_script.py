@@ -57,7 +57,7 @@ def test_no_steps_are_a_script_of_defaults():
     [
         ({"t": 0, "vz": 1}, r"operator.0: unknown key vz: did you mean v[xy]\?"),
         ({"t": 0, "hight": 1}, r"did you mean height\?"),
-        ({"t": 0, "vx": 5.5}, r"operator.0.vx = 5.5 m/s is outside -1 \.\. 4.5 m/s"),
+        ({"t": 0, "vx": 5.5}, r"operator.0.vx = 5.5 m/s is outside -1.3 \.\. 4.5 m/s"),
         ({"t": 0, "yaw_rate": float("nan")}, "yaw_rate = nan rad/s is outside"),
         ({"t": 0, "trims": [0, 0]}, "trims = .* is not a list of 4 numbers"),
         ({"t": 0, "mode": "run"}, "mode = 'run' is not one of stand, walk, segway"),

@@ -137,3 +137,28 @@ class Store:
     def recording(self, wall_time: float) -> Recording:
         """What was kept, as arrays."""
         return from_messages(self.messages, wall_time)
+
+
+class RecentStore(Store):
+    """An observer that keeps the last messages, so that a long run needs no more memory.
+
+    Args:
+        seconds: Robot time of which it keeps all messages; it keeps up to twice as much.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__()
+        self._span = round(seconds * 1e9)
+        self._until = self._span
+        self._before: dict[str, list[bytes]] = {topic: [] for topic in self.messages}
+
+    def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
+        if stamp >= self._until:
+            self._before, self._until = self.messages, stamp + self._span
+            self.messages = {topic: [] for topic in RECORDED_TOPICS}
+        super().__call__(topic, raw, stamp)
+
+    def recording(self, wall_time: float) -> Recording:
+        """What was kept, as arrays."""
+        kept = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
+        return from_messages(kept, wall_time)

@@ -19,7 +19,7 @@ from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.recording import Rows, stamps, stamps_ns
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.run.experiment import read_experiment
-from cassie_bags.run.simulate import Store
+from cassie_bags.run.simulate import RecentStore, Store
 from cassie_bags.run.yaml_file import apply_changes
 from cassie_bags.signals.effort import measure_effort
 from cassie_bags.signals.falls import FALLEN_HEIGHT, FALLEN_TILT
@@ -73,6 +73,8 @@ class Trial:
         ahead: Distance along the first heading at which the run ends early, or None. In m.
         changes: `key=value` words that replace what the content says.
         beside: Words that replace more of it in a second run, or None for no second run.
+        kept: Last part of the run that is held in memory, at least; None for all of it. What lies
+            before it is not measured. In s.
     """
 
     content: Mapping[str, Any]
@@ -81,6 +83,7 @@ class Trial:
     ahead: float | None = None
     changes: tuple[str, ...] = field(default=())
     beside: tuple[str, ...] | None = None
+    kept: float | None = None
 
 
 def experiment_of(trial: Trial) -> Experiment:
@@ -118,7 +121,7 @@ def run_trial(trial: Trial) -> Figures:
 def _figures_of(trial: Trial) -> Figures:
     experiment = experiment_of(trial)
     cores = make_cores(experiment)
-    store = Store()
+    store = Store() if trial.kept is None else RecentStore(trial.kept)
     loop = connect(cores, store)
     fell = False
     start = _heading_line(cores.plant)

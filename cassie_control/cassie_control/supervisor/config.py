@@ -11,7 +11,7 @@ from cassie_msgs.tunables import tunable
 class SupervisorConfig:
     """Which set-points are let through, how fast they change, and when a mode may begin."""
 
-    vx_forward: float = tunable(1.2, "m/s", 0.0, 2.0, "Largest speed forward")
+    vx_forward: float = tunable(1.2, "m/s", 0.0, 2.4, "Largest speed forward")
     vx_backward: float = tunable(0.7, "m/s", 0.0, 1.5, "Largest speed backward")
     vy_limit: float = tunable(0.3, "m/s", 0.0, 0.6, "Largest speed sideways")
     yaw_rate_limit: float = tunable(0.8, "rad/s", 0.0, 1.5, "Largest turn rate")

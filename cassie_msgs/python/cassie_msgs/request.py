@@ -17,7 +17,7 @@ class Request:
     """One set of requests; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
 
     mode: str = tunable("stand", choices=MODES, description="Mode asked for")
-    vx: float = tunable(0.0, "m/s", -1.0, 4.5, "Speed forward; beyond 2 on a Segway")
+    vx: float = tunable(0.0, "m/s", -1.3, 4.5, "Speed forward; beyond 2.4 on a Segway")
     vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
     yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
     height: float = tunable(0.9, "m", 0.35, 1.05, "Pelvis origin above the mean of the soles")

@@ -40,6 +40,24 @@ ICE_PATCHES = 5
 ICE_DISTANCE = ICE_PATCHES * (ICE_LENGTH + 1.0) + 1.0
 """Over which the patches lie. In m."""
 
+STAIRS, TREAD, LANDING = 5, 0.3, 1.5
+"""Steps of a flight of stairs, their depth, and the way between two flights. In m."""
+
+LOW = [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]
+"""Risers that are tried where the target is 0.1 m. In m."""
+
+HIGH = [*LOW[1:], 0.14, 0.17, 0.2]
+"""Risers that are tried where the target is 0.17 m. In m."""
+
+FIVE_KILOMETRES = 5000.0
+"""In m."""
+
+COURSE_SPEED = 0.6
+"""At which a course of all grounds is walked. In m/s."""
+
+KEPT = 20.0
+"""Of long runs this much is kept in memory. In s."""
+
 MOST = 0.9
 """Share of the trials that must hold where 18 of 20 are asked for."""
 
@@ -59,9 +77,14 @@ def beyond_ground_rows() -> list[Row]:
         ),
         _step("up", 1.0, 0.1, [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]),
         _step("down", -1.0, 0.2, [0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22]),
+        _stairs("up", "up", 0.17, HIGH),
+        _stairs("down", "down", 0.17, HIGH),
+        _stairs("up_and_down", "up, then down", 0.1, LOW),
+        _stairs("down_and_up", "down, then up", 0.17, HIGH),
         _turning("turning", "in place", 0.0),
         _turning("circling", "at 0.3 m/s", SPEED),
         _ice(),
+        _course(),
     ]
 
 
@@ -120,6 +143,44 @@ def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
         },
         distance=_stride() + PAST_STEP,
         speed=FAST,
+    )
+
+
+def _stairs(way: str, title: str, target: float, levels: list[float]) -> Row:
+    flights = 1 + way.count("_and_")
+    over = flights * (STAIRS - 1) * TREAD + (flights - 1) * LANDING
+
+    def parameters(riser: float, seed: int, budget: Budget) -> dict[str, Any]:
+        stairs = {"way": way, "flights": flights, "riser": riser, "number": STAIRS}
+        start = LEVEL_PART + _further(seed, budget)
+        return {**stairs, "tread": TREAD, "landing": LANDING, "start": start}
+
+    return crossed(
+        f"stairs.{way}",
+        f"blind stairs {title}, {STAIRS} steps of {TREAD:g} m at {FAST:g} m/s, 9 of 10 robots",
+        "m",
+        target,
+        levels,
+        "stairs",
+        parameters,
+        distance=_stride() + over + PAST_STEP,
+        speed=FAST,
+        share=MOST,
+    )
+
+
+def _course() -> Row:
+    return crossed(
+        "far.course",
+        f"way over a course of all grounds at {COURSE_SPEED:g} m/s, each robot its own",
+        "m",
+        FIVE_KILOMETRES,
+        [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, FIVE_KILOMETRES],
+        "random_course",
+        lambda _, seed, __: {"seed": seed},
+        distance=None,
+        speed=COURSE_SPEED,
+        kept=KEPT,
     )
 
 

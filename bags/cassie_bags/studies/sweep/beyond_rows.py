@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from cassie_bags.studies.sweep.beyond_ground_rows import FIVE_KILOMETRES, KEPT
 from cassie_bags.studies.sweep.course import (
     AFTER_EVENT,
     SETTLING,
@@ -20,7 +21,7 @@ from cassie_bags.studies.sweep.course import (
 )
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.sweep.standing_rows import SETTLED, stand
-from cassie_bags.studies.sweep.walking_rows import SLIP, pushed, turning
+from cassie_bags.studies.sweep.walking_rows import SLIP, pushed, top_speed, turning
 from cassie_bags.studies.trial import Figures, Trial
 
 ANGLES = range(0, 360, 30)
@@ -47,10 +48,16 @@ OFF_CENTRE = 0.05
 SPEED_ERROR = 0.03
 """That a payload may bring. In m/s."""
 
+FAR_SPEED = 1.65
+"""At which five kilometres are walked on level ground. In m/s."""
+
 
 def beyond_rows() -> list[Row]:
     """All rows of this module."""
     return [
+        top_speed("fastest.forward", 1.0, tenths(12, 24), 2.2),
+        top_speed("fastest.backward", -1.0, tenths(6, 13), 1.2),
+        _far(),
         _quarter_turn(),
         _everything(),
         _force("standing", "standing", _forced_standing),
@@ -68,6 +75,24 @@ def beyond_rows() -> list[Row]:
         _cost("torque", "RMS of all torques", "Nm", 0.5, 87.6, "torque_rms"),
         _cost("torque", "RMS of all torques", "Nm", 1.0, 91.3, "torque_rms"),
     ]
+
+
+def _far() -> Row:
+    def trial(budget: Budget, seed: int, speed: float) -> Trial:
+        end = reached_at(speed) + 1.2 * FIVE_KILOMETRES / speed
+        return walk(budget, seed, (end - 1.0, end), vx=speed, ahead=FIVE_KILOMETRES, kept=KEPT)
+
+    return Row(
+        "far.level",
+        f"time for five kilometres on level ground at {FAR_SPEED:g} m/s",
+        "min",
+        53.0,
+        (FAR_SPEED,),
+        robots(trial),
+        holds=lambda figures, _: figures["ahead"] >= FIVE_KILOMETRES,
+        figure=lambda figures, _: figures["end"] / 60.0,
+        at_least=False,
+    )
 
 
 def _quarter_turn() -> Row:

@@ -105,9 +105,9 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
         seed: Robot.
         window: Part to measure. In s.
         command: vx, vy, yaw_rate of the operator; other words are sections of the experiment,
-            `ahead` is the trial's.
+            `ahead` and `kept` are the trial's.
     """
-    ahead = commanded.pop("ahead", None)
+    ahead, kept = commanded.pop("ahead", None), commanded.pop("kept", None)
     command: dict[str, float] = {
         key: commanded.pop(key) for key in ("vx", "vy", "yaw_rate") if key in commanded
     }
@@ -125,7 +125,7 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
         "supervisor": opened_limits(command),
         **commanded,
     }
-    return Trial(content, seed, window, ahead, budget.changes)
+    return Trial(content, seed, window, ahead, budget.changes, kept=kept)
 
 
 def opened_limits(command: Mapping[str, float]) -> dict[str, float]:

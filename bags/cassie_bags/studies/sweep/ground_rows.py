@@ -49,7 +49,7 @@ def crossing(
         parameters: Of the scene.
         distance: To walk beyond its level part. In m.
         speed: Commanded. In m/s.
-        more: Other sections of the experiment.
+        more: Other sections of the experiment, or `kept` of the trial.
     """
     ahead = LEVEL_PART + distance
     return walk(
@@ -79,8 +79,9 @@ def crossed(
     scene: str,
     parameters: Parameters,
     *,
-    distance: float = DISTANCE,
+    distance: float | None = DISTANCE,
     speed: float | None = SPEED,
+    kept: float | None = None,
     sections: dict[str, Any] | None = None,
     **more: Any,
 ) -> Row:
@@ -90,18 +91,22 @@ def crossed(
         name, title, unit, target, levels: See `Row`.
         scene: Its name.
         parameters: Of the scene.
-        distance: To walk beyond its level part. In m.
+        distance: To walk beyond its level part. In m; None: the level.
         speed: Commanded. In m/s; None: the level.
+        kept: See `Trial`. In s.
         sections: Other sections of the experiment.
         more: Other fields of the row.
     """
 
+    def way(level: float) -> tuple[float, float]:
+        return level if distance is None else distance, level if speed is None else speed
+
     def trial(budget: Budget, seed: int, level: float) -> Trial:
-        ground, vx = parameters(level, seed, budget), level if speed is None else speed
-        return crossing(budget, seed, scene, ground, distance, vx, **(sections or {}))
+        ground = parameters(level, seed, budget)
+        return crossing(budget, seed, scene, ground, *way(level), kept=kept, **(sections or {}))
 
     def holds(figures: Figures, level: float) -> bool:
-        return got_across(figures, distance, level if speed is None else speed)
+        return got_across(figures, *way(level))
 
     return Row(name, title, unit, target, levels, robots(trial), holds, **more)
 

@@ -57,8 +57,8 @@ def walking_rows() -> list[Row]:
     """All rows of this module."""
     return [
         *(_speed(speed) for speed in SPEEDS),
-        _top_speed("forward", 1.0, tenths(8, 20), 1.6),
-        _top_speed("backward", -1.0, tenths(3, 10), 0.9),
+        top_speed("top_speed.forward", 1.0, tenths(8, 20), 1.6),
+        top_speed("top_speed.backward", -1.0, tenths(3, 10), 0.9),
         _sideways("left", 0.3),
         _sideways("right", -0.3),
         _turn("in_place", "in place", 0.0, 0.8),
@@ -86,13 +86,15 @@ def _speed(speed: float) -> Row:
     )
 
 
-def _top_speed(name: str, sign: float, levels: list[float], target: float) -> Row:
+def top_speed(name: str, sign: float, levels: list[float], target: float) -> Row:
+    """A row of speeds forward (sign 1) or backward (-1), which the second part of its name says."""
+
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         return walk(budget, seed, steady(budget, sign * level, HELD), vx=sign * level)
 
     return Row(
-        f"top_speed.{name}",
-        f"top speed {name}, held {HELD:g} s",
+        name,
+        f"top speed {name.partition('.')[2]}, held {HELD:g} s",
         "m/s",
         target,
         levels,
