@@ -2,7 +2,8 @@
 
 Handing work from thread to thread through Python takes as long as the physics of a tick. So the
 thread waits in compiled code, without the interpreter, for a word in memory to change; only when
-nothing has come for some milliseconds does it go to sleep. It wants a processor of its own.
+nothing has come for some milliseconds does it go to sleep. It wants a processor of its own: where others
+take that, whoever waits for it is told.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ _STEPS, _AWAKE, _ENDS = 0, 8, 16  # bytes from the first word to those that thre
 # physics steps asked for, whether the thread looks at that, whether it is to end
 _LOOKS = 20_000  # at the word until it gives way to others: some tenths of a millisecond
 _TURNS = 20  # that it gives way until it goes to sleep
+_STALLED = 100_000  # looks, about a millisecond: ten times as long as the physics takes
 
 
 def _serve(words: int, give_way: int, arguments: Any) -> None:
@@ -44,13 +46,14 @@ def _serve(words: int, give_way: int, arguments: Any) -> None:
             call(give_way, 0, 0)
 
 
-def _wait(words: int, give_way: int) -> None:
-    """Return when the steps that were asked for are made."""
+def _wait(words: int, give_way: int) -> int:
+    """Return when the steps that were asked for are made: after so many looks."""
     looks = 0
     while load(words + _STEPS) > 0:
         looks += 1
         if looks % _LOOKS == 0:
             call(give_way, 0, 0)
+    return looks
 
 
 @compiled
@@ -85,9 +88,9 @@ class PhysicsThread:
         if not exchange(self._address, _STEPS, steps, _AWAKE):
             self._called.set()
 
-    def finish(self) -> None:
-        """Wait until they are made."""
-        wait(self._address, self._give_way)
+    def finish(self) -> bool:
+        """Wait until they are made; says whether the thread had no processor meanwhile."""
+        return wait(self._address, self._give_way) > _STALLED
 
 
 def _work(words: Any, give_way: int, called: threading.Event, arguments: Any) -> None:

@@ -103,6 +103,8 @@ STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
 HANGING_HEIGHT = 1.15
 """Pelvis height while hanging from the gantry at the start. In m."""
 
+_ALONE = 1000  # ticks after which a thread that had no processor is tried again
+
 COMMAND_WATCHDOG = 0.02
 """Robot time without a command after which the drives damp. In s."""
 
@@ -156,6 +158,7 @@ class Plant:
         self._before = Snapshot(self.model, self.data, self._robot)
         self._in_thread = 0  # physics steps under way there
         self._thread: PhysicsThread | None = None
+        self._alone = 0  # ticks without it, as there is no processor for it
         self.beside = False
         self.reset()
 
@@ -213,6 +216,9 @@ class Plant:
         The result is the same to the last bit.
         """
         now, steps = self._physics_steps, min(self.substeps, len(self._seen))
+        if self.beside and self._alone > 0:
+            self._alone -= 1
+            return
         waits = self._ahead or self.gantry.attached or self._motion is not None
         if waits or self.events.delays_commands or not self.events.idle(now, steps):
             return
@@ -238,7 +244,8 @@ class Plant:
 
     def _await_thread(self) -> None:
         if self._in_thread and self._thread is not None:
-            self._thread.finish()
+            if self._thread.finish():
+                self._alone = _ALONE
             steps, self._in_thread = self._in_thread, 0
             self._arrive(steps)
 

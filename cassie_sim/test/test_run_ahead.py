@@ -14,6 +14,7 @@ import pytest
 from cassie_msgs.experiment.scenario import Delays, Draw, GantryMove, Push, Scenario
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
+from cassie_sim.physics_thread import PhysicsThread
 from cassie_sim.plant import STANDING_DRIVES, Plant
 from cassie_sim.plant_config import PlantConfig
 
@@ -157,3 +158,17 @@ def test_a_thread_of_the_physics_sleeps_between_runs_and_ends_with_its_plant():
     del plant
     gc.collect()
     assert threading.active_count() == before
+
+
+def test_on_a_busy_machine_the_physics_goes_on_in_its_own_thread_no_more(monkeypatch):
+    plant, plain = (Plant(PlantConfig(), SCENARIOS["falling"]) for _ in range(2))
+    plant.beside = True
+    monkeypatch.setattr(PhysicsThread, "finish", lambda self: finish(self) or True)
+    begun = []
+    monkeypatch.setattr(PhysicsThread, "begin", lambda self, n: begun.append(n) or begin(self, n))
+    found, _ = trajectory(plant, ahead=True)
+    np.testing.assert_array_equal(found, trajectory(plain, ahead=False)[0])
+    assert len(begun) == 1
+
+
+begin, finish = PhysicsThread.begin, PhysicsThread.finish

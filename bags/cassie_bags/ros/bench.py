@@ -118,6 +118,7 @@ def _measure(experiment: Experiment, number: int) -> dict[str, float]:
         ("default executor", _default_executor),
         ("one process", _one_process),
         ("tick", _tick),
+        ("a bare loop", _machine_late),
         ("realtime", functools.partial(_missed, busy=0)),
         ("realtime beside two busy loops", functools.partial(_missed, busy=2)),
     ):
@@ -187,6 +188,31 @@ def _missed(experiment: Experiment, busy: int) -> dict[str, float]:
             loop.wait()
     name = "missed_share_realtime_500hz" + ("_busy" if busy else "")
     return {name: float(times["missed"] / len(times["sent"]))}
+
+
+_LOOP = """
+import os, sys, time
+try:
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
+except OSError:
+    pass
+due, late, ticks = time.monotonic(), 0, int(sys.argv[1])
+for _ in range(ticks):
+    due += 0.002
+    time.sleep(max(0.0, due - time.monotonic()))
+    late += time.monotonic() > due + 0.002
+print(late / ticks)
+"""
+
+
+def _machine_late(experiment: Experiment) -> dict[str, float]:
+    """Share of the ticks that a bare loop misses: what no software can do better on this machine.
+
+    It does nothing but sleep until each tick of 2 ms, before all ordinary processes if permitted.
+    """
+    ticks = str(round(experiment.duration * 500))
+    told = subprocess.run([sys.executable, "-c", _LOOP, ticks], capture_output=True, check=True)
+    return {"missed_share_bare_loop_500hz": float(told.stdout)}
 
 
 def _with(experiment: Experiment, **simulator: Any) -> Experiment:
