@@ -158,9 +158,13 @@ def test_the_worst_figure_of_those_that_walk_counts_and_a_fall_is_a_miss():
     assert (fallen.levels[0].fell, fallen.levels[0].run, fallen.met) == (1, 10, False)
 
 
+def test_no_two_rows_have_name_or_title_in_common():
+    for words in ([row.name for row in all_rows()], [row.title for row in all_rows()]):
+        assert len(words) == len(set(words))
+
+
 def test_rows_are_chosen_by_name_and_by_group():
     names = [row.name for row in all_rows()]
-    assert len(names) == len(set(names))
     assert [row.name for row in chosen_rows(["speed.+0.5"])] == ["speed.+0.5"]
     assert len(chosen_rows(["push_in_place"])) == 8
     promised, beyond = chosen_rows([]), chosen_rows(["beyond"])

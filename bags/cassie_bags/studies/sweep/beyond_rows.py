@@ -55,8 +55,8 @@ FAR_SPEED = 1.65
 def beyond_rows() -> list[Row]:
     """All rows of this module."""
     return [
-        top_speed("fastest.forward", 1.0, tenths(12, 24), 2.2),
-        top_speed("fastest.backward", -1.0, tenths(6, 13), 1.2),
+        top_speed("fastest.forward", "fastest speed forward", 1.0, tenths(12, 24), 2.2),
+        top_speed("fastest.backward", "fastest speed backward", -1.0, tenths(6, 13), 1.2),
         _far(),
         _quarter_turn(),
         _everything(),

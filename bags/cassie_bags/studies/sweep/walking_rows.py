@@ -57,8 +57,8 @@ def walking_rows() -> list[Row]:
     """All rows of this module."""
     return [
         *(_speed(speed) for speed in SPEEDS),
-        top_speed("top_speed.forward", 1.0, tenths(8, 20), 1.6),
-        top_speed("top_speed.backward", -1.0, tenths(3, 10), 0.9),
+        top_speed("top_speed.forward", "top speed forward", 1.0, tenths(8, 20), 1.6),
+        top_speed("top_speed.backward", "top speed backward", -1.0, tenths(3, 10), 0.9),
         _sideways("left", 0.3),
         _sideways("right", -0.3),
         _turn("in_place", "in place", 0.0, 0.8),
@@ -86,15 +86,15 @@ def _speed(speed: float) -> Row:
     )
 
 
-def top_speed(name: str, sign: float, levels: list[float], target: float) -> Row:
-    """A row of speeds forward (sign 1) or backward (-1), which the second part of its name says."""
+def top_speed(name: str, title: str, sign: float, levels: list[float], target: float) -> Row:
+    """A row of speeds that are held, forward (sign 1) or backward (-1)."""
 
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         return walk(budget, seed, steady(budget, sign * level, HELD), vx=sign * level)
 
     return Row(
         name,
-        f"top speed {name.partition('.')[2]}, held {HELD:g} s",
+        f"{title}, held {HELD:g} s",
         "m/s",
         target,
         levels,
