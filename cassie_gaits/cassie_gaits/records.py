@@ -25,6 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+RecordArray = npt.NDArray[np.void]
+"""Record of a message, such as `Sensors.record`, as compiled functions take it. Shape (1,)."""
+
 RecordT = TypeVar("RecordT", bound="Record")
 Records = Sequence[RecordT]
 """Records as a compiled function takes them: a structured numpy array of shape (n,)."""

@@ -5,42 +5,50 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import DRIVES, LEG_DRIVES
+from cassie_gaits.records import FloatArray, Record, Records, array, whole
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
 
-RecordArray = npt.NDArray[np.void]
 
-DRIVES_TYPE = np.dtype(
-    [
-        ("set_points", float, (5, 10)),  # rows torque, position, velocity, kp, kd
-        ("damping", float, 10),  # kd while damped, in Nms/rad
-        ("torque_limit", float, 10),  # in Nm
-        ("speed_limit", float, 10),  # without load, in rad/s
-        ("torque_constant", float, 10),  # real by nominal torque
-        ("applied", float, 10),  # torques that act now, in Nm
-        ("head", np.int64),  # row of the torques under way to fill next
-        ("age", np.int64),  # physics steps since the last valid command
-        ("timeout", np.int64),  # the same, after which the drives damp
-        ("powered", np.int64),
-        ("damped", np.int64),
-    ]
-)
-"""The ten drives, see `Drives`."""
+class DriveNumbers(Record):
+    """The ten drives, see `Drives`.
+
+    Attributes:
+        set_points: Rows torque, position, velocity, kp, kd.
+        damping: kd while damped. In Nms/rad.
+        torque_limit, speed_limit: Largest torque, and speed without load. In Nm and rad/s.
+        torque_constant: Real by nominal torque.
+        applied: Torques that act now. In Nm.
+        head: Row of the torques under way to fill next.
+        age, timeout: Physics steps since the last valid command, and after how many they damp.
+        powered, damped: 1 or 0.
+    """
+
+    set_points: FloatArray = array(5, 10)
+    damping: FloatArray = array(10)
+    torque_limit: FloatArray = array(10)
+    speed_limit: FloatArray = array(10)
+    torque_constant: FloatArray = array(10)
+    applied: FloatArray = array(10)
+    head: int = whole()
+    age: int = whole()
+    timeout: int = whole()
+    powered: int = whole()
+    damped: int = whole()
 
 
 @compiled
 def take_set_points(
-    drives: RecordArray, command: FloatArray, low: FloatArray, high: FloatArray
+    drives: Records[DriveNumbers], command: FloatArray, low: FloatArray, high: FloatArray
 ) -> bool:
     """Take over the set-points of a command if they are within their limits; whether they are.
 
     Args:
-        drives: `DRIVES_TYPE`.
+        drives: Changed in place. Shape (1,).
         command: Rows of `set_points`, one after the other; NaN is in no range. Shape (50,).
         low, high: Limits of each row. Shape (5,).
     """
@@ -56,7 +64,7 @@ def take_set_points(
 
 
 @compiled
-def damp(drives: RecordArray) -> None:
+def damp(drives: Records[DriveNumbers]) -> None:
     """Replace the set-points by pure damping."""
     drive = drives[0]
     drive.set_points[:] = 0.0
@@ -66,12 +74,12 @@ def damp(drives: RecordArray) -> None:
 
 @compiled
 def drive_step(
-    drives: RecordArray, pipeline: FloatArray, position: FloatArray, velocity: FloatArray
+    drives: Records[DriveNumbers], pipeline: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> None:
     """Watchdog, impedance law, torque-speed bound, delay and power of the ten drives.
 
     Args:
-        drives: `DRIVES_TYPE`; `applied` gets the torques that act now.
+        drives: `applied` gets the torques that act now. Shape (1,).
         pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
         position: Measured. Shape (10,), in rad.
         velocity: Measured. Shape (10,), in rad/s.
@@ -101,13 +109,13 @@ def drive_step(
 
 
 @compiled
-def drive_steps(drives: RecordArray, pipeline: FloatArray, seen: FloatArray, steps: int) -> None:
+def drive_steps(
+    drives: Records[DriveNumbers], pipeline: FloatArray, seen: FloatArray, steps: int
+) -> None:
     """`drive_step` for the steps of `physics_steps`, which saw `seen`."""
     for k in range(steps):
         drive_step(drives, pipeline, seen[k, :10], seen[k, 10:])
 
-
-FloatArray = npt.NDArray[np.float64]
 
 LIMITS = {
     "torque": (-1e6, 1e6),
@@ -143,7 +151,7 @@ class Drives:
         watchdog: Time without a command after which the drives damp. In s.
 
     Attributes:
-        records: All its numbers, of `DRIVES_TYPE`. Shape (1,).
+        records: All its numbers, `DriveNumbers`. Shape (1,).
         pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
         applied: Torques that act now. Shape (10,), in Nm.
 
@@ -155,38 +163,36 @@ class Drives:
         self, period: float, delay: float, torque_constant: FloatArray, watchdog: float
     ) -> None:
         drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
-        self.records = np.zeros(1, DRIVES_TYPE)
-        self._record = record = self.records[0]
-        record["torque_limit"] = [drive.torque_limit for drive in drives]
-        record["speed_limit"] = [drive.speed_limit for drive in drives]
-        record["torque_constant"] = torque_constant
-        record["damping"] = DAMPING
-        record["timeout"] = round(watchdog / period)
+        self._numbers = numbers = DriveNumbers()
+        self.records = numbers.records
+        numbers.torque_limit[:] = [drive.torque_limit for drive in drives]
+        numbers.speed_limit[:] = [drive.speed_limit for drive in drives]
+        numbers.torque_constant[:], numbers.damping[:] = torque_constant, DAMPING
+        numbers.timeout = round(watchdog / period)
         self.pipeline = np.zeros((max(0, round(delay / period)) + 1, 10))
-        self.applied: FloatArray = record["applied"]
-        self._powered, self._damped = self.records["powered"], self.records["damped"]
+        self.applied: FloatArray = numbers.applied
         self.reset()
 
     @property
     def powered(self) -> bool:
         """Whether the drives have power."""
-        return bool(self._powered[0])
+        return bool(self._numbers.powered)
 
     @powered.setter
     def powered(self, on: bool) -> None:
-        self._powered[0] = on
+        self._numbers.powered = int(on)
 
     @property
     def damped(self) -> bool:
         """Whether the drives damp for want of a valid command."""
-        return bool(self._damped[0])
+        return bool(self._numbers.damped)
 
     def reset(self) -> None:
         """Back to no power, no set-points and nothing under way."""
         self.pipeline[:] = 0.0
         self.applied[:] = 0.0
         self.powered = False
-        self._record["age"] = 0
+        self._numbers.age = 0
         self.damp()
 
     def damp(self) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
-from cassie_gaits.records import FloatArray
-from cassie_sim.drives import RecordArray
+from cassie_gaits.records import FloatArray, Records
+from cassie_sim.drives import DriveNumbers
 from cassie_sim.native import call
-from cassie_sim.sensors import observe
+from cassie_sim.sensors import SensorNumbers, observe
 
 IntArray = npt.NDArray[np.int64]
 
@@ -30,9 +30,9 @@ def physics_steps(
     imu: FloatArray,
     q_indices: IntArray,
     v_indices: IntArray,
-    drives: RecordArray,
+    drives: Records[DriveNumbers],
     pipeline: FloatArray,
-    sensors: RecordArray,
+    sensors: Records[SensorNumbers],
     attitudes: FloatArray,
     noise: FloatArray,
     seen: FloatArray,

@@ -2,8 +2,8 @@
 
 Handing work from thread to thread through Python takes as long as the physics of a tick. So the
 thread waits in compiled code, without the interpreter, for a word in memory to change; only when
-nothing has come for some milliseconds does it go to sleep. It wants a processor of its own: where others
-take that, whoever waits for it is told.
+nothing has come for some milliseconds does it go to sleep. It wants a processor of its own: where
+others take that, whoever waits for it is told.
 """
 
 from __future__ import annotations

@@ -20,10 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import RecordArray, Records
 from cassie_gaits.robot import DRIVE_DELAY
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import MotorCommand, Sensors
-from cassie_sim.drives import Drives, RecordArray, drive_steps
+from cassie_sim.drives import DriveNumbers, Drives, drive_steps
 from cassie_sim.errors import CommandError
 from cassie_sim.events import Events
 from cassie_sim.gantry import Gantry
@@ -45,12 +46,12 @@ _SECOND = 1_000_000_000  # in ns
 
 @compiled
 def hand_over(
-    drives: RecordArray, seq: int, episode: int, stamp: int, samples: RecordArray
+    drives: Records[DriveNumbers], seq: int, episode: int, stamp: int, samples: RecordArray
 ) -> None:
     """What belongs to a sample besides what is measured.
 
     Args:
-        drives: `DRIVES_TYPE`.
+        drives: Shape (1,).
         seq, episode: Of the sample.
         stamp: Robot time. In ns.
         samples: Result, `Sensors.record`. Shape (1,).

@@ -9,57 +9,75 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
 from cassie_msgs.experiment.scenario import Draw
 from cassie_msgs.layout import Sensors
-from cassie_sim.drives import RecordArray
 
 TAPS = 9
 """Length of the drives' velocity filter, in physics steps."""
 
-SENSORS_TYPE = np.dtype(
-    [
-        ("position", float, 10),  # of the drives as measured, in rad
-        ("velocity", float, 10),  # in rad/s
-        ("joints", float, 6),  # shin, tarsus, toe of both legs as measured, in rad
-        ("joint_rates", float, 6),  # in rad/s
-        ("imu", float, 6),  # sums since the last sample: rad/s, m/s^2
-        ("count", np.int64),  # of what is in these sums
-        ("faithful", np.int64),  # whether the encoders count; the truth else
-        ("counts_per_rad", float, 10),
-        ("joint_counts_per_rad", float, 6),
-        ("taps", float, TAPS),  # velocity filter of the drives, newest first, in 1/s
-        ("counts", float, (TAPS, 10)),  # ring of the last counts
-        ("newest", np.int64),  # its row
-        ("b", float, 4),  # velocity filter of the joints, feed-forward, in 1/s
-        ("a", float, 2),  # the same, feedback after the leading 1
-        ("joint_x", float, (4, 6)),  # last readings, newest first, in rad
-        ("joint_y", float, (2, 6)),  # last velocities, newest first, in rad/s
-        ("noise_row", np.int64),  # of the joints' noise to add next
-        ("attitude_row", np.int64),  # of the newest attitude
-        ("attitude_bias", float, 2),  # roll and pitch error, in rad
-        ("wander", float, 2),  # slow roll and pitch error, in rad
-        ("wander_decay", float),  # of it from sample to sample
-        ("wander_sigma", float),  # what comes to it, in rad
-        ("yaw_drift", float),  # in rad/s
-        ("time", float),  # since the start, in s
-        ("period", float),  # between samples, in s
-        ("imu_sigma", float, 6),  # noise of a sample: rad/s, m/s^2
-        ("imu_bias", float, 6),
-    ]
-)
-"""Encoders, their filters and the IMU, see `sensors`."""
+
+class SensorNumbers(Record):
+    """Encoders, their filters and the IMU, see `IdealSensors`.
+
+    Attributes:
+        position, velocity: Of the drives as measured. In rad and rad/s.
+        joints, joint_rates: Shin, tarsus and toe of both legs as measured. In rad and rad/s.
+        imu: Sums since the last sample. In rad/s and m/s^2.
+        count: Of what is in these sums.
+        faithful: 1 where the encoders count; 0: the truth.
+        counts_per_rad, joint_counts_per_rad: Of the encoders.
+        taps: Velocity filter of the drives, newest first. In 1/s.
+        counts: Ring of the last counts, of which `newest` is the newest row.
+        b, a: Velocity filter of the joints: feed-forward in 1/s, feedback after the leading 1.
+        joint_x, joint_y: Last readings and velocities, newest first. In rad and rad/s.
+        noise_row: Of the joints' noise to add next.
+        attitude_row: Of the newest attitude.
+        attitude_bias, wander: Roll and pitch error: constant, and slow. In rad.
+        wander_decay, wander_sigma: Of the slow one from sample to sample, and what comes to it.
+        yaw_drift: In rad/s.
+        time: Since the start. In s.
+        period: Between samples. In s.
+        imu_sigma, imu_bias: Noise and bias of a sample. In rad/s and m/s^2.
+    """
+
+    position: FloatArray = array(10)
+    velocity: FloatArray = array(10)
+    joints: FloatArray = array(6)
+    joint_rates: FloatArray = array(6)
+    imu: FloatArray = array(6)
+    count: int = whole()
+    faithful: int = whole()
+    counts_per_rad: FloatArray = array(10)
+    joint_counts_per_rad: FloatArray = array(6)
+    taps: FloatArray = array(TAPS)
+    counts: FloatArray = array(TAPS, 10)
+    newest: int = whole()
+    b: FloatArray = array(4)
+    a: FloatArray = array(2)
+    joint_x: FloatArray = array(4, 6)
+    joint_y: FloatArray = array(2, 6)
+    noise_row: int = whole()
+    attitude_row: int = whole()
+    attitude_bias: FloatArray = array(2)
+    wander: FloatArray = array(2)
+    wander_decay: float
+    wander_sigma: float
+    yaw_drift: float
+    time: float
+    period: float
+    imu_sigma: FloatArray = array(6)
+    imu_bias: FloatArray = array(6)
 
 
 @compiled
-def _count_drives(sensor: Any, position: FloatArray) -> None:
+def _count_drives(sensor: SensorNumbers, position: FloatArray) -> None:
     """Encoders of the drives: count, truncate toward zero, filter the velocity."""
     newest = sensor.newest + 1 if sensor.newest + 1 < sensor.taps.shape[0] else 0
     for i in range(10):
@@ -76,7 +94,7 @@ def _count_drives(sensor: Any, position: FloatArray) -> None:
 
 
 @compiled
-def _count_joints(sensor: Any, joints: FloatArray, noise: FloatArray) -> None:
+def _count_joints(sensor: SensorNumbers, joints: FloatArray, noise: FloatArray) -> None:
     """Encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter."""
     x, y, a, b = sensor.joint_x, sensor.joint_y, sensor.a, sensor.b
     for i in range(6):
@@ -95,7 +113,7 @@ def _count_joints(sensor: Any, joints: FloatArray, noise: FloatArray) -> None:
 
 @compiled
 def observe(
-    sensors: RecordArray,
+    sensors: Records[SensorNumbers],
     attitudes: FloatArray,
     noise: FloatArray,
     angles: FloatArray,
@@ -106,7 +124,7 @@ def observe(
     """Take in one physics step.
 
     Args:
-        sensors: `SENSORS_TYPE`.
+        sensors: Changed in place. Shape (1,).
         attitudes: Ring of the last orientations, w x y z. Shape (delay + 1, 4).
         noise: To add to the joints, one row a physics step. Shape (n, 6), in rad.
         angles: Of drives, then of shin, tarsus and toe. Shape (16,), in rad.
@@ -134,7 +152,7 @@ def observe(
 
 @compiled
 def write_sample(
-    sensors: RecordArray, attitudes: FloatArray, noise: FloatArray, samples: RecordArray
+    sensors: Records[SensorNumbers], attitudes: FloatArray, noise: FloatArray, samples: RecordArray
 ) -> None:
     """The measured fields of a sample; begins the next interval of the IMU's means.
 
@@ -161,7 +179,7 @@ def write_sample(
 
 @compiled
 def _write_attitude(
-    sensor: Any, quaternion: FloatArray, noise: FloatArray, orientation: FloatArray
+    sensor: SensorNumbers, quaternion: FloatArray, noise: FloatArray, orientation: FloatArray
 ) -> None:
     """Orientation x y z w with the errors of the attitude filter; without any, the truth."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -185,8 +203,6 @@ def _write_attitude(
         w, x, y, z = w * scale, x * scale, y * scale, z * scale
     orientation[0], orientation[1], orientation[2], orientation[3] = x, y, z, w
 
-
-FloatArray = npt.NDArray[np.float64]
 
 # Velocity filter of the drives, on encoder counts; of the joints: y = b x - a y.
 _FIR = np.array(robot.DRIVE_VELOCITY_FILTER)
@@ -229,7 +245,7 @@ class IdealSensors:
     """The truth, with the IMU's rates as means since the last sample.
 
     Attributes:
-        records: All its numbers, of `SENSORS_TYPE`. Shape (1,).
+        records: All its numbers, `SensorNumbers`. Shape (1,).
         attitudes: Ring of the last orientations. Shape (delay + 1, 4).
         noise: Of the joints in the next physics steps. Shape (n, 6), in rad.
         position: Of the drives as measured. Shape (10,), in rad.
@@ -237,20 +253,20 @@ class IdealSensors:
     """
 
     def __init__(self) -> None:
-        self.records = np.zeros(1, SENSORS_TYPE)
-        self._record = record = self.records[0]
+        self._numbers = numbers = SensorNumbers()
+        self.records = numbers.records
         self.attitudes = np.zeros((1, 4))
         self.noise = np.zeros((1, 6))
         self._sample_noise = np.zeros(8)
-        self.position: FloatArray = record["position"]
-        self.velocity: FloatArray = record["velocity"]
+        self.position: FloatArray = numbers.position
+        self.velocity: FloatArray = numbers.velocity
 
     def reset(
         self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
     ) -> None:
         """Begin at rest with the arguments of `observe`."""
-        self._record["count"] = 0
-        self._record["imu"] = 0.0
+        self._numbers.count = 0
+        self._numbers.imu[:] = 0.0
         self.observe(angles, rates, quaternion, imu)
 
     def observe(
@@ -302,48 +318,46 @@ class FaithfulSensors(IdealSensors):
         super().__init__()
         self._errors = errors
         self._rng = rng
-        self._noise_row = self.records["noise_row"]
         self._joint_sigma = np.tile([JOINT_NOISE, JOINT_NOISE, 0.0], 2)
         self.noise = np.zeros((2 * _NOISE_BLOCK, 6))
         self._noise_end = 0
         self.attitudes = np.zeros((round(errors.delay / physics_period) + 1, 4))
-        record = self._record
-        record["faithful"] = True
-        record["taps"], record["b"], record["a"] = _FIR, _IIR_B, _IIR_A
+        numbers = self._numbers
+        numbers.faithful = 1
+        numbers.taps[:], numbers.b[:], numbers.a[:] = _FIR, _IIR_B, _IIR_A
         drives = [robot.DRIVES[name] for name in LEG_DRIVES] * 2
-        record["counts_per_rad"] = [2.0**d.encoder_bits * d.gear / (2.0 * math.pi) for d in drives]
+        numbers.counts_per_rad[:] = [2.0**d.encoder_bits * d.gear / (2.0 * math.pi) for d in drives]
         bits = [robot.JOINT_ENCODER_BITS[name] for name in LEG_SENSED_JOINTS] * 2
-        record["joint_counts_per_rad"] = 2.0 ** np.array(bits) / (2.0 * math.pi)
+        numbers.joint_counts_per_rad[:] = 2.0 ** np.array(bits) / (2.0 * math.pi)
         self._set_imu(control_period)
 
     def _set_imu(self, period: float) -> None:
-        record, errors = self._record, self._errors
-        record["period"] = period
+        numbers, errors = self._numbers, self._errors
+        numbers.period = period
         rate = math.sqrt(0.5 / period)
-        record["imu_sigma"] = rate * np.repeat([errors.gyro_noise, errors.accelerometer_noise], 3)
-        record["imu_bias"] = (*errors.gyro_bias, *errors.accelerometer_bias)
-        record["attitude_bias"] = errors.attitude_bias
-        record["yaw_drift"] = errors.yaw_drift
+        numbers.imu_sigma[:] = rate * np.repeat([errors.gyro_noise, errors.accelerometer_noise], 3)
+        numbers.imu_bias[:] = (*errors.gyro_bias, *errors.accelerometer_bias)
+        numbers.attitude_bias[:] = errors.attitude_bias
+        numbers.yaw_drift = errors.yaw_drift
         decay = math.exp(-period / errors.wander_time)
-        record["wander_decay"] = decay
-        record["wander_sigma"] = errors.wander * math.sqrt(1.0 - decay**2)
+        numbers.wander_decay = decay
+        numbers.wander_sigma = errors.wander * math.sqrt(1.0 - decay**2)
 
     def reset(
         self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
     ) -> None:
         """Begin at rest: the filters are as after a long stillness."""
-        record = self._record
-        record["counts"] = np.trunc(angles[:10] * record["counts_per_rad"])
-        record["joint_x"] = angles[10:]
-        record["joint_y"] = 0.0
+        numbers = self._numbers
+        numbers.counts[:] = np.trunc(angles[:10] * numbers.counts_per_rad)
+        numbers.joint_x[:], numbers.joint_y[:] = angles[10:], 0.0
         self.attitudes[:] = quaternion
-        record["wander"] = self._rng.standard_normal(2) * self._errors.wander
-        record["time"] = 0.0
+        numbers.wander[:] = self._rng.standard_normal(2) * self._errors.wander
+        numbers.time = 0.0
         super().reset(angles, rates, quaternion, imu)
 
     def prepare(self, steps: int) -> None:
         """See `IdealSensors.prepare`."""
-        row = int(self._noise_row[0])
+        row = self._numbers.noise_row
         left = self._noise_end - row
         if left < steps:
             self.noise[:left] = self.noise[row : self._noise_end]
@@ -351,7 +365,7 @@ class FaithfulSensors(IdealSensors):
             self._rng.standard_normal(out=drawn)
             drawn *= self._joint_sigma
             self._noise_end = left + _NOISE_BLOCK
-            self._noise_row[0] = 0
+            self._numbers.noise_row = 0
 
     def write(self, sample: Sensors, *, again: bool = False) -> None:
         """See `IdealSensors.write`."""

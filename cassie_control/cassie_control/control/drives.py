@@ -34,12 +34,12 @@ import math
 from cassie_control.control.figures import INERTIA, Figures
 from cassie_control.control.forces import carried_share, damped_weight, holding_torques
 from cassie_control.control.outputs import Step, adjust
-from cassie_control.control.robot import RecordArray, Robot
+from cassie_control.control.robot import Robot
 from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import StepTiming, plan
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
-from cassie_gaits.records import FloatArray, Records
+from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angle
 from cassie_msgs.layout import MotorCommand
 

@@ -13,7 +13,7 @@ from cassie_control.control.load import Payload
 from cassie_control.control.outputs import Step
 from cassie_control.control.recovery import RecoveryStep, brake, lift, rests
 from cassie_control.control.riding import RidingController
-from cassie_control.control.robot import Readings, RecordArray
+from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.control.walking import WalkingController
 from cassie_control.errors import ControlError
@@ -24,7 +24,7 @@ from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
-from cassie_gaits.records import FloatArray, Records
+from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.vectors import is_within
 from cassie_msgs.layout import (
     ControllerStatus,

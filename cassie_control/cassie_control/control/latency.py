@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from cassie_control.control.robot import RecordArray
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import LEG_DRIVES
-from cassie_gaits.records import FloatArray, Record, Records, array, whole
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
 from cassie_msgs.layout import MotorCommand, RobotState
 
 REPORTED_AFTER = 0.0035

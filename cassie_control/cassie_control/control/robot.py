@@ -8,16 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.control.forces import holding_torques
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
-from cassie_gaits.records import FloatArray, Record, Records, array
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_msgs.layout import RobotState
 
-RecordArray = npt.NDArray[np.void]
 Vector = tuple[float, float, float]
 
 HIP_ROLL_X, HIP_Y = 0.021, 0.135

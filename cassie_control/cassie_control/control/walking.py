@@ -11,7 +11,7 @@ from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive
 from cassie_control.control.figures import Figures, figures
 from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, measure
-from cassie_control.control.robot import Readings, RecordArray, Robot
+from cassie_control.control.robot import Readings, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.plan import Commanded, Placement, StepAhead
@@ -21,7 +21,7 @@ from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_gaits.records import FloatArray, Records
+from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
