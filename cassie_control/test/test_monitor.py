@@ -131,17 +131,6 @@ def test_the_echo_of_a_blow_is_no_late_accelerometer():
     assert reports(samples(robot, 0)) == {}
 
 
-def test_a_gantry_that_jerks_is_no_failing_accelerometer():
-    """Let down while the controller already stands, the robot bounces in its harness."""
-    gantry = [{"t": 0.5, "height": 0.8, "speed": 0.5}]
-    scenario = Scenario.from_mapping({"start": "gantry", "gantry": gantry})
-    robot = Robot(scenario, "faithful", record=True)
-    robot.ask(height=0.9)
-    robot.run(2.0)
-    assert not robot.fallen
-    assert reports(samples(robot, 0)) == {}
-
-
 def landing(rate):
     """A joint that is turned this fast (rad/s) by a landing, and back: positions and velocities.
 

@@ -105,7 +105,7 @@ def look_at_acceleration(watch: Any, limit: Any, expected: FloatArray, force: fl
             watch.acceleration_spikes[k] += 1.0
         wrong = not abs(a[0, k]) <= limit.acceleration
         wrong = wrong or dt * watch.same_acceleration[k] > _FROZEN - 0.5 * dt
-        wrong = wrong or (known and watch.acceleration_spikes[k] > _SPIKES)
+        wrong = wrong or watch.acceleration_spikes[k] > _SPIKES
         late = _late(watch, limit, k, a[1, k], expected[k])
         if not known:
             watch.late_acceleration[:, k] = 0.0

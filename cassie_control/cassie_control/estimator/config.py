@@ -83,7 +83,4 @@ class EstimatorConfig:
     distrust_time: float = tunable(
         1.0, "s", 0.05, 100.0, "How long a sensor stays unbelieved after it last failed", live=False
     )
-    false_alarms: float = tunable(
-        1e-2, "1/h", 1e-9, 10.0, "False alarms that the noise of sensors may raise", live=False
-    )
     filter: FilterConfig = FilterConfig()

@@ -7,27 +7,19 @@ IMU's orientation with those of its gyro. `SensorMonitor` has the reasoning.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator import acceleration, channels, hypotheses
-from cassie_control.estimator.acceleration import expect_acceleration, look_at_acceleration
+from cassie_control.estimator import acceleration, channels, delays
+from cassie_control.estimator.acceleration import KEPT, expect_acceleration, look_at_acceleration
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.hypotheses import (
-    IMU,
-    KEPT,
-    PAIRS,
-    RESPONSE_TICKS,
-    WAIT_TICKS,
-    P,
-    V,
-    look_at_pair,
-)
-from cassie_control.estimator.noise import encoder_error, residual_gain, velocity_response
+from cassie_control.estimator.delays import DELAYS, KEPT_TICKS, RESPONSE_TICKS, P, V
+from cassie_control.estimator.pairs import APART_TIME, IMU, PAIRS, REST_TIME, go_on, look_at_pair
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
@@ -37,13 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 BoolArray = npt.NDArray[np.bool_]
 
-REST_TIME = 1.0
-"""At rest without power, after which all is learned anew. In s."""
-
-_FOLLOW_TIME = 0.004  # s, over which differences of a position are smoothed to a velocity
-_WRONG_SPEED, _WRONG_ANGLE = 0.5, 0.02  # rad/s, rad, from the replacement
-_FROZEN_TICKS = 15  # with the same bits, after which a position must be that much nearer
-_FROZEN_ANGLE = 0.002  # rad
 BELIEVED, RESTED = 1, 2
 """What `inspect` finds: all of the sample can be believed; it has come to rest without power."""
 
@@ -188,77 +173,26 @@ def look(
         for i in range(PAIRS):
             p, v = watch.position[i], watch.velocity[i]
             watch.last_position[i] = p if math.isfinite(p) else 0.0
-            watch.velocities[:, i] = v if math.isfinite(v) else 0.0
+            watch.last_velocity[:, i] = v if math.isfinite(v) else 0.0
             if watch.bad[P, i] == 0.0 and math.isfinite(p):
                 watch.trusted[P, i] = p
             if watch.bad[V, i] == 0.0 and math.isfinite(v):
                 watch.trusted[V, i] = v
         watch.acceleration[1:] = watch.acceleration[0]
+    for k in range(3):
+        rate = watch.velocity[IMU + k]
+        watch.turned[k] *= math.exp(-limit.period / APART_TIME)
+        watch.turned[k] += limit.period * rate if math.isfinite(rate) else 0.0
     for i in range(PAIRS):
         look_at_pair(watch, limit, i)
     turned = max(watch.bad[P, IMU], watch.bad[P, IMU + 1], watch.bad[P, IMU + 2])
     for i in range(IMU, PAIRS):
         watch.bad[P, i] = turned
     for i in range(PAIRS):
-        _go_on(watch, limit, i)
+        go_on(watch, limit, i)
     _turn(watch, limit, turned > 0.0)
     look_at_acceleration(watch, limit, expected, force)
     watch.ticks += 1
-
-
-@compiled
-def _go_on(watch: Any, limit: Any, i: int) -> None:
-    """Replace what is bad: a position by the integrated velocity, a velocity by differences."""
-    dt = limit.period
-    if watch.bad[P, i] > 0.0 and watch.bad[V, i] > 0.0:
-        # Without a position to go on from, a velocity alone is of no use.
-        watch.bad[V, i] = max(watch.bad[P, i], watch.bad[V, i])
-    bad_p, bad_v = watch.bad[P, i] > 0.0, watch.bad[V, i] > 0.0
-    for kind in range(2):
-        _look_for_life(watch, i, kind)
-    if bad_v:
-        follow = 1.0 - math.exp(-dt / _FOLLOW_TIME)
-        rate = watch.steps[0, i] / dt
-        if not bad_p:
-            last = watch.trusted[V, i] if math.isfinite(watch.trusted[V, i]) else rate
-            watch.trusted[V, i] = last + follow * (rate - last)
-        wrong = abs(watch.velocity[i] - watch.trusted[V, i]) >= _WRONG_SPEED
-        _hold(watch, limit, i, V, wrong)
-    else:
-        watch.trusted[V, i] = watch.velocity[i]
-    if bad_p:
-        near = _WRONG_ANGLE if watch.same[P, i] < _FROZEN_TICKS else _FROZEN_ANGLE
-        watch.trusted[P, i] += dt * watch.trusted[V, i] if bad_v else watch.turn[i]
-        wrong = abs(watch.position[i] - watch.trusted[P, i]) >= near  # not where that is NaN
-        _hold(watch, limit, i, P, wrong)
-    else:
-        watch.trusted[P, i] = watch.position[i]
-
-
-@compiled
-def _look_for_life(watch: Any, i: int, kind: int) -> None:
-    """Note whether an unbelieved channel changes while a robot without power is moved."""
-    if watch.bad[kind, i] > 0.0:
-        if watch.life[kind, i] == 0:
-            watch.life[kind, i] = 1
-        elif watch.same[kind, i] == 0 and watch.powered == 0:
-            watch.life[kind, i] = 2
-    elif watch.life[kind, i] > 0:
-        watch.life[kind, i] = 0
-        watch.moved = watch.used  # the estimate begins anew with it
-
-
-@compiled
-def _hold(watch: Any, limit: Any, i: int, kind: int, wrong: bool) -> None:
-    """Keep a channel unbelieved while it differs from its replacement.
-
-    After a fall the replacement may be far off, for good. So at rest without power a channel that
-    is alive counts as right unless something else speaks against it.
-    """
-    if watch.rest > 0.0 and watch.life[kind, i] == 2:
-        watch.bad[kind, i] = min(watch.bad[kind, i], REST_TIME)
-    elif wrong:
-        watch.bad[kind, i] = limit.hold
 
 
 @compiled
@@ -286,7 +220,7 @@ def _turn(watch: Any, limit: Any, bad: bool) -> None:
         q[k] *= scale
 
 
-_DELAYS, _PAIR_DELAYS = len(acceleration.DELAYS), len(hypotheses.DELAYS)
+_DELAYS, _PAIR_DELAYS = len(acceleration.DELAYS), len(delays.DELAYS)
 
 WATCH_TYPE = np.dtype(
     [
@@ -294,32 +228,37 @@ WATCH_TYPE = np.dtype(
         ("position", float, PAIRS),  # measured, rad; the IMU's: its turn since the start
         ("velocity", float, PAIRS),  # measured, rad/s
         ("last_position", float, PAIRS),
+        ("last_velocity", float, (4, PAIRS)),  # newest first
         ("last_orientation", float, 4),
         ("steps", float, (RESPONSE_TICKS, PAIRS)),  # changes of position, newest first, rad
-        ("velocities", float, (WAIT_TICKS + 2, PAIRS)),  # newest first, rad/s
+        ("turns", float, (3, PAIRS)),  # what the velocities say, newest first, rad
         ("same", int, (2, PAIRS)),  # ticks for which position and velocity had the same bits
-        ("said", float, (2, PAIRS, KEPT)),  # ring: turns by position and by velocity, rad
-        ("rough", float, (2, PAIRS)),  # rad, of their latest sudden change, fading
-        ("turn", float, PAIRS),  # rad, by the velocity, newest
-        ("residual", float, (WAIT_TICKS + 1, PAIRS)),  # newest first, rad
+        ("unseen", float, (2, PAIRS)),  # rad, by which the other one says that it moved meanwhile
         ("apart", float, PAIRS),  # rad, of position from integrated velocity, fading
-        ("missed", float, (3, 2, PAIRS)),  # rad, rad^2, nats: while the bits were the same
-        ("spikes", float, (2, PAIRS)),  # nats, for spikes
-        ("evidence", float, (2, PAIRS, _PAIR_DELAYS - 1)),  # nats, for each delay
-        ("late", float, (2, PAIRS)),  # nats, the most of that
+        ("turned", float, 3),  # rad, of the IMU, fading as fast
+        ("late", float, (4, PAIRS)),  # fading: means of apart and velocity, covariance, variance
+        ("past", float, (2, PAIRS, KEPT_TICKS)),  # ring: steps and turns compared, rad
+        ("evidence", float, (2, PAIRS, _PAIR_DELAYS)),  # rad^2: position is late, velocity is
+        ("doubt", float, (2, PAIRS)),  # rad^2, the most of it
+        ("unclear", float, PAIRS),  # s, for which they have been apart without a cause
+        ("guessed", int, PAIRS),  # 1 where that was all there was to blame one of them by
+        ("last_step", float, PAIRS),  # rad, compared last
+        ("leap", float, PAIRS),  # rad, largest sudden one of the position, fading
+        ("peak", float, PAIRS),  # rad/s, fading
+        ("spikes", float, (2, PAIRS)),  # of the velocity, fading counts of clear and of small ones
         ("bad", float, (2, PAIRS)),  # s, for which position or velocity is not believed yet
         ("life", int, (2, PAIRS)),  # 0 believed, 1 not, 2 not but its bits change without power
         ("trusted", float, (2, PAIRS)),  # position (rad) and velocity (rad/s) to go on with
         ("orientation", float, 4),  # to go on with, x y z w
         ("acceleration", float, (3, 3)),  # measured, newest first, m/s^2
         ("same_acceleration", int, 3),
-        ("acceleration_spikes", float, 3),  # how many, fading
+        ("acceleration_spikes", float, 3),
         ("carried", float),  # share of late in which the feet carried it
         ("smooth", float, (4, 3)),  # m/s^2, measured smoothed fast and slow, expected likewise
         ("expected", float, (KEPT, 3)),  # ring: m/s^2, what changes within a step
         ("power", float, 3),  # (m/s^2)^2, of that
         ("blow", float),  # s, for which the echo of one may go on
-        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it fits a delay better
+        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it fitted a delay better
         ("bad_acceleration", float, 3),  # s
         ("bad_torque", float, 10),  # s
         ("rest", float),  # s, for which it has hung or lain still without power
@@ -337,21 +276,22 @@ LIMITS_TYPE = np.dtype(
         ("high", float, PAIRS),
         ("speed", float, PAIRS),  # rad/s
         ("still", float, PAIRS),  # rad/s, below which it counts as still
+        ("jump", float, PAIRS),  # rad in one tick
+        ("apart", float, PAIRS),  # rad
+        ("apart_at_speed", float, PAIRS),  # s
+        ("spike", float, PAIRS),  # rad/s
+        ("excited", float, PAIRS),  # (rad/s)^2, from which a delay shows
+        ("delay_ticks", int, _PAIR_DELAYS),  # at which motions are compared
+        ("evidence", float, PAIRS),  # rad^2, enough for one of a pair to be late
         ("response_ticks", int, PAIRS),  # for which a velocity answers a step of the position
         ("response", float, (RESPONSE_TICKS, PAIRS)),  # of the velocity, by steps, newest first
         ("position_lag", int, PAIRS),  # ticks by which the position is later than the velocity
-        ("wait_ticks", int, PAIRS),  # until both have shown what they will of a sudden change
-        ("kept_ticks", int, PAIRS),  # for which steps are needed
-        ("noise", float, PAIRS),  # rad, of the residual
-        ("tilt", float),  # rad, of the IMU's orientation, at most
-        ("uneven", float, (2, PAIRS)),  # rad, noise of a sample against its neighbours
-        ("delay_ticks", int, _PAIR_DELAYS),  # at which motions are compared
-        ("enough", float),  # nats, of evidence
+        ("velocity_lag", int, PAIRS),  # and the other way round
         ("acceleration", float),  # m/s^2
         ("acceleration_spike", float),  # m/s^2
-        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it must fit a delay better
         ("weight", float),  # of the robot, N
         ("torque", float, 10),  # of each drive, Nm
+        ("late_acceleration", float, (_DELAYS, 3)),  # s, for which it must fit a delay better
         ("hold", float),  # s, that a channel stays unbelieved after it last was wrong
     ]
 )
@@ -360,39 +300,23 @@ LIMITS_TYPE = np.dtype(
 
 _MARGIN = 0.2  # rad beyond the stops
 _MOST_TORQUE = 1.5  # by the drive's limit: with a torque constant that is off it gives less
-_FASTEST = 50.0  # rad/s, that nothing on the robot reaches
-_HARDEST = 300.0  # m/s^2, likewise
-_SPIKE = 6.0  # m/s^2, of the accelerometer off its neighbours' line
-_LATE = (  # s, for which it must fit each delay better, ahead, aside and upwards
-    (0.0205, 0.0205, 0.0165),
-    (0.0275, 0.0225, 0.0175),
-    (0.030, 0.0205, 0.0195),
-)
-_STILL_JOINT, _STILL_PELVIS = 1.0, 0.1  # rad/s; legs may swing while it hangs
-_JOINT_NOISE = 2e-4  # rad, of the encoders of shin and tarsus
-_DRIVE_DELAY, _JOINT_DELAY = 0.0005, 0.0045  # s, of the filters of velocities
-_DRIVE_MOTION, _JOINT_MOTION = 0.2, 2.5  # weights of the encoders' noise by that of motions
-_VIBRATION = 0.05  # rad/s, of what rattles too fast for the samples
-_TOE_VIBRATION = 0.3  # rad/s, likewise, of the toes' drives when the foot lands
-_TILT = 0.015  # rad, of the IMU's orientation: three standard deviations
-_TILT_NOISE, _TILT_TIME = 0.00175, 10.0  # rad, s: error of the IMU's orientation, and its memory
-_GYRO_NOISE = 0.005  # rad/s, with what its axes are off
-_YAW = IMU + 2
+_JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
+_FASTEST = 100.0  # Hz, of the motions by which it is known what a velocity filter answers
+_SAMPLED = 0.2  # of the rate of the samples, beyond which they do not show them
+_EVEN = 1e3  # weight of an even motion, by one of these
+_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise
 _GAP = 0.02  # s, without an estimate, after which what it was tells nothing
 _DRIVE, _JOINT, _IMU = slice(0, 10), slice(10, 16), slice(16, 19)
 _TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
 
 
-def limits(
-    period: float, attitude_delay: float, hold: float, false_alarms: float
-) -> npt.NDArray[np.void]:
+def limits(period: float, attitude_delay: float, hold: float) -> npt.NDArray[np.void]:
     """What is normal, of `LIMITS_TYPE`. Shape (1,).
 
     Args:
         period: Between samples. In s.
         attitude_delay: Of the IMU's orientation. In s.
         hold: How long a channel stays unbelieved after it last was wrong. In s.
-        false_alarms: How many the noise of healthy sensors may raise. In 1/h.
     """
     record = np.zeros(1, LIMITS_TYPE)
     normal = record[0]
@@ -405,85 +329,95 @@ def limits(
                 low, high = links[name].joint.limits or (-math.inf, math.inf)
                 normal["low"][first + k] = low - _MARGIN
                 normal["high"][first + k] = high + _MARGIN
-    normal["speed"], normal["acceleration"] = _FASTEST, _HARDEST
-    normal["still"], normal["still"][_IMU] = _STILL_JOINT, _STILL_PELVIS
-    normal["acceleration_spike"], normal["late_acceleration"] = _SPIKE, _LATE
+    # Speeds that nothing on the robot reaches, and what healthy sensors keep, with a margin.
+    normal["speed"] = 50.0
+    normal["still"][:16], normal["still"][_IMU] = 1.0, 0.1  # legs may swing while it hangs
+    normal["jump"][:] = 0.02
+    normal["apart"][_DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
+    normal["apart"][_JOINT], normal["apart"][_IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
+    normal["apart_at_speed"] = 0.001
+    normal["apart_at_speed"][_JOINT] = 0.0045  # also where no filter delays the velocity
+    normal["apart_at_speed"][_IMU] = 0.002
+    normal["spike"][_DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
+    normal["spike"][_JOINT], normal["spike"][_IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
+    normal["excited"][:16], normal["excited"][_IMU] = 0.3**2, 0.15**2
+    normal["delay_ticks"] = [max(1, min(KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
+    normal["evidence"][_DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
+    normal["evidence"][_JOINT], normal["evidence"][_IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
+    normal["response"][0], normal["response_ticks"] = 1.0, 1  # a gyro needs no filter
+    for part, filters in (
+        (_DRIVE, (_DRIVE_NOISE, robot.DRIVE_VELOCITY_FILTER)),
+        (_JOINT, (_JOINT_NOISE, *robot.JOINT_VELOCITY_FILTER)),
+    ):
+        answer = velocity_response(period, *filters)
+        normal["response"][: len(answer), part] = answer[:, None]
+        normal["response_ticks"][part] = len(answer)
+    normal["velocity_lag"][_JOINT] = min(2, round(_JOINT_DELAY / period))
+    normal["position_lag"][_IMU] = min(2, round(attitude_delay / period))
+    normal["acceleration"], normal["acceleration_spike"] = 300.0, 6.0
     normal["weight"] = robot.WEIGHT
-    torques = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
-    normal["torque"] = _MOST_TORQUE * np.tile(torques, 2)
-    longest = KEPT - WAIT_TICKS - 1
-    ticks = [max(1, min(longest, round(delay / period))) for delay in hypotheses.DELAYS]
-    normal["delay_ticks"] = ticks
-    tests = 2 * PAIRS * (len(ticks) + 1)
-    normal["enough"] = math.log(tests * 3600.0 / period / false_alarms)
-    drives = [robot.DRIVES[name] for name in LEG_DRIVES]
-    errors = [encoder_error(drive.encoder_bits, drive.gear) for drive in drives]
-    _expect_pairs(normal, _DRIVE, np.tile(errors, 2), _DRIVE_DELAY, _DRIVE_MOTION)
-    bits = robot.JOINT_ENCODER_BITS
-    errors = [encoder_error(bits[name], noise=_JOINT_NOISE) for name in LEG_SENSED_JOINTS]
-    _expect_pairs(normal, _JOINT, np.tile(errors, 2), _JOINT_DELAY, _JOINT_MOTION)
-    _expect_imu(normal, attitude_delay)
-    normal["kept_ticks"] = np.maximum(normal["response_ticks"], normal["wait_ticks"] + 2)
+    limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
+    normal["torque"] = _MOST_TORQUE * np.tile(limits, 2)
+    normal["late_acceleration"] = (
+        (0.0205, 0.0205, 0.0165),
+        (0.0275, 0.0225, 0.0175),
+        (0.030, 0.0205, 0.0195),
+    )
     return record
 
 
-def _expect_pairs(
-    normal: Any, part: slice, errors: FloatArray, delay: float, motion: float
-) -> None:
-    """Answer and noise of encoders and the filters of their velocities.
+def velocity_response(
+    period: float, noise: float, forward: Sequence[float], back: Sequence[float] = ()
+) -> FloatArray:
+    """What the steps of a position say that the filtered velocity is.
+
+    Fitted to the filter's answer to all motions up to `_FASTEST`, such as the legs' springs ring
+    with; an even motion is expected as it is.
 
     Args:
-        normal: Result, of `LIMITS_TYPE`.
-        part: Pairs.
-        errors: Of their encoders. Shape (n,), in rad.
-        delay: Of the filter. In s.
-        motion: Weight of the encoder's noise by that of motions, see `velocity_response`.
+        period: Between samples. In s.
+        noise: Of the angles, by the size of motions of which any frequency must be expected.
+        forward: Filter by positions, newest first. In 1/s.
+        back: By velocities, to be taken off.
+
+    Returns:
+        Shares of the last steps, newest first, of which the sum is what the newest velocity and the
+        one before it say together (trapezoidal rule). Shape (n,).
     """
-    period = float(normal["period"])
-    filters: tuple[Any, ...] = (robot.DRIVE_VELOCITY_FILTER,)
-    if part is _JOINT:
-        filters = robot.JOINT_VELOCITY_FILTER
-    answer = velocity_response(period, motion, *filters)
-    normal["response"][: len(answer), part] = answer[:, None]
-    normal["response_ticks"][part] = len(answer)
-    normal["wait_ticks"][part] = 1 + math.ceil(delay / period)
-    white = residual_gain(period, answer, *filters)
-    normal["noise"][part] = np.hypot(white * errors, period * _VIBRATION)
-    rattling = np.full(len(errors), period * _VIBRATION)
-    if part is _DRIVE:
-        rattling[list(_TOE_DRIVES)] = period * _TOE_VIBRATION
-    normal["uneven"][P, part] = np.hypot(math.sqrt(6.0) * errors, rattling)  # p - 2 p + p
-    normal["uneven"][V, part] = np.hypot(2.0 * white * errors, rattling)
-
-
-def _expect_imu(normal: Any, attitude_delay: float) -> None:
-    """Noise of orientation and gyro, which agree up to a tick of the encoders."""
-    period = float(normal["period"])
-    normal["response"][0, _IMU], normal["response_ticks"][_IMU] = 1.0, 1
-    lag = min(WAIT_TICKS - 1, round(attitude_delay / period))
-    normal["position_lag"][_IMU], normal["wait_ticks"][_IMU] = lag, lag + 1
-    normal["noise"][_IMU] = _TILT_NOISE * math.sqrt(2.0 * period / _TILT_TIME)
-    normal["noise"][_YAW] = period * _GYRO_NOISE  # the heading's error does not wander
-    normal["tilt"] = _TILT
-    normal["uneven"][:, _IMU] = 2.0 * normal["noise"][_IMU]
+    ticks = max(1, round(period * robot.ENCODER_RATE))
+    samples = max(2, RESPONSE_TICKS // ticks if back else 1 - (-len(forward) // ticks))
+    frequency = np.linspace(0.0, min(_FASTEST, _SAMPLED / period), 200)[1:]
+    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # by a tick of the encoders
+    velocity = sum(b * late**k for k, b in enumerate(forward))
+    velocity /= 1.0 + sum(a * late**k for k, a in enumerate(back, 1))
+    step = late**ticks  # by a sample
+    answer = 0.5 * period * (1.0 + step) * velocity / (1.0 - step)
+    shares = step[:, None] ** np.arange(samples)
+    moments = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
+    even = moments / (1.0 + sum(back))
+    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # two steps, each angle
+    rows = [shares.real, shares.imag, np.full((1, samples), _EVEN), noise * between]
+    values = [answer.real, answer.imag, [_EVEN * even], np.zeros(samples + 1)]
+    fitted: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]
+    return fitted
 
 
 class SensorMonitor:
     """Finds channels that fail, and says what to go on with.
 
     - A value that is no number or that the robot cannot have, such as a torque beyond the drive's
-      limit or a position that moves at more than 50 rad/s: at once. Of a torque this is all.
-    - Of a position and its velocity the residual is the turn by the velocity, less what the
-      velocity's filter must answer to the positions (`noise`). That one of the two is stuck, has
-      spikes or is late has as evidence its likelihood ratio to both being healthy (`hypotheses`).
-      The IMU's orientation and gyro are such pairs.
-    - The accelerometer has no partner: what the legs' forces and drives' torques give the pelvis is
-      held against it (`acceleration`). A push from outside is not among these forces; it fits no
-      delay. After a blow the legs give way late: for a while nothing speaks for a delay. In the
-      gantry nothing is compared.
-
-    A channel is named when its likeliest hypothesis has enough evidence: the logarithm of tests per
-    hour by false alarms per hour. Its partner's must have less by half of that.
+      limit, a position that jumps: at once. Of a torque this is all.
+    - A channel whose bits stay the same while its partner moves: stuck, or off.
+    - A velocity of one tick off its neighbours' curve, an acceleration off their line: spikes.
+    - Position and integrated velocity do not go together: the one that moves now as the other did
+      20 to 100 ms ago is late. With other delays they grow apart, and the sign of their difference
+      by the velocity tells which of them it is. What the velocity filters of drives and joints
+      answer is expected. The IMU's orientation and gyro are such a pair.
+    - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20, 30 or
+      40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
+      not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
+      give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is
+      compared.
 
     A position goes on as the integral of its velocity, a velocity as the difference of its
     position, the orientation with the gyro and the gyro with the orientation, the accelerometer
@@ -499,14 +433,11 @@ class SensorMonitor:
         period: Between samples. In s.
         attitude_delay: Of the IMU's orientation. In s.
         hold: How long a channel stays unbelieved after it last was wrong. In s.
-        false_alarms: How many the noise of healthy sensors may raise. In 1/h.
     """
 
-    def __init__(
-        self, period: float, attitude_delay: float, hold: float, false_alarms: float
-    ) -> None:
+    def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
         self._watch = np.zeros(1, WATCH_TYPE)
-        self._limits = limits(period, attitude_delay, hold, false_alarms)
+        self._limits = limits(period, attitude_delay, hold)
         self._bad: FloatArray = self._watch[0]["bad"]
         self._bad_acceleration: FloatArray = self._watch[0]["bad_acceleration"]
         self._bad_torque: FloatArray = self._watch[0]["bad_torque"]
@@ -630,10 +561,7 @@ class MonitoredEstimator:
         self._named = 0
         self._expected, self._force = np.zeros(3), 0.0
         self._monitor = SensorMonitor(
-            period,
-            core.config.filter.attitude_delay,
-            core.config.distrust_time,
-            core.config.false_alarms,
+            period, core.config.filter.attitude_delay, core.config.distrust_time
         )
 
     @property
