@@ -21,8 +21,9 @@ from cassie_teleop.page_messages import BUTTONS, SLIDERS
 
 CLIENTS = 50
 _WILD = (float("nan"), float("inf"), -1e308, 1e9, -1.0, 0.0, 3.0)
-_PERMITTED = ("stop", "record")
-"""Buttons that work for whoever looks on: everybody may stop the robot and record."""
+_PERMITTED = ("stop", "record", "drive")
+"""Buttons that work for whoever looks on: everybody may stop the robot, record, and ask for the
+lease, which is free where the one who drives is held up for half a second."""
 
 
 class Pages:

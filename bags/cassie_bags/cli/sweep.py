@@ -72,7 +72,7 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="for every run: controller.walk.map_gain=0.9",
+        help="for every run: controller.walk.pendulum_gain_x=0.8",
     )
     parser.add_argument(
         "--compare",
