@@ -9,6 +9,7 @@ others take that, whoever waits for it is told.
 from __future__ import annotations
 
 import threading
+import time
 import weakref
 from typing import Any
 
@@ -20,9 +21,9 @@ from cassie_sim.physics import physics_steps
 
 _STEPS, _AWAKE, _ENDS = 0, 8, 16  # bytes from the first word to those that threads share:
 # physics steps asked for, whether the thread looks at that, whether it is to end
-_LOOKS = 20_000  # at the word until it gives way to others: some tenths of a millisecond
-_TURNS = 20  # that it gives way until it goes to sleep
-_STALLED = 100_000  # looks, about a millisecond: ten times as long as the physics takes
+_LOOKS = 20_000  # at the word until it gives way to others: some hundredths of a millisecond
+_TURNS = 200  # that it gives way until it goes to sleep
+_STALLED = 0.001  # s of waiting, ten times as long as the physics takes
 
 
 def _serve(words: int, give_way: int, arguments: Any) -> None:
@@ -46,14 +47,13 @@ def _serve(words: int, give_way: int, arguments: Any) -> None:
             call(give_way, 0, 0)
 
 
-def _wait(words: int, give_way: int) -> int:
-    """Return when the steps that were asked for are made: after so many looks."""
+def _wait(words: int, give_way: int) -> None:
+    """Return when the steps that were asked for are made."""
     looks = 0
     while load(words + _STEPS) > 0:
         looks += 1
         if looks % _LOOKS == 0:
             call(give_way, 0, 0)
-    return looks
 
 
 @compiled
@@ -90,7 +90,9 @@ class PhysicsThread:
 
     def finish(self) -> bool:
         """Wait until they are made; says whether the thread had no processor meanwhile."""
-        return wait(self._address, self._give_way) > _STALLED
+        started = time.perf_counter()
+        wait(self._address, self._give_way)
+        return time.perf_counter() - started > _STALLED
 
 
 def _work(words: Any, give_way: int, called: threading.Event, arguments: Any) -> None:
