@@ -73,12 +73,12 @@ class Starter:
         if self.process.poll() is None:
             self.end()
 
-    def ready(self) -> None:
-        """Wait until it says that the robot can be driven."""
+    def ready(self) -> str:
+        """Wait until it says that the robot can be driven, and how it stands there."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
             if "ready" in line:
-                return
+                return line
         raise AssertionError(f"it is never ready: {self.process.communicate()[1]}")
 
     def end(self) -> tuple[int, str]:
@@ -108,13 +108,19 @@ def nodes_of(logs: Path) -> list[str]:
 
 def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int) -> None:
     with Starter(tmp_path, domain) as starter:
-        starter.ready()
+        assert "hangs in the gantry" in starter.ready()
         assert len(nodes_of(starter.logs)) == 4
         assert starter.end() == (0, "")
     assert nodes_of(starter.logs) == []
     assert {log.stem for log in starter.logs.glob("*.log")} == {
         *("simulator", "state_estimator", "gait_controller", "mode_supervisor")
     }
+
+
+def test_parameters_are_for_the_nodes_alone(tmp_path: Path, domain: int) -> None:
+    with Starter(tmp_path, domain, "-p", "simulator:start:=standing") as starter:
+        assert "on its feet" in starter.ready()
+        assert starter.end() == (0, "")  # ROS took it for a name to be changed, and said so
 
 
 def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(

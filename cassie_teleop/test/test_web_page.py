@@ -174,6 +174,32 @@ def test_keys_drive_while_they_are_held_and_a_lost_focus_lets_go(browser, robot,
 
 
 @again_after_a_lost_link
+def test_a_key_is_sent_while_it_is_handled_not_by_a_timer(browser, robot, console):
+    """A browser lets timers wait for the picture that follows an input: 40 ms and more here."""
+    with driver_of(browser, robot, console.address) as driver:
+        driver.drive()
+        sent = driver.page.evaluate("""
+            async () => {
+                const sent = [];
+                const send = WebSocket.prototype.send;
+                WebSocket.prototype.send = function (text) {
+                    sent.push(JSON.parse(text).forward);
+                    send.call(this, text);
+                };
+                const event = (kind) => new KeyboardEvent(kind, { code: "KeyW" });
+                const seen = [];
+                for (const kind of ["keydown", "keyup"]) {
+                    await new Promise((go) => setTimeout(go, 30)); // a person is slower
+                    sent.length = 0;
+                    window.dispatchEvent(event(kind));
+                    seen.push([...sent]);
+                }
+                return seen;
+            }
+        """)
+        assert sent == [[0.5], [0]]
+
+
 def test_a_gamepad_drives_and_its_button_stops(browser, robot, console):
     with driver_of(browser, robot, console.address) as driver:
         driver.drive(mode="stand")

@@ -113,7 +113,7 @@ def _await_robot(processes: Processes, stop: threading.Event) -> bool:
     """
     heard = threading.Event()
     context = Context()
-    rclpy.init(context=context)
+    rclpy.init(args=[], context=context)  # -p is for the nodes that are started
     node = rclpy.create_node("robot", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -139,7 +139,9 @@ def _await_robot(processes: Processes, stop: threading.Event) -> bool:
 
 def _ready(processes: Processes, arguments: argparse.Namespace) -> str:
     where = f" in scene {arguments.scene}" if arguments.scene != "flat" else ""
-    lines = [f"ready: Cassie hangs in the gantry{where}; Ctrl-C ends all"]
+    stands = "simulator:start:=standing" in arguments.parameter
+    starts = "begins on its feet, without power" if stands else "hangs in the gantry"
+    lines = [f"ready: Cassie {starts}{where}; Ctrl-C ends all"]
     if arguments.console:
         printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
         address = re.search(r"https?://\S+", printed)

@@ -31,7 +31,6 @@ from cassie_teleop.ros.simulator_services import SimulatorServices
 
 _SHORTEST_TOKEN = 8  # characters
 _LOOK = 1.0  # s between two looks at the ROS graph
-_LEAST_GAP = 0.005  # s between a command and one that a stick sends out of turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +80,6 @@ class WebConsole(Node):
         self._described = 0
         self._pages: set[int] = set()
         self._graph: dict[str, Any] = {"orders": [], "heard": False}
-        self._sent_at = 0.0
         self._ending = False
         self._last: Request | None = None
         token = _token(self._config)
@@ -123,12 +121,15 @@ class WebConsole(Node):
             self._topics = None
 
     def hear(self, page: int, message: Beat | Press | Slide) -> str:
-        """A page says something; sticks that drive and stops do not wait for their turn."""
+        """A page says something; sticks that drive and stops do not wait for their turn.
+
+        Of messages a page has `MAX_RATE` at most.
+        """
         now = time.monotonic()
         told = self._console.hear(page, message, now)
         stops = isinstance(message, Press) and message.button == "stop"
         drives = isinstance(message, Beat) and page == self._console.driver
-        if stops or (drives and now - self._sent_at >= _LEAST_GAP):
+        if stops or drives:
             self._send()
         while self._console.orders:
             self._do(self._console.orders.popleft())
@@ -187,7 +188,6 @@ class WebConsole(Node):
         request = None if self._ending else self._console.request(now)
         if request is not None:
             self._sender.send(request)
-            self._sent_at = now
         return request is not None
 
     async def _send_frames(self) -> None:

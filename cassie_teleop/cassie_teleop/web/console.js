@@ -4,9 +4,10 @@ import { RobotView } from "/web/robot_view.js";
 import { Sticks } from "/web/sticks.js";
 
 const BEAT = 33; // ms
-const SOONEST = 12; // ms between two beats when a stick moves
+const SOONEST = 12; // ms between two beats out of turn, when a stick moves
 const LATE = 80; // ms between two beats, above which pictures are drawn less often
 const AGAIN = 1000; // ms until that may be done once more
+const FRAME = 8; // ms that a browser takes on average to begin a picture
 const PERIOD = { graphics: 1000 / 30, software: 100, longest: 400 }; // ms between two pictures
 const RECOVERY = 0.003; // of the way back to the shortest period, with each beat in time
 const CHARTS = 6; // pictures from one drawing of the charts to the next
@@ -25,13 +26,13 @@ let echo = 0;
 let silent = 0; // beats since the last frame
 let beaten = 0; // ms
 let eased = 0; // ms, when pictures were last made rarer
-let soon = 0; // timer of a beat out of turn
+let hurried = 0; // ms, when the last beat out of turn was sent
+let soon = 0; // timer of the next one
 let described = 0;
 let dragged = null;
 let frame = null; // the newest
 let shown = null; // the one in the picture
 let pictures = 0;
-let pictured = 0; // ms
 let smooth = [null, null, null];
 
 let view = null;
@@ -88,8 +89,16 @@ function ease(now) {
   period = Math.min(2 * period, PERIOD.longest);
 }
 
+/** Sends a stick that has moved at once: after an input a browser lets timers wait for its picture. */
 function beatSoon() {
-  soon ||= setTimeout(beat, Math.max(0, beaten + SOONEST - performance.now()));
+  const now = performance.now();
+  const wait = hurried + SOONEST - now;
+  if (wait > 0) {
+    soon ||= setTimeout(() => ((soon = 0), beatSoon()), wait);
+    return;
+  }
+  hurried = now;
+  beat();
 }
 
 function press(button) {
@@ -116,10 +125,9 @@ function receive(message) {
 }
 
 /** Shows everything that has changed at once: the browser lays its parts together each time. */
-function picture(time) {
-  requestAnimationFrame(picture);
-  if (time - pictured < period - 2) return;
-  pictured = time;
+function picture() {
+  // By a timer, since a browser that waits for its next picture makes one of the page each time.
+  setTimeout(() => requestAnimationFrame(picture), period - FRAME);
   view?.render();
   if (frame !== shown) showFigures((shown = frame));
   if (++pictures % CHARTS === 0) charts.draw();
