@@ -108,6 +108,21 @@ def test_what_moves_is_not_learned_anew(hung):
     assert not known[at(SWINGS + 0.3) :].any()
 
 
+def test_what_its_partner_bears_out_is_believed_again_while_it_swings(hung):
+    """A shin was not believed after a fall, as the robot swung on: switched on, it fell again."""
+    rows, end = samples(hung, 0), at(SWINGS + 0.3)
+    position, velocity = TARSUS
+    flail(rows, (position,))
+    values_of(rows, velocity)[at(SWINGS) : end] += 0.5  # what replaces it drifts off
+    time = PERIOD * np.arange(len(rows))
+    rows["drive_position"][:, 2] += 0.3 * np.sin(6.0 * time)
+    rows["drive_velocity"][:, 2] += 1.8 * np.cos(6.0 * time)
+    faults, known, _ = answers(rows)
+    assert position in faults[end]
+    assert known.all()
+    assert faults[at(SWINGS + 2.5)] == set()
+
+
 @pytest.mark.parametrize("kind", ["off", "stuck", "nan"])
 @pytest.mark.parametrize("channel", ["drive_position.2", "drive_position.8", "joint_position.4"])
 def test_a_dead_position_is_not_believed_because_it_hangs_still(hung, channel, kind):

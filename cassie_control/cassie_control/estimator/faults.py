@@ -425,9 +425,9 @@ class SensorMonitor:
     nothing to go on with, except for the toes, which have two encoders each.
 
     A violent fall can make good sensors contradict each other, and what a channel is replaced by
-    drifts off meanwhile. So once the robot has hung or lain still without power for `REST_TIME`, a
-    channel is believed again that has changed its bits since the power went off and that nothing
-    else speaks against: all but dead ones, which seem to be right at rest.
+    drifts off meanwhile. So without power a channel is believed again that has changed its bits and
+    that nothing else speaks against for `REST_TIME`: while its partner, which is believed, agrees
+    with it, or, where both are lost, once the robot hangs or lies still. Dead ones do not change.
 
     Args:
         period: Between samples. In s.

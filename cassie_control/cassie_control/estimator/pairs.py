@@ -250,10 +250,12 @@ def _look_for_life(watch: Any, i: int, kind: int) -> None:
 def _hold(watch: Any, limit: Any, i: int, kind: int, wrong: bool) -> None:
     """Keep a channel unbelieved while it differs from its replacement.
 
-    After a fall the replacement may be far off, for good. So at rest without power a channel that
-    is alive counts as right unless something else speaks against it.
+    After a fall the replacement may be far off, for good. So without power a channel that is alive
+    counts as right unless something else speaks against it: while its partner, which is believed,
+    agrees with it, or at rest.
     """
-    if watch.rest > 0.0 and watch.life[kind, i] == 2:
+    partner = watch.powered == 0 and watch.bad[1 - kind, i] <= 0.0
+    if watch.life[kind, i] == 2 and (partner or watch.rest > 0.0):
         watch.bad[kind, i] = min(watch.bad[kind, i], REST_TIME)
     elif wrong:
         watch.bad[kind, i] = limit.hold
