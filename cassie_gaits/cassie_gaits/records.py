@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 RecordArray = npt.NDArray[np.void]
 """Record of a message, such as `Sensors.record`, as compiled functions take it. Shape (1,)."""
 
@@ -48,9 +49,9 @@ def array(*shape: int) -> Any:
     return _Field(np.float64, shape)
 
 
-def whole() -> Any:
-    """A field that holds an integer."""
-    return _Field(np.int64, ())
+def whole(*shape: int) -> Any:
+    """A field that holds an integer, or an array of integers of this shape."""
+    return _Field(np.int64, shape)
 
 
 def part(record: type[Record], *shape: int) -> Any:
