@@ -39,6 +39,7 @@ from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import StepTiming, plan
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg import LegPair
 from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angle
 from cassie_msgs.layout import MotorCommand
@@ -89,7 +90,7 @@ _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and u
 def drive(
     figures: Records[Figures],
     robots: Records[Robot],
-    pairs: RecordArray,
+    pairs: Records[LegPair],
     timings: Records[StepTiming],
     slopes: Records[GroundSlope],
     modes: RecordArray,
@@ -105,7 +106,7 @@ def drive(
 
     Args:
         figures, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
-        pairs: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
+        pairs: Kinematics of both legs. Shape (1,).
         timings: Phase, whose rate follows `remaining`. Shape (1,).
         modes: `Mode.record`, with the torso's angles. Shape (1,).
         steps: The step; changed in place. Shape (1,).

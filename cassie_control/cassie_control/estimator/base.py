@@ -260,7 +260,7 @@ class LegEstimator:
         self._period = period
         self._state = RobotState()
         self._legs = LegPair()
-        self._feet: FloatArray = self._legs.states["foot"]
+        self._feet: FloatArray = self._legs.records["states"]["foot"][0]
         self._body = np.zeros(1, BODY_TYPE)
         body = self._body[0]
         body["period"], body["mass"] = period, robot.total_mass()
@@ -321,7 +321,7 @@ class LegEstimator:
                 estimate then stays as it was.
         """
         _check(sensors)
-        read_legs(sensors.record, self._state.record, self._legs.record, self._body)
+        read_legs(sensors.record, self._state.record, self._legs.records, self._body)
         self._move(sensors)
         return self._state
 

@@ -481,7 +481,7 @@ class InvariantEstimator(LegEstimator):
         self._blind = False
         super().__init__(config, period)
         self._rotation = self._filter[0]["rotation"]
-        self._soles: FloatArray = self._legs.states["foot_rotation"]
+        self._soles: FloatArray = self._legs.records["states"]["foot_rotation"][0]
         self._arms: FloatArray = self._body[0]["arms"]
         self.reset()
 
@@ -504,7 +504,7 @@ class InvariantEstimator(LegEstimator):
     def _move(self, sensors: Sensors) -> None:
         if not self._started:
             self._start()
-        state, legs = self._state.record, self._legs.record
+        state, legs = self._state.record, self._legs.records
         if not move(sensors.record, state, legs, self._body, self._filter, self._noise):
             self.restart()
             raise SensorError("the filter has diverged: the estimate begins anew")

@@ -30,7 +30,7 @@ class KinematicEstimator(LegEstimator):
 
     def __init__(self, config: EstimatorConfig, period: float) -> None:
         super().__init__(config, period)
-        self._foot_velocities = self._legs.states["foot_velocity"]
+        self._foot_velocities = self._legs.records["states"]["foot_velocity"][0]
         self._imu_velocity = np.zeros(3)
         self._variance = np.zeros(2)
         self.reset()
@@ -70,4 +70,4 @@ class KinematicEstimator(LegEstimator):
         state.covariance[3:6] = _ORIENTATION_VARIANCE
         state.covariance[6:9] = self._variance[0]
         state.covariance[9:] = _RATE_VARIANCE
-        finish_state(state.record, self._legs.record, self._body, self._rotation)
+        finish_state(state.record, self._legs.records, self._body, self._rotation)
