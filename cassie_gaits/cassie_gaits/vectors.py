@@ -10,7 +10,7 @@ VectorLike = FloatArray | Vector
 
 
 @compiled
-def plus(a: Vector, b: Vector) -> Vector:
+def plus(a: VectorLike, b: VectorLike) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
