@@ -91,7 +91,8 @@ class Record:
         self.records = np.zeros(1, self.TYPE)
         words = self.records.view(np.uint8).data
         self._floats, self._integers = words.cast("d"), words.cast("q")
-        self._parts = {name: self.records[name][0] for name in self.TYPE.names or ()}
+        named = self.records.view(np.recarray)  # parts that are records have their fields by name
+        self._parts = {name: named[name][0] for name in self.TYPE.names or ()}
         given = dict(zip(self._parts, values, strict=False)) | figures
         for name, value in given.items():
             if name not in self._parts:

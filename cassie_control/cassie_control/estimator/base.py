@@ -247,9 +247,9 @@ _CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "heig
 class LegEstimator:
     """An estimator whose pelvis is left to its children.
 
-    Foot force is what the deflected springs hold (`LegChain.force`), scaled so that on average
-    both carry the weight of the nominal robot (`scale_forces`); load and contact probability follow
-    from it.
+    Foot force is what the deflected springs hold (`leg.spring_force`), scaled so that on average
+    both carry the weight of the nominal robot (`_scale_forces`); load and contact probability
+    follow from it.
 
     Args:
         config: Figures.

@@ -318,12 +318,11 @@ class SensorMonitor:
         pairs = self._watch.records["pairs"][0]
         self._bad: FloatArray = pairs["bad"].T
         self._trusted: FloatArray = pairs["trusted"].T
-        self._bad_acceleration: FloatArray = self._watch.records["accelerometer"]["bad"][0]
         self._beliefs: list[npt.NDArray[np.float64 | np.int64]] = [
             self._bad,
             self._trusted,
             pairs["life"],
-            self._bad_acceleration,
+            self._watch.accelerometer.bad,
             self._watch.bad_torque,
             self._watch.orientation,
         ]
@@ -384,7 +383,8 @@ class SensorMonitor:
     def _repair(self, sensors: Sensors, rotation: FloatArray) -> Sensors:
         result, (position, velocity) = self._repaired, self._trusted
         bad_position, bad_velocity = self._bad > 0.0
-        bad_acceleration, bad_torque = self._bad_acceleration > 0.0, self._watch.bad_torque > 0.0
+        bad_acceleration = self._watch.accelerometer.bad > 0.0
+        bad_torque = self._watch.bad_torque > 0.0
         self.mask = _mask(bad_position, bad_velocity, bad_acceleration)
         self.mask |= _bits(bad_torque) << channels.DRIVE_TORQUE
         both = bad_position & bad_velocity

@@ -561,7 +561,7 @@ class InvariantEstimator(LegEstimator):
     def _start(self) -> None:
         """Begin at rest with the IMU's orientation, the lower sole on the ground."""
         self._started = True
-        start, body, legs = self._filter, self._body, self._legs.records["states"][0]
+        start, body = self._filter, self._body
         R, points = body.attitude, start.points
         start.rotation = R
         points[1] = R @ body.imu
@@ -569,7 +569,7 @@ class InvariantEstimator(LegEstimator):
         points[1, :2] += self._state.q[:2]
         for i in range(2):
             points[2 + i] = points[1] + R @ body.arms[i]
-            start.soles[i] = R @ legs["foot_rotation"][i]
+            start.soles[i] = R @ self._legs.states[i].foot_rotation
         start.covariance = np.diag(np.square(np.ravel(_START)))
 
     def _set_noise(self) -> None:
