@@ -8,6 +8,7 @@ structures of floats: one costs a compiled function no more to take than one arr
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 
@@ -84,15 +85,26 @@ class LegState(Record):
     lower_leg: FloatArray = array(2, 3)
 
 
+class Chain(Protocol):
+    """What `next_link` reads of a record of links, see `Leg`."""
+
+    positions: FloatArray
+    rotations: FloatArray
+    zeros: FloatArray
+
+
 Axes = tuple[Vector, Vector, Vector]
 Motion = tuple[Axes, Vector, Vector, Vector]
+"""Of a link: axes, origin (m), its velocity (m/s) and the angular velocity (rad/s)."""
 
-_UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_ZERO = (0.0, 0.0, 0.0)
+UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Axes of the pelvis."""
+
+ZERO = (0.0, 0.0, 0.0)
 
 
 @compiled
-def _into(axes: Axes, v: VectorLike) -> Vector:
+def into(axes: Axes, v: VectorLike) -> Vector:
     """A vector given in a frame, in the pelvis frame."""
     x, y, z = axes
     return (
@@ -108,12 +120,12 @@ def _store(vector: Vector, out: FloatArray) -> None:
 
 
 @compiled
-def _next_link(motion: Motion, leg: Leg, i: int, joint: float, rate: float) -> Motion:
-    """Axes, origin, its velocity and the angular velocity of link i, from those of its parent."""
+def next_link(motion: Motion, leg: Chain, i: int, joint: float, rate: float) -> Motion:
+    """Of link i, from that of its parent; joint and rate in rad and rad/s."""
     axes, origin, velocity, omega = motion
-    arm, fixed = _into(axes, leg.positions[i]), leg.rotations[i]
-    x, y = _into(axes, fixed[:, 0]), _into(axes, fixed[:, 1])
-    z = _into(axes, fixed[:, 2])
+    arm, fixed = into(axes, leg.positions[i]), leg.rotations[i]
+    x, y = into(axes, fixed[:, 0]), into(axes, fixed[:, 1])
+    z = into(axes, fixed[:, 2])
     c, s = math.cos(joint - leg.zeros[i]), math.sin(joint - leg.zeros[i])
     turned = (plus(times(c, x), times(s, y)), minus(times(c, y), times(s, x)), z)
     velocity = plus(velocity, cross(omega, arm))
@@ -137,21 +149,21 @@ def leg_kinematics(
         loop: Its achilles rod.
         state: Result.
     """
-    motion = (_UPRIGHT, _ZERO, _ZERO, _ZERO)
-    moment, rate = _ZERO, _ZERO
-    shin = tarsus = swing = _ZERO
+    motion = (UPRIGHT, ZERO, ZERO, ZERO)
+    moment, rate = ZERO, ZERO
+    shin = tarsus = swing = ZERO
     for i in range(7):
-        motion = _next_link(motion, leg, i, joints[i], rates[i])
+        motion = next_link(motion, leg, i, joints[i], rates[i])
         axes, origin, velocity, omega = motion
         _store(axes[2], state.axes[i])
         _store(origin, state.origins[i])
-        own = _into(axes, leg.moments[i])
+        own = into(axes, leg.moments[i])
         moment = plus(moment, plus(times(leg.masses[i], origin), own))
         rate = plus(rate, plus(times(leg.masses[i], velocity), cross(omega, own)))
         if i == 4:
             shin = own
         elif i == 5:
-            tarsus, swing = own, _into(axes, leg.swing)
+            tarsus, swing = own, into(axes, leg.swing)
     _store(moment, state.com_moment)
     _store(rate, state.com_rate)
     _place_foot(motion, leg, state)
@@ -162,7 +174,7 @@ def leg_kinematics(
 @compiled
 def _place_foot(motion: Motion, leg: Leg, state: LegState) -> None:
     axes, origin, velocity, omega = motion
-    arm = _into(axes, leg.sole)
+    arm = into(axes, leg.sole)
     _store(origin, state.ankle)
     _store(plus(origin, arm), state.foot)
     _store(plus(velocity, cross(omega, arm)), state.foot_velocity)
@@ -234,7 +246,7 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
     bb = dot(by_tarsus, by_tarsus)
     determinant = aa * bb - ab * ab
     if determinant < 1e-6 or state.heel_gradient[1] == 0.0:
-        return _ZERO
+        return ZERO
     x = (bb * shin - ab * tarsus) / determinant
     y = (aa * tarsus - ab * shin) / determinant
     return plus(times(x, by_shin), times(y, by_tarsus))
