@@ -27,7 +27,7 @@ CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_v
 
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("mode", MODES)
-def test_no_fault_makes_her_fall_and_each_is_reported(mode):
+def test_no_fault_makes_it_fall_and_each_is_reported(mode):
     kinds = [kind for kind in FAULT_KINDS if kind != "delay"]
     cells = list(run_table(CHANNELS, kinds, [mode], seed=2))
     assert [(cell.channel, cell.kind) for cell in cells] == [
@@ -40,7 +40,7 @@ def test_no_fault_makes_her_fall_and_each_is_reported(mode):
 
 @pytest.mark.timeout(200)
 @pytest.mark.parametrize("channel", ["drive_torque.3", "drive_torque.9"])
-def test_a_torque_that_is_no_number_stops_her_and_no_more(channel):
+def test_a_torque_that_is_no_number_stops_it_and_no_more(channel):
     (cell,) = run_table([channel], ["nan"], ["walking"], seed=2)
     assert (cell.outcome, cell.latency) == ("stands", 0.0)
     assert cell.others == ()

@@ -110,7 +110,7 @@ def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
     assert min(step["height"] for step in steps) < 0.45
 
 
-def test_random_leans_do_not_throw_her_off():
+def test_random_leans_do_not_throw_it_off():
     """It turned as it rolled slowly backward, and the torso swung from side to side."""
     row = next(row for row in segway_rows() if row.name == "segway.leans")
     trial = next(t for t in row.trials(Budget(seeds=6), 0.0) if t.seed == 6)

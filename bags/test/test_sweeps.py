@@ -110,7 +110,7 @@ def test_a_radio_that_jumps_is_the_same_for_the_same_seed():
     assert {1.2, -0.7} <= {step.get("vx") for step in steps}
 
 
-def test_a_radio_that_jumps_does_not_make_her_fall():
+def test_a_radio_that_jumps_does_not_make_it_fall():
     (row,) = chosen_rows(["radio"])
     (trial,) = row.trials(Budget(seeds=1, seconds=2.0), 0.0)
     figures = run_trial(trial)

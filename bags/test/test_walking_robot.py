@@ -101,7 +101,7 @@ def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed, heavier):
     assert np.abs(track.angles[:, 1:]).max() < 0.5
 
 
-def test_the_pillar_of_the_waxed_floor_is_in_her_way():
+def test_the_pillar_of_the_waxed_floor_is_in_its_way():
     file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
     cores = make_cores(resolve(load_experiment(file)))
     loop, plant = connect(cores, lambda *_: None), cores.plant
@@ -114,7 +114,7 @@ def test_the_pillar_of_the_waxed_floor_is_in_her_way():
 
 
 @pytest.mark.parametrize("seed", [None, 4])
-def test_heels_that_dig_into_sand_pitch_her_feet_and_she_walks_on(seed):
+def test_heels_that_dig_into_sand_pitch_its_feet_and_it_walks_on(seed):
     """Feet pitched by 30 degrees looked like a slope, and the ground met them early: it fell."""
     file = Path(__file__).parents[1] / "experiments" / "sand_court.yaml"
     experiment = resolve(replace(load_experiment(file, (), seed), duration=24.0))
@@ -129,7 +129,7 @@ def test_heels_that_dig_into_sand_pitch_her_feet_and_she_walks_on(seed):
 
 
 @pytest.mark.parametrize("seed", [4, 8])
-def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
+def test_sticks_that_jump_do_not_make_it_run_away_to_the_side(seed):
     """Feet that were held back from far out let its speed to the side grow from step to step."""
     (row,) = chosen_rows(["radio.jumps"])
     trial = next(one for one in row.trials(Budget(), 0.0) if one.seed == seed)
@@ -146,7 +146,7 @@ def test_sticks_that_jump_do_not_make_her_run_away_to_the_side(seed):
     assert cores.plant.pelvis_pose[0][2] > 0.8
 
 
-def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_her():
+def test_feet_are_not_held_back_so_far_that_a_side_slope_throws_it():
     """By 4 cm, for the sake of a waxed floor: robot 8 fell as it came onto it."""
     (row,) = chosen_rows(["slope.side"])
     trial = next(one for one in row.trials(Budget(), 8.0) if one.seed == 8)

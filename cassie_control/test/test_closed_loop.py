@@ -58,7 +58,7 @@ def test_stands_on_after_a_push_of_5_newton_seconds(force):
     assert np.abs(robot.plant.pelvis_twist[:2]).max() < 0.3
 
 
-def test_rises_slowly_where_damping_let_her_sink():
+def test_rises_slowly_where_damping_let_it_sink():
     robot = Robot(Scenario(start="standing"))
     robot.run(1.5)
     robot.controller_lost = True

@@ -130,7 +130,7 @@ def test_off_and_damping_take_effect_at_once(mode):
     assert (command.velocity == 0.0).all() or mode is OFF
 
 
-def test_after_damping_she_stands_with_a_blend():
+def test_after_damping_it_stands_with_a_blend():
     core = controller()
     run(core, standing(), DAMP)
     first = run(core, standing(), STAND).kp.copy()
@@ -139,7 +139,7 @@ def test_after_damping_she_stands_with_a_blend():
     assert full[3] == pytest.approx(CONFIG.stand.kp_knee)
 
 
-def test_after_walking_she_stands_with_a_blend():
+def test_after_walking_it_stands_with_a_blend():
     core = walking(0.25)
     first = run(core, stepping(right=300.0), STAND).kp[[3, 8]].copy()
     assert core.activity is Activity.STANDING

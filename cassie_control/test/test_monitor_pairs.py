@@ -111,7 +111,7 @@ def ahead(request):
 
 
 @pytest.mark.parametrize("what", ["position", "velocity"])
-def test_however_she_walks_the_right_one_is_named_in_time(ahead, what):
+def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
     """Single walks had hidden that one of ten late channels was named late, or its partner was."""
     rng, loud, late, wrong = np.random.default_rng(4), 0, [], []
     channels = [f"{part}_{what}.{i}" for part, count in PAIRS.items() for i in range(count)]

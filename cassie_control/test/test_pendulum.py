@@ -45,7 +45,7 @@ def test_the_foot_stays_within_reach_and_apart(seed):
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_push_is_caught_by_less_the_faster_it_makes_her(way):
+def test_a_push_is_caught_by_less_the_faster_it_makes_it(way):
     slow, fast = (
         way * foot(IN_PLACE, LEFT_SWINGS, (0.0, 0.1, way * v, 0.23))[0] for v in (0.4, 0.8)
     )

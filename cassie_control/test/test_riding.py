@@ -133,7 +133,7 @@ def test_left_and_right_are_alike(seed):
 
 
 @pytest.mark.parametrize(("speed", "left"), [(4.0, 1.0), (2.0, CONFIG.roll_give)])
-def test_where_bumps_come_fast_hips_stay_stiff_as_one_foot_carries_her(speed, left):
+def test_where_bumps_come_fast_hips_stay_stiff_as_one_foot_carries_it(speed, left):
     """A platform that rolls on a lawn steers: limp hips would throw the torso to and fro."""
     pendulum = Pendulum()
     balance, readings = pendulum.balance, pendulum.readings
@@ -160,7 +160,7 @@ def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
     assert shifted(-4.0) == pytest.approx(shifted(4.0))
 
 
-def test_who_leans_her_at_a_steady_speed_tells_her_that_speed():
+def test_who_leans_it_at_a_steady_speed_tells_it_that_speed():
     """In one state all the time the ground seems to accelerate: without him it drifts off."""
     quick = replace(CONFIG, speed_time=0.5)
     leaning = mode_of(height=0.65, com_x=0.01, vx=3.0)
@@ -190,7 +190,7 @@ def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side(turn):
     assert fast - slow == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_her_own():
+def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_its_own():
     told, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01, vx=3.0), 2000)
     silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 2000)
     assert told.speed == pytest.approx(silent.speed, abs=1e-9)
@@ -215,7 +215,7 @@ def test_too_fast_a_turn_is_not_leant_into(side):
     assert side * leant(turn=2.0 * side, com_y=0.095 * side)[1] < 0.03
 
 
-def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
+def test_the_nearer_the_feet_the_less_it_leans_to_a_side():
     """It ends a walk with feet 0.22 to 0.27 m from each other, and tipped over them."""
     platform, narrow, narrower = (
         leant(ahead=0.03, outward=o, com_y=0.1)[1] for o in (0.03, 0.0, -0.02)
@@ -225,7 +225,7 @@ def test_the_nearer_the_feet_the_less_she_leans_to_a_side():
     assert narrower > 0.025
 
 
-def test_far_back_she_does_not_lean_to_a_side():
+def test_far_back_it_does_not_lean_to_a_side():
     """There the outer shin catches the pad of the bar, and its foot slips."""
     assert leant(ahead=0.05, com_y=0.05)[1] == pytest.approx(0.05)
     assert leant(com_y=0.05)[1] == pytest.approx(0.05)
@@ -233,7 +233,7 @@ def test_far_back_she_does_not_lean_to_a_side():
 
 
 @pytest.mark.parametrize(("carried", "left"), [(0.97, 1.0), (0.9, 0.5), (0.8, 0.0)])
-def test_she_leans_less_where_the_feet_do_not_carry_her(carried, left):
+def test_it_leans_less_where_the_feet_do_not_carry_it(carried, left):
     """A shin on the bar's pad did: the feet told of rest while it rolled backward, and fell."""
     half = 0.5 * carried * WEIGHT
     state = state_of(leg_joints(), leg_joints(), height=0.65, forces=(half, half))
@@ -252,7 +252,7 @@ def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
     assert -0.045 < ahead < 0.04
 
 
-def test_hands_off_she_steers_back_to_the_heading_that_she_had():
+def test_hands_off_it_steers_back_to_the_heading_that_it_had():
     """Only the yaw rate was held, and the heading wandered."""
     core, readings, mode = (
         RidingController(CONFIG, PERIOD),

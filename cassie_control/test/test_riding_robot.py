@@ -26,7 +26,7 @@ LET_DOWN = {
 @pytest.mark.parametrize(
     "force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)], ids=["fore", "aft", "side"]
 )
-def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
+def test_on_plain_ground_it_stands_pushes_as_in_stand(force):
     push = {"t": 6.0, "duration": 0.1, "force": force}
     scenario = {"start": "standing", "pushes": [push]}
     robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
@@ -40,7 +40,7 @@ def test_on_plain_ground_she_stands_pushes_as_in_stand(force):
     assert abs(robot.moments[-1].velocity).max() < 0.05
 
 
-def test_leant_to_a_side_after_a_walk_on_plain_ground_she_does_not_tip_over():
+def test_leant_to_a_side_after_a_walk_on_plain_ground_it_does_not_tip_over():
     """It ends a walk with its feet nearer to each other than a Segway's platform has them."""
     robot = Robot(Scenario(start="standing", draw=Draw.from_seed(3)), "faithful")
     robot.run(2.0)
@@ -82,7 +82,7 @@ def riding() -> Robot:
     return robot
 
 
-def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
+def test_a_segway_is_stopped_and_left_only_when_it_is_lifted(riding):
     assert riding.mode is RobotMode.SEGWAY
     assert _forward(riding) > 3.0
     riding.ask(mode=STAND, com_x=0.0)  # 14.5 s
@@ -98,7 +98,7 @@ def test_a_segway_is_stopped_and_left_only_when_she_is_lifted(riding):
     assert riding.plant.pelvis_pose[0][2] > 0.95
 
 
-def test_without_the_operators_link_she_brakes_and_stays_on_it():
+def test_without_the_operators_link_it_brakes_and_stays_on_it():
     robot = put_on(LET_DOWN["gantry"][:2], 4.0)
     robot.ask(com_x=0.05)
     robot.run(3.0)
@@ -110,7 +110,7 @@ def test_without_the_operators_link_she_brakes_and_stays_on_it():
     assert abs(_forward(robot)) < 0.4
 
 
-def test_leant_back_and_to_a_side_until_it_rolls_backward_she_is_not_thrown_off():
+def test_leant_back_and_to_a_side_until_it_rolls_backward_it_is_not_thrown_off():
     """It turned faster and faster as it slowed down, and threw it out as it rolled back."""
     robot = put_on(LET_DOWN["gantry"][:2], 5.0)
     robot.ask(com_x=0.06)

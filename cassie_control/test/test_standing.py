@@ -228,7 +228,7 @@ def test_who_has_not_settled_meets_a_push_with_less():
     assert (early < 0.0).all()
 
 
-def test_a_push_forward_makes_her_rise_and_others_do_not():
+def test_a_push_forward_makes_it_rise_and_others_do_not():
     still, forward, back, aside = (
         np.mean(lengths(settled(both_feet(velocity=v))))
         for v in ((0.0, 0.0), (0.4, 0.0), (-0.4, 0.0), (0.1, 0.4))

@@ -54,7 +54,7 @@ def test_a_push_between_standing_and_stepping_is_no_fall(force):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("seed", [2, 7])
-def test_let_down_with_one_foot_on_a_block_she_reaches_for_the_ground(side, seed):
+def test_let_down_with_one_foot_on_a_block_it_reaches_for_the_ground(side, seed):
     scene = {"scene": "block", "scene_parameters": {"height": 0.1, "side": side}}
     moves = [{"t": 0.5, "action": "lower", "height": 0.7, "speed": 0.3}]
     draw = vars(Draw.from_seed(seed))
@@ -66,7 +66,7 @@ def test_let_down_with_one_foot_on_a_block_she_reaches_for_the_ground(side, seed
 
 
 @pytest.mark.parametrize("force", [(200.0, 0.0, 0.0), (-145.0, -145.0, 0.0)])
-def test_a_push_beyond_that_makes_her_step_and_stand_again(force):
+def test_a_push_beyond_that_makes_it_step_and_stand_again(force):
     push = {"t": 2.0, "duration": 0.1, "force": force}
     robot = stood(0.9, 2.0, pushes=[push], draw=vars(Draw.from_seed(3)))
     told = set()
@@ -96,7 +96,7 @@ def test_without_the_recovery_step_such_a_push_is_a_fall():
 
 
 @pytest.mark.parametrize("force", [(50.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (0.0, 50.0, 0.0)])
-def test_late_torques_and_set_points_do_not_shake_her(force):
+def test_late_torques_and_set_points_do_not_shake_it(force):
     push = {"t": 4.0, "duration": 0.1, "force": force}
     robot = stood(0.9, 6.0, delays={"torque": 0.002, "set_point": 0.015}, pushes=[push])
     calm = [m.velocity for m in robot.moments if 3.0 < m.time < 4.0]
@@ -114,7 +114,7 @@ def test_late_commands_do_not_make_a_drawn_robot_ring(force):
     assert abs(robot.moments[-1].velocity).max() < 0.02
 
 
-def test_she_does_not_ring_where_commands_come_40_ms_late():
+def test_it_does_not_ring_where_commands_come_40_ms_late():
     push = {"t": 5.0, "duration": 0.1, "force": (30.0, 40.0, 0.0)}
     draw = vars(Draw.from_seed(9))
     robot = stood(0.9, 8.0, delays={"set_point": 0.04}, pushes=[push], draw=draw, **LET_DOWN)
@@ -122,7 +122,7 @@ def test_she_does_not_ring_where_commands_come_40_ms_late():
     assert abs(robot.moments[-1].velocity).max() < 0.02
 
 
-def test_she_stands_up_from_a_crouch_in_the_harness():
+def test_it_stands_up_from_a_crouch_in_the_harness():
     moves = [
         {"t": 0.1, "action": "hold", "height": 0.5, "speed": 1.0},
         {"t": 2.0, "action": "lower", "height": 0.4},
@@ -143,7 +143,7 @@ def test_she_stands_up_from_a_crouch_in_the_harness():
         ("tilting", {"rise_deg": 7.0, "side_deg": 7.0, "start": 3.0, "rate_deg": 5.0}),
     ],
 )
-def test_ground_that_moves_under_her_is_stood(scene, parameters):
+def test_ground_that_moves_under_it_is_stood(scene, parameters):
     robot = stood(0.85, 6.5, scene=scene, scene_parameters=parameters)
     assert not robot.fallen
     assert {m.activity for m in robot.moments if m.time > 1.0} == {"standing"}
@@ -151,7 +151,7 @@ def test_ground_that_moves_under_her_is_stood(scene, parameters):
     assert np.abs(np.array(late)[:, 1:]).max() < np.radians(5.0)
 
 
-def test_random_commands_do_not_make_her_fall():
+def test_random_commands_do_not_make_it_fall():
     """Every command the radio can make of standing, changing at random within seconds."""
     robot = stood(0.9, 2.0)
     draw = np.random.default_rng(5)

@@ -28,7 +28,7 @@ def test_losing_power_is_off_at_once(walking):
     assert walking.mode is OFF
 
 
-def test_tilted_she_damps_and_says_why(scene):
+def test_tilted_it_damps_and_says_why(scene):
     scene.state.q[5] = 0.5
     scene.run()
     assert scene.mode is DAMP
@@ -42,7 +42,7 @@ def test_walking_needs_standing_first(scene):
     assert scene.core.status.walk == "stand first"
 
 
-def test_hanging_she_stands_and_says_that_she_waits_to_be_let_down(scene):
+def test_hanging_it_stands_and_says_that_it_waits_to_be_let_down(scene):
     scene.state.foot_force[:] = 0.0
     scene.run(1.0)
     assert scene.mode is STAND
@@ -89,7 +89,7 @@ def test_walking_needs_standing_still_for_a_while(scene):
     assert scene.mode is WALK
 
 
-def test_a_height_that_is_wrong_for_a_moment_as_she_lands_is_no_fall(standing):
+def test_a_height_that_is_wrong_for_a_moment_as_it_lands_is_no_fall(standing):
     height = float(standing.state.q[2])
     standing.state.q[2] = 0.15
     standing.run(0.06)
@@ -118,7 +118,7 @@ def test_walking_ends_after_stepping_in_place(walking):
     assert walking.mode is STAND
 
 
-def test_she_straightens_up_before_she_stands_and_tilts_again_after_a_second(walking):
+def test_it_straightens_up_before_it_stands_and_tilts_again_after_a_second(walking):
     walking.ask(pitch=0.15, roll=-0.1, trims=(0.01, 0.0, 0.05, 0.0))
     assert float(walking.run(2.0).pitch) == pytest.approx(0.15)
     walking.ask(mode=int(STAND), height=0.6)
@@ -198,7 +198,7 @@ def test_a_lost_controller_damps_until_it_is_back(walking):
 
 
 @pytest.mark.parametrize(("index", "value"), [(4, 0.9), (5, -0.9)])
-def test_a_fall_damps_until_she_has_been_upright_for_a_while(walking, index, value):
+def test_a_fall_damps_until_it_has_been_upright_for_a_while(walking, index, value):
     walking.state.q[index] = value
     walking.run()
     assert walking.mode is DAMP
@@ -246,7 +246,7 @@ def test_too_low_to_stand_is_said(scene):
     assert scene.readiness == "the pelvis is at 0.30 m: lift it"
 
 
-def test_standing_begins_at_the_height_she_has_on_the_ground(scene):
+def test_standing_begins_at_the_height_it_has_on_the_ground(scene):
     scene.lost = True
     scene.state.q[2] = 0.6
     scene.run()
