@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.control.robot import Readings, set_tilt, turned
+from cassie_control.control.robot import Readings, set_tilt
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.leg import LegPair
 from cassie_gaits.names import LEGS
 from cassie_gaits.robot import WEIGHT
+from cassie_gaits.vectors import turned
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
 DRIVE_JOINTS = (0, 1, 2, 3, 6)

@@ -194,7 +194,7 @@ def test_a_filter_that_has_diverged_begins_anew(hung, field):
     rows = samples(hung, at(RESTS))
     core = monitored()
     answers(rows[:100], core)
-    core.core._filter[0][field][:] = np.nan
+    core.core._filter.records[field] = np.nan
     _, known, state = answers(rows[100:300], core)
     assert known[1:].all()
     assert np.isfinite(state.q).all()

@@ -12,7 +12,7 @@ from kinematic_gaits import kinematic_library
 from supervised import WALK
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator.faults import velocity_response
+from cassie_control.estimator.pairs import velocity_response
 from cassie_gaits.robot import DRIVE_VELOCITY_FILTER, ENCODER_RATE, JOINT_VELOCITY_FILTER
 from cassie_msgs.experiment.scenario import Scenario
 

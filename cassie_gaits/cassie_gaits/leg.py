@@ -8,85 +8,103 @@ structures of floats: one costs a compiled function no more to take than one arr
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.linkage import (
-    HEEL_LOOP_TYPE,
-    RecordArray,
+    HeelLoop,
     heel_deflection,
     heel_loop,
     link_rotation,
     pin_in_target,
 )
 from cassie_gaits.names import LEG_JOINTS, LEGS
-from cassie_gaits.vectors import Vector, cross, dot, minus, plus, times
-
-LEG_TYPE = np.dtype(
-    [
-        ("positions", float, (7, 3)),  # of each link's frame in its parent's, in m
-        ("rotations", float, (7, 3, 3)),  # the same, with the joint at its zero; columns are axes
-        ("zeros", float, 7),  # in rad
-        ("masses", float, 7),  # of the link with what moves along with it, in kg
-        ("moments", float, (7, 3)),  # mass times centre of mass in the link's frame, in kg m
-        ("swing", float, 3),  # rate of the tarsus's moment by the heel spring's angle, in kg m
-        ("sole", float, 3),  # middle of the sole's centre line in the toe link, in m
-        ("shin_stiffness", float),  # in Nm/rad
-        ("heel_stiffness", float),
-    ]
-)
-"""Numbers of one leg, hip_roll to toe."""
-
-STATE_TYPE = np.dtype(
-    [
-        ("axes", float, (7, 3)),  # joint axes
-        ("origins", float, (7, 3)),  # origins of the links, on the joint axes, in m
-        ("foot", float, 3),  # middle of the sole's centre line, in m
-        ("foot_velocity", float, 3),  # its velocity against the pelvis, in m/s
-        ("foot_rotation", float, (3, 3)),  # toe link to pelvis
-        ("ankle", float, 3),  # toe joint, in m
-        ("ankle_jacobian", float, (3, 7)),  # of the toe joint's position by the joints, in m/rad
-        ("com_moment", float, 3),  # sum of mass times position over the leg's links, in kg m
-        ("com_rate", float, 3),  # its rate of change against the pelvis, in kg m/s
-        ("springs", float, 2),  # deflection of shin and heel spring, in rad
-        ("heel_gradient", float, 2),  # of the heel's by shin and tarsus
-        # By shin and by tarsus, of the sum of mass times position below the springs, when the foot
-        # keeps its attitude, in kg m/rad:
-        ("lower_leg", float, (2, 3)),
-    ]
-)
-"""Kinematics of one leg.
-
-The heel spring's deflection is 0 where the achilles rod does not reach, which no true angles are.
-"""
-
-PAIR_TYPE = np.dtype(
-    [
-        ("legs", LEG_TYPE, (2,)),
-        ("loop", HEEL_LOOP_TYPE, (1,)),  # the same for both
-        ("states", STATE_TYPE, (2,)),
-        ("forces", float, (2,)),  # of the ground on each foot against gravity, in N
-    ]
-)
-"""Both legs, left and right, see `LegPair`."""
+from cassie_gaits.records import FloatArray, Record, Records, array, part
+from cassie_gaits.vectors import Vector, VectorLike, cross, dot, minus, plus, times
 
 
-FloatArray = npt.NDArray[np.float64]
+class Leg(Record):
+    """Numbers of one leg, hip_roll to toe.
+
+    Attributes:
+        positions: Of each link's frame in its parent's. In m.
+        rotations: Of these frames, with the joints at their zeros; columns are axes.
+        zeros: Of the joints. In rad.
+        masses: Of the links with what moves along with them. In kg.
+        moments: Mass times centre of mass in the link's frame. In kg m.
+        swing: Rate of the tarsus's moment by the heel spring's angle. In kg m.
+        sole: Middle of the sole's centre line in the toe link. In m.
+        shin_stiffness, heel_stiffness: In Nm/rad.
+    """
+
+    positions: FloatArray = array(7, 3)
+    rotations: FloatArray = array(7, 3, 3)
+    zeros: FloatArray = array(7)
+    masses: FloatArray = array(7)
+    moments: FloatArray = array(7, 3)
+    swing: FloatArray = array(3)
+    sole: FloatArray = array(3)
+    shin_stiffness: float
+    heel_stiffness: float
+
+
+class LegState(Record):
+    """Kinematics of one leg.
+
+    Attributes:
+        axes: Of the joints.
+        origins: Of the links, on the joint axes. In m.
+        foot: Middle of the sole's centre line. In m.
+        foot_velocity: Of that, against the pelvis. In m/s.
+        foot_rotation: Toe link to pelvis.
+        ankle: Toe joint. In m.
+        ankle_jacobian: Of the toe joint's position by the joints. In m/rad.
+        com_moment: Sum of mass times position over the leg's links. In kg m.
+        com_rate: Its rate of change against the pelvis. In kg m/s.
+        springs: Deflection of shin and heel spring; of the heel's 0 where the achilles rod does
+            not reach, which no true angles are. In rad.
+        heel_gradient: Of the heel spring's deflection by shin and tarsus.
+        lower_leg: By shin and by tarsus, of the sum of mass times position below the springs, when
+            the foot keeps its attitude. In kg m/rad.
+    """
+
+    axes: FloatArray = array(7, 3)
+    origins: FloatArray = array(7, 3)
+    foot: FloatArray = array(3)
+    foot_velocity: FloatArray = array(3)
+    foot_rotation: FloatArray = array(3, 3)
+    ankle: FloatArray = array(3)
+    ankle_jacobian: FloatArray = array(3, 7)
+    com_moment: FloatArray = array(3)
+    com_rate: FloatArray = array(3)
+    springs: FloatArray = array(2)
+    heel_gradient: FloatArray = array(2)
+    lower_leg: FloatArray = array(2, 3)
+
+
+class Chain(Protocol):
+    """What `next_link` reads of a record of links, see `Leg`."""
+
+    positions: FloatArray
+    rotations: FloatArray
+    zeros: FloatArray
+
+
 Axes = tuple[Vector, Vector, Vector]
 Motion = tuple[Axes, Vector, Vector, Vector]
+"""Of a link: axes, origin (m), its velocity (m/s) and the angular velocity (rad/s)."""
 
-GRAVITY = 9.81
-"""In m/s^2."""
-_UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_ZERO = (0.0, 0.0, 0.0)
+UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Axes of the pelvis."""
+
+ZERO = (0.0, 0.0, 0.0)
 
 
 @compiled
-def _into(axes: Axes, v: Any) -> Vector:
+def into(axes: Axes, v: VectorLike) -> Vector:
     """A vector given in a frame, in the pelvis frame."""
     x, y, z = axes
     return (
@@ -102,12 +120,12 @@ def _store(vector: Vector, out: FloatArray) -> None:
 
 
 @compiled
-def _next_link(motion: Motion, leg: Any, i: int, joint: float, rate: float) -> Motion:
-    """Axes, origin, its velocity and the angular velocity of link i, from those of its parent."""
+def next_link(motion: Motion, leg: Chain, i: int, joint: float, rate: float) -> Motion:
+    """Of link i, from that of its parent; joint and rate in rad and rad/s."""
     axes, origin, velocity, omega = motion
-    arm, fixed = _into(axes, leg.positions[i]), leg.rotations[i]
-    x, y = _into(axes, fixed[:, 0]), _into(axes, fixed[:, 1])
-    z = _into(axes, fixed[:, 2])
+    arm, fixed = into(axes, leg.positions[i]), leg.rotations[i]
+    x, y = into(axes, fixed[:, 0]), into(axes, fixed[:, 1])
+    z = into(axes, fixed[:, 2])
     c, s = math.cos(joint - leg.zeros[i]), math.sin(joint - leg.zeros[i])
     turned = (plus(times(c, x), times(s, y)), minus(times(c, y), times(s, x)), z)
     velocity = plus(velocity, cross(omega, arm))
@@ -118,46 +136,45 @@ def _next_link(motion: Motion, leg: Any, i: int, joint: float, rate: float) -> M
 def leg_kinematics(
     joints: FloatArray,
     rates: FloatArray,
-    legs: RecordArray,
-    loops: RecordArray,
-    states: RecordArray,
+    leg: Leg,
+    loop: HeelLoop,
+    state: LegState,
 ) -> None:
     """Kinematics of a leg.
 
     Args:
         joints: Shape (7,), in rad.
         rates: Shape (7,), in rad/s.
-        legs: The leg, of `LEG_TYPE`. Shape (1,).
-        loops: Its achilles rod, see `linkage.heel_loop`. Shape (1,).
-        states: Result, of `STATE_TYPE`. Shape (1,).
+        leg: Its numbers.
+        loop: Its achilles rod.
+        state: Result.
     """
-    leg, state = legs[0], states[0]
-    motion = (_UPRIGHT, _ZERO, _ZERO, _ZERO)
-    moment, rate = _ZERO, _ZERO
-    shin = tarsus = swing = _ZERO
+    motion = (UPRIGHT, ZERO, ZERO, ZERO)
+    moment, rate = ZERO, ZERO
+    shin = tarsus = swing = ZERO
     for i in range(7):
-        motion = _next_link(motion, leg, i, joints[i], rates[i])
+        motion = next_link(motion, leg, i, joints[i], rates[i])
         axes, origin, velocity, omega = motion
         _store(axes[2], state.axes[i])
         _store(origin, state.origins[i])
-        own = _into(axes, leg.moments[i])
+        own = into(axes, leg.moments[i])
         moment = plus(moment, plus(times(leg.masses[i], origin), own))
         rate = plus(rate, plus(times(leg.masses[i], velocity), cross(omega, own)))
         if i == 4:
             shin = own
         elif i == 5:
-            tarsus, swing = own, _into(axes, leg.swing)
+            tarsus, swing = own, into(axes, leg.swing)
     _store(moment, state.com_moment)
     _store(rate, state.com_rate)
     _place_foot(motion, leg, state)
-    _deflect_springs(joints, loops[0], state)
+    _deflect_springs(joints, loop, state)
     _hang_lower_leg(shin, tarsus, swing, leg, state)
 
 
 @compiled
-def _place_foot(motion: Motion, leg: Any, state: Any) -> None:
+def _place_foot(motion: Motion, leg: Leg, state: LegState) -> None:
     axes, origin, velocity, omega = motion
-    arm = _into(axes, leg.sole)
+    arm = into(axes, leg.sole)
     _store(origin, state.ankle)
     _store(plus(origin, arm), state.foot)
     _store(plus(velocity, cross(omega, arm)), state.foot_velocity)
@@ -169,7 +186,7 @@ def _place_foot(motion: Motion, leg: Any, state: Any) -> None:
 
 
 @compiled
-def _deflect_springs(joints: FloatArray, loop: Any, state: Any) -> None:
+def _deflect_springs(joints: FloatArray, loop: HeelLoop, state: LegState) -> None:
     heel, _, by_shin, by_tarsus = heel_deflection(joints[3], joints[4], joints[5], loop)
     if not math.isfinite(heel):
         heel = by_shin = by_tarsus = 0.0
@@ -178,7 +195,7 @@ def _deflect_springs(joints: FloatArray, loop: Any, state: Any) -> None:
 
 
 @compiled
-def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Any, state: Any) -> None:
+def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Leg, state: LegState) -> None:
     """Derivative of mass times position below the springs; the foot counts at the toe joint."""
     span = minus(state.origins[6], state.origins[5])
     about_tarsus = plus(tarsus, times(leg.masses[6], span))
@@ -192,9 +209,7 @@ def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Any, state
 
 
 @compiled
-def spring_force(
-    legs: RecordArray, states: RecordArray, toe_torque: float, up: FloatArray | Vector
-) -> Vector:
+def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -> Vector:
     """Ground force on the foot in the leg's plane, from the springs.
 
     The springs balance the ground force and the weight below them when shin and tarsus give
@@ -208,8 +223,8 @@ def spring_force(
     swinging leg shows some force too.
 
     Args:
-        legs: The leg. Shape (1,).
-        states: Its kinematics. Shape (1,).
+        leg: Its numbers.
+        state: Its kinematics.
         toe_torque: Of the toe drive at the joint. In Nm.
         up: Unit vector against gravity in the pelvis frame. Shape (3,).
 
@@ -221,18 +236,17 @@ def spring_force(
         The paper takes contact from the springs' deflection without a formula; its heel
         deflection q4 + q5 + q6 - 13 degrees (eq:SpringJacobian) is not used: see `heel_deflection`.
     """
-    leg, state = legs[0], states[0]
     heel = leg.heel_stiffness * state.springs[1]
     shin = leg.shin_stiffness * state.springs[0] + heel * state.heel_gradient[0]
-    shin += toe_torque + GRAVITY * dot(up, state.lower_leg[0])
+    shin += toe_torque + robot.GRAVITY * dot(up, state.lower_leg[0])
     tarsus = heel * state.heel_gradient[1] + toe_torque
-    tarsus += GRAVITY * dot(up, state.lower_leg[1])
+    tarsus += robot.GRAVITY * dot(up, state.lower_leg[1])
     by_shin, by_tarsus = state.ankle_jacobian[:, 4], state.ankle_jacobian[:, 5]
     aa, ab = dot(by_shin, by_shin), dot(by_shin, by_tarsus)
     bb = dot(by_tarsus, by_tarsus)
     determinant = aa * bb - ab * ab
     if determinant < 1e-6 or state.heel_gradient[1] == 0.0:
-        return _ZERO
+        return ZERO
     x = (bb * shin - ab * tarsus) / determinant
     y = (aa * tarsus - ab * shin) / determinant
     return plus(times(x, by_shin), times(y, by_tarsus))
@@ -243,8 +257,8 @@ def both_legs(
     joints: FloatArray,
     rates: FloatArray,
     toe_torques: FloatArray | tuple[float, float],
-    up: FloatArray | Vector,
-    pair: Any,
+    up: VectorLike,
+    pair: LegPair,
 ) -> None:
     """Kinematics and spring force of both legs.
 
@@ -253,10 +267,10 @@ def both_legs(
         rates: Shape (2, 7), in rad/s.
         toe_torques: Two, in Nm.
         up: Unit vector against gravity in the pelvis frame.
-        pair: Of `PAIR_TYPE`; gets states and forces.
+        pair: Gets states and forces.
     """
     for i in range(2):
-        leg, state = pair.legs[i : i + 1], pair.states[i : i + 1]
+        leg, state = pair.legs[i], pair.states[i]
         leg_kinematics(joints[i], rates[i], leg, pair.loop, state)
         pair.forces[i] = dot(up, spring_force(leg, state, toe_torques[i], up))
 
@@ -267,28 +281,31 @@ def update_pair(
     rates: FloatArray,
     toe_torques: FloatArray,
     up: FloatArray,
-    pairs: RecordArray,
+    pairs: Records[LegPair],
 ) -> None:
     """`both_legs` with the pair in an array of shape (1,)."""
     both_legs(joints, rates, toe_torques, up, pairs[0])
 
 
-class LegPair:
-    """Both legs at once, in one call of compiled code.
+class LegPair(Record):
+    """Both legs.
 
     Attributes:
-        record: All its numbers, for compiled functions, of `PAIR_TYPE`. Shape (1,).
-        states: Kinematics of left and right, of `STATE_TYPE`. Shape (2,).
-        forces: Of the ground on each foot against gravity. Shape (2,), in N.
+        legs: Left and right.
+        loop: Achilles rod, the same for both.
+        states: Their kinematics.
+        forces: Of the ground on each foot against gravity. In N.
     """
 
+    legs: Records[Leg] = part(Leg, 2)
+    loop: HeelLoop = part(HeelLoop)
+    states: Records[LegState] = part(LegState, 2)
+    forces: FloatArray = array(2)
+
     def __init__(self) -> None:
-        self.record: RecordArray = np.zeros(1, PAIR_TYPE)
-        pair = self.record[0]
-        pair["legs"] = np.concatenate([_leg_record(leg) for leg in LEGS])
-        pair["loop"] = heel_loop()
-        self.states: RecordArray = pair["states"]
-        self.forces: FloatArray = pair["forces"]
+        super().__init__()
+        self.records["legs"][0] = np.concatenate([_leg(name).records for name in LEGS])
+        self.records["loop"] = heel_loop().records
 
     def update(
         self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
@@ -301,24 +318,23 @@ class LegPair:
             toe_torques: Of the toe drives at the joint. Shape (2,), in Nm.
             up: Unit vector against gravity in the pelvis frame. Shape (3,).
         """
-        update_pair(joints, rates, toe_torques, up, self.record)
+        update_pair(joints, rates, toe_torques, up, self.records)
 
 
-def _leg_record(name: str) -> RecordArray:
-    """The numbers of a leg, of `LEG_TYPE`. Shape (1,).
+def _leg(name: str) -> Leg:
+    """The numbers of a leg.
 
     What hangs on a link counts with it. The heel spring gives way by a few degrees only and counts
     as fixed to the tarsus. The achilles rod is a mass at each of its ends. Foot crank, plantar
     rod, foot and tarsus are a parallelogram: the crank turns with the foot, the rod does not.
     """
     links = {link.name: link for link in robot.leg_links(name)}
-    legs = np.zeros(1, LEG_TYPE)
-    leg = legs[0]
+    leg = Leg()
     for i, joint in enumerate(LEG_JOINTS):
         link = links[joint]
-        leg["positions"][i] = link.position
-        leg["rotations"][i] = link_rotation(link)
-        leg["zeros"][i] = link.joint.zero
+        leg.positions[i] = link.position
+        leg.rotations[i] = link_rotation(link)
+        leg.zeros[i] = link.joint.zero
         _add_mass(leg, joint, link.mass, np.array(link.com))
     _add_fixed(leg, "knee", links["knee_spring"])
     _add_fixed(leg, "tarsus", links["heel_spring"])
@@ -327,28 +343,28 @@ def _leg_record(name: str) -> RecordArray:
     _add_mass(leg, "tarsus", crank.mass, np.array(crank.position))
     _add_mass(leg, "tarsus", rod.mass, np.add(crank.position, rod.com))
     turning = crank.mass * np.array(crank.com) + rod.mass * np.array(rod.position)
-    leg["moments"][LEG_JOINTS.index("toe")] += turning
-    leg["sole"] = np.mean(np.array(robot.FOOT_CONTACTS), axis=0)
-    leg["shin_stiffness"] = links["shin"].joint.stiffness
-    leg["heel_stiffness"] = links["heel_spring"].joint.stiffness
-    return legs
+    leg.moments[LEG_JOINTS.index("toe")] += turning
+    leg.sole = np.mean(np.array(robot.FOOT_CONTACTS), axis=0)
+    leg.shin_stiffness = links["shin"].joint.stiffness
+    leg.heel_stiffness = links["heel_spring"].joint.stiffness
+    return leg
 
 
-def _add_mass(leg: np.void, joint: str, mass: float, position: FloatArray) -> None:
+def _add_mass(leg: Leg, joint: str, mass: float, position: FloatArray) -> None:
     i = LEG_JOINTS.index(joint)
-    leg["masses"][i] += mass
-    leg["moments"][i] += mass * position
+    leg.masses[i] += mass
+    leg.moments[i] += mass * position
 
 
-def _add_fixed(leg: np.void, joint: str, link: robot.Link) -> None:
+def _add_fixed(leg: Leg, joint: str, link: robot.Link) -> None:
     _add_mass(leg, joint, link.mass, link.position + link_rotation(link) @ link.com)
 
 
-def _add_achilles_rod(leg: np.void, links: dict[str, robot.Link], *, mirrored: bool) -> None:
+def _add_achilles_rod(leg: Leg, links: dict[str, robot.Link], *, mirrored: bool) -> None:
     rod, heel = links["achilles_rod"], links["heel_spring"]
     closure = next(closure for closure in robot.RODS if closure.rod == rod.name)
     pin = pin_in_target(closure) * (1.0, 1.0, -1.0 if mirrored else 1.0)
     axes, far = link_rotation(heel), rod.mass * rod.com[0] / closure.length
     _add_mass(leg, "hip_pitch", rod.mass - far, np.array(rod.position))
     _add_mass(leg, "tarsus", far, heel.position + axes @ pin)
-    leg["swing"] = np.cross(axes[:, 2], axes @ (far * pin + heel.mass * np.array(heel.com)))
+    leg.swing = np.cross(axes[:, 2], axes @ (far * pin + heel.mass * np.array(heel.com)))

@@ -13,21 +13,19 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import KinematicsError
 from cassie_gaits.linkage import (
-    RecordArray,
+    HeelLoop,
     crank_angles,
     heel_deflection,
     heel_loop,
     link_rotation,
 )
 from cassie_gaits.names import LEG_JOINTS, LEGS
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray, Records
 
 ODOM_FRAME, BASE_FRAME, IMU_FRAME = "odom", "base_link", "imu_link"
 """Names after REP-105 and REP-120."""
@@ -129,7 +127,7 @@ class LinkPoses:
         self._axes = np.array([frame.axis for frame in MOVING_FRAMES])
         self._angles = np.zeros((len(LEGS), len(_LEG)))
         self._poses = np.zeros((1 + len(MOVING_FRAMES), 7))
-        self._loop = heel_loop()
+        self._loop = heel_loop().records
         (rod,) = (link for link in robot.LEFT_LEG if link.name == "achilles_rod")
         self._rod_zero = math.atan2(rod.x_axis[1], rod.x_axis[0])
 
@@ -158,7 +156,7 @@ class LinkPoses:
 
 @compiled
 def _heel_and_rod(
-    knee: float, shin: float, tarsus: float, loops: RecordArray
+    knee: float, shin: float, tarsus: float, loops: Records[HeelLoop]
 ) -> tuple[float, float]:
     """Deflection of the heel spring and direction of the achilles rod.
 
@@ -166,7 +164,7 @@ def _heel_and_rod(
         knee: q4. In rad.
         shin: q5. In rad.
         tarsus: q6. In rad.
-        loops: Of `linkage.heel_loop`. Shape (1,).
+        loops: See `linkage.heel_loop`. Shape (1,).
 
     Returns:
         Angle of the spring and, in the plane of the leg, of the rod from the hip pitch link's x

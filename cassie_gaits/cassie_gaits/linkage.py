@@ -13,35 +13,41 @@ image in the plane of the leg, so that all angles here hold for it too and vecto
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import KinematicsError
+from cassie_gaits.records import FloatArray, Record, array
 from cassie_gaits.vectors import dot
 
-RecordArray = npt.NDArray[np.void]
 
-HEEL_LOOP_TYPE = np.dtype(
-    [
-        ("knee", float, 2),  # joint axes in the plane of the leg, each in its parent's frame
-        ("shin", float, 2),
-        ("tarsus", float, 2),
-        ("knee_turn", float),  # of the frame about z from the hip pitch frame, less joint angles
-        ("tarsus_turn", float),
-        ("base", float, 3),  # the rod's base in the hip pitch frame, z from the knee's
-        ("heel", float, 3),  # the heel spring's joint in the tarsus
-        ("still", float, 3),  # tip from there: still + cosine cos(angle) + sine sin(angle)
-        ("cosine", float, 3),
-        ("sine", float, 3),
-        ("reach", float),  # square of the tip's distance from there, less that of the rod's length
-        ("branch", float),  # which of the two ways to close the loop is the spring's
-    ]
-)
-"""The loop of the achilles rod, see `heel_loop`."""
+class HeelLoop(Record):
+    """The loop of the achilles rod, see `heel_loop`. In m and rad.
+
+    Attributes:
+        knee, shin, tarsus: Joint axes in the plane of the leg, each in its parent's frame.
+        knee_turn, tarsus_turn: Of the frames about z from the hip pitch frame, less joint angles.
+        base: The rod's base in the hip pitch frame, z from the knee's.
+        heel: The heel spring's joint in the tarsus.
+        still, cosine, sine: Tip from there: still + cosine cos(angle) + sine sin(angle).
+        reach: Square of the tip's distance from there, less that of the rod's length. In m^2.
+        branch: Which of the two ways to close the loop is the spring's, 1 or -1.
+    """
+
+    knee: FloatArray = array(2)
+    shin: FloatArray = array(2)
+    tarsus: FloatArray = array(2)
+    knee_turn: float
+    tarsus_turn: float
+    base: FloatArray = array(3)
+    heel: FloatArray = array(3)
+    still: FloatArray = array(3)
+    cosine: FloatArray = array(3)
+    sine: FloatArray = array(3)
+    reach: float
+    branch: float
 
 
 # Share of the greatest C at which the achilles rod's loop still closes well: the derivatives of the
@@ -56,7 +62,7 @@ def _turned(x: float, y: float, c: float, s: float) -> tuple[float, float]:
 
 @compiled
 def heel_deflection(
-    knee: float, shin: float, tarsus: float, loop: Any
+    knee: float, shin: float, tarsus: float, loop: HeelLoop
 ) -> tuple[float, float, float, float]:
     """Deflection of the heel spring and its partial derivatives, compiled.
 
@@ -64,7 +70,7 @@ def heel_deflection(
         knee: q4. In rad.
         shin: q5. In rad.
         tarsus: q6. In rad.
-        loop: The entry of `heel_loop`.
+        loop: See `heel_loop`.
 
     Returns:
         Heel angle in rad and its derivatives to q4, q5, q6. All are NaN if the rod does not
@@ -101,8 +107,6 @@ def heel_deflection(
     by_shin = (rod_y * (x - shin_x) - rod_x * (y - shin_y)) / by_heel
     return heel, by_knee, by_shin, (rod_y * x - rod_x * y) / by_heel
 
-
-FloatArray = npt.NDArray[np.float64]
 
 _LINKS = {link.name: link for link in robot.LEFT_LEG}
 _RODS = {rod.rod: rod for rod in robot.RODS}
@@ -160,26 +164,26 @@ def _about_z(angle: float) -> FloatArray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def heel_loop() -> RecordArray:
-    """Geometry of the achilles rod's loop, for `heel_deflection`. Shape (1,), in m and rad."""
+def heel_loop() -> HeelLoop:
+    """Geometry of the achilles rod's loop, for `heel_deflection`."""
     spring, knee = _LINKS["heel_spring"], _LINKS["knee"]
     rod, base = _RODS["achilles_rod"], np.array(_LINKS["achilles_rod"].position)
-    loop = np.zeros(1, HEEL_LOOP_TYPE)
-    for name in ("knee", "shin", "tarsus"):
-        loop[name] = _LINKS[name].position[:2]
-    loop["knee_turn"] = _turn_about_z("knee")
-    loop["tarsus_turn"] = _turn_about_z("knee") + _turn_about_z("tarsus")
-    loop["base"] = base - (0.0, 0.0, knee.position[2])
-    loop["heel"] = spring.position
+    loop = HeelLoop()
+    for joint in ("knee", "shin", "tarsus"):
+        loop.records[joint] = _LINKS[joint].position[:2]
+    loop.knee_turn = _turn_about_z("knee")
+    loop.tarsus_turn = _turn_about_z("knee") + _turn_about_z("tarsus")
+    loop.base = base - (0.0, 0.0, knee.position[2])
+    loop.heel[:] = spring.position
     axes, pin = link_rotation(spring), _PINS[rod.rod]
-    loop["still"] = axes[:, 2] * pin[2]
-    loop["cosine"] = axes[:, :2] @ pin[:2]
-    loop["sine"] = axes[:, :2] @ (-pin[1], pin[0])
-    loop["reach"] = pin @ pin - rod.length * rod.length
+    loop.still = axes[:, 2] * pin[2]
+    loop.cosine = axes[:, :2] @ pin[:2]
+    loop.sine = axes[:, :2] @ (-pin[1], pin[0])
+    loop.reach = float(pin @ pin) - rod.length * rod.length
     # In the neutral pose the spring is relaxed: its angle is zero.
     position, rotation = _neutral("heel_spring", "hip_pitch")
     to_base = axes @ rotation.T @ (base - position)
-    loop["branch"] = -np.sign(to_base @ loop["sine"][0])
+    loop.branch = -math.copysign(1.0, to_base @ loop.sine)
     return loop
 
 
@@ -212,7 +216,7 @@ def heel_angle_and_slopes(
     Raises:
         KinematicsError: if the rod does not reach, or an angle is not finite.
     """
-    result = heel_deflection(knee, shin, tarsus, _HEEL_LOOP[0])
+    result = heel_deflection(knee, shin, tarsus, _HEEL_LOOP.records[0])
     if not math.isfinite(result[0]):
         if not math.isfinite(knee + shin + tarsus):
             raise KinematicsError(f"leg angles are ({knee}, {shin}, {tarsus}) rad, expected finite")

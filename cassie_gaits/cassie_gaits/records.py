@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 RecordArray = npt.NDArray[np.void]
 """Record of a message, such as `Sensors.record`, as compiled functions take it. Shape (1,)."""
 
@@ -48,9 +49,9 @@ def array(*shape: int) -> Any:
     return _Field(np.float64, shape)
 
 
-def whole() -> Any:
-    """A field that holds an integer."""
-    return _Field(np.int64, ())
+def whole(*shape: int) -> Any:
+    """A field that holds an integer, or an array of integers of this shape."""
+    return _Field(np.int64, shape)
 
 
 def part(record: type[Record], *shape: int) -> Any:
@@ -90,7 +91,8 @@ class Record:
         self.records = np.zeros(1, self.TYPE)
         words = self.records.view(np.uint8).data
         self._floats, self._integers = words.cast("d"), words.cast("q")
-        self._parts = {name: self.records[name][0] for name in self.TYPE.names or ()}
+        named = self.records.view(np.recarray)  # parts that are records have their fields by name
+        self._parts = {name: named[name][0] for name in self.TYPE.names or ()}
         given = dict(zip(self._parts, values, strict=False)) | figures
         for name, value in given.items():
             if name not in self._parts:

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray
 
 Vector = tuple[float, float, float]
+VectorLike = FloatArray | Vector
 
 
 @compiled
-def plus(a: Vector, b: Vector) -> Vector:
+def plus(a: VectorLike, b: VectorLike) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
-def minus(a: Any, b: Any) -> Vector:
+def minus(a: VectorLike, b: VectorLike) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
-def times(factor: float, a: Any) -> Vector:
+def times(factor: float, a: VectorLike) -> Vector:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 @compiled
-def cross(a: Any, b: Any) -> Vector:
+def cross(a: VectorLike, b: VectorLike) -> Vector:
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -35,9 +34,20 @@ def cross(a: Any, b: Any) -> Vector:
 
 
 @compiled
-def dot(a: Any, b: Any) -> float:
+def dot(a: VectorLike, b: VectorLike) -> float:
     total: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total
+
+
+@compiled
+def turned(rotation: FloatArray, vector: VectorLike) -> Vector:
+    """rotation (3, 3) times vector (3,)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    return (
+        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
+    )
 
 
 @compiled

@@ -46,8 +46,8 @@ def pair_at(joints: np.ndarray, up: np.ndarray = UP) -> LegPair:
 
 
 def force_of(pair: LegPair, i: int, toe_torque: float = 0.0, up: np.ndarray = UP) -> np.ndarray:
-    legs = pair.record[0]["legs"]
-    return np.array(spring_force(legs[i : i + 1], pair.states[i : i + 1], toe_torque, up))
+    legs = pair.records[0]["legs"]
+    return np.array(spring_force(legs[i], pair.states[i], toe_torque, up))
 
 
 def force_on(leg: str, joints: np.ndarray, toe_torque: float = 0.0, up: np.ndarray = UP):

@@ -24,7 +24,7 @@ from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.trial import has_fallen
-from cassie_control.estimator.fusion import GRAVITY
+from cassie_gaits import robot
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push
 from cassie_msgs.layout import Mode
@@ -52,7 +52,7 @@ STEPS = 14
 PENDULUM_HEIGHT = 0.9
 """Of the CoM over the ground, for the rate by which its position counts as velocity. In m."""
 
-POSITION_RATE = math.sqrt(GRAVITY / PENDULUM_HEIGHT)
+POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
 """sqrt(g / height): makes m/s of the CoM's position. In 1/s."""
 
 _SLOWEST = 1.5  # s, longest time for a step before a run counts as stopped

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.control.figures import INERTIA, Figures
+from cassie_control.control.figures import Figures
 from cassie_control.control.forces import carried_share, damped_weight, holding_torques
 from cassie_control.control.outputs import Step, adjust
 from cassie_control.control.robot import Robot
@@ -39,6 +39,7 @@ from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import StepTiming, plan
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg import LegPair
 from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angle
 from cassie_msgs.layout import MotorCommand
@@ -89,7 +90,7 @@ _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and u
 def drive(
     figures: Records[Figures],
     robots: Records[Robot],
-    pairs: RecordArray,
+    pairs: Records[LegPair],
     timings: Records[StepTiming],
     slopes: Records[GroundSlope],
     modes: RecordArray,
@@ -105,7 +106,7 @@ def drive(
 
     Args:
         figures, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
-        pairs: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
+        pairs: Kinematics of both legs. Shape (1,).
         timings: Phase, whose rate follows `remaining`. Shape (1,).
         modes: `Mode.record`, with the torso's angles. Shape (1,).
         steps: The step; changed in place. Shape (1,).
@@ -279,7 +280,17 @@ def inertia_torques(
     knee: float,
     inertia: FloatArray,
 ) -> tuple[float, float, float]:
-    """See `swing_torques`."""
+    """Torques of hip roll, hip pitch and knee that accelerate a swinging leg.
+
+    Args:
+        rates: Desired rates of leg roll, leg pitch and leg length. In rad/s and m/s.
+        accelerations: The same for accelerations. In rad/s^2 and m/s^2.
+        knee: Angle that gives the desired leg length. In rad.
+        inertia: See `figures.INERTIA`. Shape (4, 4), in kg m^2.
+
+    Returns:
+        In Nm.
+    """
     bend = knee + KNEE_OFFSET
     sine, cosine = math.sin(bend), math.cos(bend)
     squares, product = SHIN * SHIN + THIGH * THIGH, SHIN * THIGH
@@ -314,19 +325,3 @@ def _cubic(table: FloatArray, row: int, x: float) -> float:
 def _cubic_slope(table: FloatArray, row: int, x: float) -> float:
     value: float = table[row, 1] + x * (2.0 * table[row, 2] + x * 3.0 * table[row, 3])
     return value
-
-
-def swing_torques(
-    rates: tuple[float, float, float], accelerations: tuple[float, float, float], length: float
-) -> tuple[float, float, float]:
-    """Torques of hip roll, hip pitch and knee.
-
-    Args:
-        rates: Desired rates of leg roll, leg pitch and leg length. In rad/s and m/s.
-        accelerations: The same for accelerations. In rad/s^2 and m/s^2.
-        length: Desired leg length. In m.
-
-    Returns:
-        In Nm.
-    """
-    return inertia_torques(rates, accelerations, virtual_leg.knee_angle(length), INERTIA)

@@ -14,9 +14,8 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
+from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
-
-Vector = tuple[float, float, float]
 
 HIP_ROLL_X, HIP_Y = 0.021, 0.135
 """Hip roll axis in the pelvis frame, left; y mirrored. In m."""
@@ -103,23 +102,12 @@ def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
 
 
 @compiled
-def turned(rotation: FloatArray, vector: FloatArray) -> tuple[float, float, float]:
-    """rotation (3, 3) times vector (3,)."""
-    x, y, z = vector[0], vector[1], vector[2]
-    return (
-        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
-        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
-        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
-    )
-
-
-@compiled
-def read_robot(states: RecordArray, pairs: RecordArray, robots: Records[Robot]) -> None:
+def read_robot(states: RecordArray, pairs: Records[LegPair], robots: Records[Robot]) -> None:
     """What the control laws read of a state estimate.
 
     Args:
         states: `RobotState.record`. Shape (1,).
-        pairs: Result, kinematics of both legs, `leg.LegPair.record`. Shape (1,).
+        pairs: Result, kinematics of both legs. Shape (1,).
         robots: Result. Shape (1,).
     """
     estimate, pair, robot = states[0], pairs[0], robots[0]
@@ -273,7 +261,7 @@ class Readings:
         state: The estimate itself.
         tilt: Rotation pelvis to heading frame. Shape (3, 3).
         records: `Robot`, for compiled functions. Shape (1,).
-        pair: Kinematics of both legs, `leg.LegPair.record`. Shape (1,).
+        pair: Kinematics of both legs, `leg.LegPair`. Shape (1,).
     """
 
     height: float
@@ -291,10 +279,10 @@ class Readings:
     def __init__(self) -> None:
         robot, pair = Robot(), LegPair()
         self.records = robot.records
-        self.pair = pair.record
+        self.pair = pair.records
         self.tilt: FloatArray = robot.tilt
         self.state = RobotState()
-        jacobians = [state["ankle_jacobian"] for state in pair.states]
+        jacobians = pair.records["states"]["ankle_jacobian"][0]
         self.legs = tuple(
             LegReadings(i, robot.rates[i], jacobians[i], self._unpack) for i in range(len(LEGS))
         )

@@ -1,19 +1,14 @@
-"""The accelerometer against the forces on the pelvis, compiled. See `faults` for the reasoning."""
+"""The accelerometer against the forces on the pelvis. See `faults` for the reasoning."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray, IntArray, Record, array, whole
 
-FloatArray = npt.NDArray[np.float64]
-
-KEPT = 192
-"""Ticks of expected acceleration that are kept: longer than the longest of `_DELAYS` at 2 kHz."""
+_KEPT = 192  # ticks of expected acceleration: more than the longest of `DELAYS` at 2 kHz
 
 DELAYS = (0.02, 0.03, 0.04)
 """Delays that are looked for; those beside them fit one of these better than none. In s."""
@@ -37,6 +32,59 @@ _AHEAD = (0.0431, -0.0035, 0.0013, 0.0012, -0.0241, -0.1339, -0.0199, 0.0283)
 _ASIDE = (-0.0021, 0.0512, 0.0236, -0.2135, -0.0122, -0.0034, 0.0221, 0.0160)
 _UPWARD = (0.0080, 0.0030, 0.0292, -0.0025, -0.0270, -0.0904, 0.0010, -0.0237)
 _LEAST_HEIGHT = 0.4  # m
+
+
+class Accelerometer(Record):
+    """What is remembered of the accelerometer, by axis.
+
+    Attributes:
+        measured: Newest first. In m/s^2.
+        same: Ticks for which it has had the same bits.
+        spikes: Their fading count.
+        smooth: Measured smoothed fast and slow, expected likewise. In m/s^2.
+        expected: Ring of what is expected to change within a step. In m/s^2.
+        power: Of that. In (m/s^2)^2.
+        late: Time for which it fitted each of `DELAYS` better. In s.
+        bad: Time for which it is not believed yet. In s.
+        carried: Share of late in which the feet carried the robot.
+        blow: Time for which the echo of one may go on. In s.
+    """
+
+    measured: FloatArray = array(3, 3)
+    same: IntArray = whole(3)
+    spikes: FloatArray = array(3)
+    smooth: FloatArray = array(4, 3)
+    expected: FloatArray = array(_KEPT, 3)
+    power: FloatArray = array(3)
+    late: FloatArray = array(len(DELAYS), 3)
+    bad: FloatArray = array(3)
+    carried: float
+    blow: float
+
+
+class AccelerometerLimits(Record):
+    """What is normal of the accelerometer.
+
+    Attributes:
+        period: Between samples. In s.
+        hold: Time that an axis stays unbelieved after it last was wrong. In s.
+        largest: In m/s^2.
+        spike: In m/s^2.
+        late: Time for which each axis must fit each of `DELAYS` better. In s.
+        weight: Of the robot. In N.
+    """
+
+    period: float
+    hold: float
+    largest: float
+    spike: float
+    late: FloatArray = array(len(DELAYS), 3)
+    weight: float
+
+    def __init__(self, period: float, hold: float) -> None:
+        """Of the nominal robot, at a period between samples in s and a hold in s."""
+        super().__init__(period, hold, largest=300.0, spike=6.0, weight=robot.WEIGHT)
+        self.late[:] = (0.0205, 0.0205, 0.0165), (0.0275, 0.0225, 0.0175), (0.030, 0.0205, 0.0195)
 
 
 @compiled
@@ -79,80 +127,90 @@ def expect_acceleration(
 
 
 @compiled
-def look_at_acceleration(watch: Any, limit: Any, expected: FloatArray, force: float) -> None:
+def look_at_acceleration(
+    axes: Accelerometer,
+    limit: AccelerometerLimits,
+    ticks: int,
+    expected: FloatArray,
+    force: float,
+    trusted: bool,
+) -> None:
     """Compare the accelerometer with itself and with what is expected of the last sample.
 
     Args:
-        watch: Of `faults.WATCH_TYPE`.
-        limit: Of `faults.LIMITS_TYPE`.
+        axes: Changed in place.
+        limit: What is normal.
+        ticks: Since the start.
         expected: Shape (3,), in m/s^2.
         force: Of both feet. In N.
+        trusted: Whether all sensors that these come from are believed.
     """
-    dt, a = limit.period, watch.acceleration
+    dt, a = limit.period, axes.measured
     stands = 1.0 if force > _CARRIED * limit.weight else 0.0
-    watch.blow = max(0.0, watch.blow - dt)
-    watch.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - watch.carried)
+    axes.blow = max(0.0, axes.blow - dt)
+    axes.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - axes.carried)
     # Neither what a gantry does is expected, nor anything true of sensors that fail.
-    trusted = watch.bad.max() <= 0.0 and watch.bad_torque.max() <= 0.0
-    known = trusted and watch.carried > _CARRIED_SHARE
+    known = trusted and axes.carried > _CARRIED_SHARE
     for k in range(3):
-        watch.bad_acceleration[k] = max(0.0, watch.bad_acceleration[k] - dt)
-        watch.same_acceleration[k] = watch.same_acceleration[k] + 1 if a[0, k] == a[1, k] else 0
-        watch.acceleration_spikes[k] *= math.exp(-dt / _SPIKE_TIME)
+        axes.bad[k] = max(0.0, axes.bad[k] - dt)
+        axes.same[k] = axes.same[k] + 1 if a[0, k] == a[1, k] else 0
+        axes.spikes[k] *= math.exp(-dt / _SPIKE_TIME)
         out = abs(a[1, k] - 0.5 * (a[0, k] + a[2, k]))
         # A step, as where a push begins or ends, is none.
-        if out > max(limit.acceleration_spike, abs(a[0, k] - a[2, k])):
-            watch.acceleration_spikes[k] += 1.0
-        wrong = not abs(a[0, k]) <= limit.acceleration
-        wrong = wrong or dt * watch.same_acceleration[k] > _FROZEN - 0.5 * dt
-        wrong = wrong or watch.acceleration_spikes[k] > _SPIKES
-        late = _late(watch, limit, k, a[1, k], expected[k])
+        if out > max(limit.spike, abs(a[0, k] - a[2, k])):
+            axes.spikes[k] += 1.0
+        wrong = not abs(a[0, k]) <= limit.largest
+        wrong = wrong or dt * axes.same[k] > _FROZEN - 0.5 * dt
+        wrong = wrong or axes.spikes[k] > _SPIKES
+        late = _late(axes, limit, ticks, k, expected[k])
         if not known:
-            watch.late_acceleration[:, k] = 0.0
+            axes.late[:, k] = 0.0
         if wrong or (late and known):
-            watch.bad_acceleration[k] = limit.hold
+            axes.bad[k] = limit.hold
 
 
 @compiled
-def _late(watch: Any, limit: Any, k: int, measured: float, expected: float) -> bool:
-    """Whether an axis follows what was expected a while ago, and not by chance."""
-    dt = limit.period
-    if watch.ticks == 0:
-        watch.smooth[:, k] = measured, measured, expected, expected
+def _late(
+    axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int, expected: float
+) -> bool:
+    """Whether axis k follows what was expected a while ago, and not by chance."""
+    dt, measured = limit.period, axes.measured[1, k]
+    if ticks == 0:
+        axes.smooth[:, k] = measured, measured, expected, expected
     band = [measured, expected]
     for j in range(2):
-        fast, slow = watch.smooth[2 * j, k], watch.smooth[2 * j + 1, k]
+        fast, slow = axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k]
         fast += (1.0 - math.exp(-dt / _FAST)) * (band[j] - fast)
         slow += (1.0 - math.exp(-dt / _SLOW)) * (fast - slow)
-        watch.smooth[2 * j, k], watch.smooth[2 * j + 1, k] = fast, slow
+        axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k] = fast, slow
         band[j] = fast - slow
-    now, place = band[1], watch.ticks % KEPT
-    watch.expected[place, k] = now
-    watch.power[k] += (1.0 - math.exp(-dt / _POWER_TIME)) * (now * now - watch.power[k])
-    scale = _UNSURE * watch.power[k] + _NOISE
+    now = band[1]
+    axes.expected[ticks % _KEPT, k] = now
+    axes.power[k] += (1.0 - math.exp(-dt / _POWER_TIME)) * (now * now - axes.power[k])
+    scale = _UNSURE * axes.power[k] + _NOISE
     misfit, late = min(1.0, (band[0] - now) ** 2 / scale), False
-    if _unexplained(watch, dt, k, band[0]) > _BLOW * scale:
-        watch.blow = _BLOW_TIME
+    if _unexplained(axes, ticks, dt, k, band[0]) > _BLOW * scale:
+        axes.blow = _BLOW_TIME
     for j in range(len(DELAYS)):
         count = int(DELAYS[j] / dt + 0.5)
-        before = watch.expected[(watch.ticks - count) % KEPT, k] if watch.ticks >= count else now
+        before = axes.expected[(ticks - count) % _KEPT, k] if ticks >= count else now
         gain = misfit - min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
-        if watch.blow > 0.0:
+        if axes.blow > 0.0:
             gain = min(0.0, gain)
-        total = max(0.0, watch.late_acceleration[j, k] + dt * gain)
-        watch.late_acceleration[j, k] = min(_LARGEST * limit.late_acceleration[j, k], total)
-        late = late or total > limit.late_acceleration[j, k]
+        total = max(0.0, axes.late[j, k] + dt * gain)
+        axes.late[j, k] = min(_LARGEST * limit.late[j, k], total)
+        late = late or total > limit.late[j, k]
     return late
 
 
 @compiled
-def _unexplained(watch: Any, dt: float, k: int, measured: float) -> float:
-    """Least square (m^2/s^4) by which an axis is off what was expected now or up to 40 ms ago."""
+def _unexplained(axes: Accelerometer, ticks: int, dt: float, k: int, measured: float) -> float:
+    """Least square (m^2/s^4) by which axis k is off what was expected now or up to 40 ms ago."""
     least, late = math.inf, 0.0
     while late < DELAYS[-1] + 0.5 * dt:
         count = int(late / dt + 0.5)
-        if count > watch.ticks:
+        if count > ticks:
             break
-        least = min(least, (measured - watch.expected[(watch.ticks - count) % KEPT, k]) ** 2)
+        least = min(least, (measured - axes.expected[(ticks - count) % _KEPT, k]) ** 2)
         late += _NEAREST
     return least

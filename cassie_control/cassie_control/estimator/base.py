@@ -3,117 +3,125 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.fusion import com_in_heading
 from cassie_control.finite import LARGEST, check
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
-from cassie_gaits.vectors import is_within
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
+from cassie_gaits.vectors import cross, is_within, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-FloatArray = npt.NDArray[np.float64]
-RecordArray = npt.NDArray[np.void]
-
-BODY_TYPE = np.dtype(
-    [
-        ("period", float),  # between samples, s
-        ("mass", float),  # of the robot, kg
-        ("pelvis_moment", float, 3),  # mass times centre of mass of the pelvis, kg m
-        ("imu", float, 3),  # its position in the pelvis, m
-        # Of the configuration, see `config`:
-        ("load_from", float),  # N
-        ("load_span", float),
-        ("contact_force", float),
-        ("contact_width", float),
-        ("height_bandwidth", float),  # 1/s
-        # Of the last sample:
-        ("toe_torques", float, 2),  # Nm
-        ("attitude", float, (3, 3)),  # IMU to world, as the IMU itself has it
-        ("arms", float, (2, 3)),  # middle of each sole from the IMU, pelvis frame, m
-        # What is remembered:
-        ("scale", float, 3),  # share of late in which the feet carried it, the factor of their
-        # springs' forces, and the time that it is averaged over, s
-        ("ground", float),  # height of the ground under the loaded feet, m
-    ]
-)
-"""The robot as every estimator has it."""
-
-
-GRAVITY = 9.81
-FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, over which forces are averaged: at first, at last
+_FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, over which forces are averaged: at first, at last
 _CONTACT_TIME = 0.05  # s
 _STANDS = 0.6  # share of what is felt, that feet which carry it seem to carry at least
 _LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
 
 
+class Body(Record):
+    """The robot as every estimator has it.
+
+    Those with the name of a field of `EstimatorConfig` come from there.
+
+    Attributes:
+        period: Between samples. In s.
+        mass: Of the robot. In kg.
+        pelvis_moment: Mass times centre of mass of the pelvis. In kg m.
+        imu: Its position in the pelvis. In m.
+        toe_torques: Of the last sample. In Nm.
+        attitude: IMU to world, as the IMU itself had it at the last sample.
+        arms: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
+        carried: Share of late in which the feet carried it.
+        scale: Factor of their springs' forces.
+        scale_time: Over which this factor is averaged. In s.
+        ground: Height of the ground under the loaded feet. In m.
+    """
+
+    period: float
+    mass: float
+    pelvis_moment: FloatArray = array(3)
+    imu: FloatArray = array(3)
+    load_from: float
+    load_span: float
+    contact_force: float
+    contact_width: float
+    height_bandwidth: float
+    toe_torques: FloatArray = array(2)
+    attitude: FloatArray = array(3, 3)
+    arms: FloatArray = array(2, 3)
+    carried: float
+    scale: float
+    scale_time: float
+    ground: float
+
+
 @compiled
 def read_legs(
-    samples: RecordArray, states: RecordArray, pairs: RecordArray, bodies: RecordArray
+    samples: RecordArray, states: RecordArray, pairs: Records[LegPair], bodies: Records[Body]
 ) -> None:
     """Joints, kinematics, forces and loads of the legs; and what the state repeats of the sample.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
-        pairs: Result, `LegPair.record`. Shape (1,).
-        bodies: Of `BODY_TYPE`. Shape (1,).
+        pairs: Result, kinematics of both legs. Shape (1,).
+        bodies: The robot; what it has of the last sample is brought up to date. Shape (1,).
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
-    _pass_on(sample, state)
+    _pass_on(samples, states)
     joints, rates, up = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7), body.attitude[2]
-    _arrange_joints(sample, joints, rates, body.toe_torques)
+    _arrange_joints(sample, joints, rates, body)
     rotation_of(sample.orientation, body.attitude)
     both_legs(joints, rates, body.toe_torques, up, pair)
     for i in range(2):
         for k in range(3):
             body.arms[i, k] = pair.states[i].foot[k] - body.imu[k]
-    _scale_forces(body, pair.forces, sample.linear_acceleration, up, state.foot_force)
-    _weigh_feet(body, state.foot_force, state.foot_load, state.contact_probability)
+    _scale_forces(body, pair.forces, sample.linear_acceleration, state.foot_force)
+    _weigh_feet(body, state)
 
 
 @compiled
-def finish(state: Any, pair: Any, body: Any, rotation: FloatArray) -> None:
+def finish(state: RobotState, pair: LegPair, body: Body, rotation: FloatArray) -> None:
     """Euler angles, and the CoM, of a pelvis that is known.
 
     Args:
-        state: Of `RobotState.RECORD`; has position, velocity and angular velocity.
-        pair: Of `PAIR_TYPE`.
-        body: Of `BODY_TYPE`.
+        state: Has position, velocity and angular velocity; gets the others.
+        pair: Kinematics of both legs.
+        body: The robot.
         rotation: Pelvis to world. Shape (3, 3).
     """
-    rate = state.angular_velocity
-    euler_angles(rotation, rate, state.q[3:6], state.v[3:6])
-    com_in_heading(
-        rotation,
-        state.q[3],
-        rate,
-        state.v[:3],
-        pair.states,
-        body.pelvis_moment,
-        body.mass,
-        state.com_position,
-        state.com_velocity,
-    )
+    euler_angles(rotation, state.angular_velocity, state.q[3:6], state.v[3:6])
+    _place_com(state, pair, body, rotation)
 
 
 @compiled
-def finish_state(
-    states: RecordArray, pairs: RecordArray, bodies: RecordArray, rotation: FloatArray
-) -> None:
-    """`finish` with records in arrays of shape (1,)."""
-    finish(states[0], pairs[0], bodies[0], rotation)
+def _place_com(state: RobotState, pair: LegPair, body: Body, rotation: FloatArray) -> None:
+    """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame."""
+    left, right, mass = pair.states[0], pair.states[1], body.mass
+    moment = plus(plus(body.pelvis_moment, left.com_moment), right.com_moment)
+    com = (moment[0] / mass, moment[1] / mass, moment[2] / mass)
+    rate = plus(left.com_rate, right.com_rate)
+    drift = (rate[0] / mass, rate[1] / mass, rate[2] / mass)
+    drift = turned(rotation, plus(drift, cross(state.angular_velocity, com)))
+    offset = turned(rotation, minus(com, times(0.5, plus(left.foot, right.foot))))
+    c, s = math.cos(state.q[3]), math.sin(state.q[3])
+    vx, vy = state.v[0] + drift[0], state.v[1] + drift[1]
+    state.com_position[0] = c * offset[0] + s * offset[1]
+    state.com_position[1] = c * offset[1] - s * offset[0]
+    state.com_position[2] = offset[2]
+    state.com_velocity[0] = c * vx + s * vy
+    state.com_velocity[1] = c * vy - s * vx
+    state.com_velocity[2] = state.v[2] + drift[2]
 
 
 @compiled
-def _pass_on(sample: Any, state: Any) -> None:
+def _pass_on(samples: RecordArray, states: RecordArray) -> None:
     """What the state repeats of the sample."""
+    sample, state = samples[0], states[0]
     state.sec, state.nanosec = sample.sec, sample.nanosec
     state.episode, state.seq = sample.episode, sample.seq
     state.power = sample.power
@@ -126,15 +134,13 @@ def _pass_on(sample: Any, state: Any) -> None:
 
 
 @compiled
-def _arrange_joints(
-    sample: Any, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray
-) -> None:
+def _arrange_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: Body) -> None:
     """Measurements of drives and joints in the order along each leg.
 
     Args:
-        sample: Of `Sensors.RECORD`.
+        sample: Where they are.
         joints, rates: Result, hip_roll to toe. Shape (2, 7), in rad and rad/s.
-        toe_torques: Result. Shape (2,), in Nm.
+        body: Gets the toes' torques.
     """
     for i in range(2):
         for k in range(4):
@@ -145,12 +151,12 @@ def _arrange_joints(
             rates[i, 4 + k] = sample.joint_velocity[3 * i + k]
         joints[i, 6] = sample.drive_position[5 * i + 4]
         rates[i, 6] = sample.drive_velocity[5 * i + 4]
-        toe_torques[i] = sample.drive_torque[5 * i + 4]
+        body.toe_torques[i] = sample.drive_torque[5 * i + 4]
 
 
 @compiled
 def _scale_forces(
-    body: Any, springs: FloatArray, specific_force: FloatArray, up: FloatArray, forces: FloatArray
+    body: Body, springs: FloatArray, specific_force: FloatArray, forces: FloatArray
 ) -> None:
     """Forces of the feet such that on average they carry the robot's weight.
 
@@ -158,40 +164,34 @@ def _scale_forces(
     the springs hold, averaged over a step, must be the mass times what the accelerometer feels.
 
     Args:
-        body: Of `BODY_TYPE`; its scale is brought up to date.
+        body: The robot; its scale is brought up to date.
         springs: Vertical forces after the nominal springs. Shape (2,), in N.
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
-        up: The vertical in the pelvis frame. Shape (3,).
         forces: Result. Shape (2,), in N.
     """
-    scale, period, mass = body.scale, body.period, body.mass
+    period, mass, up = body.period, body.mass, body.attitude[2]
     carried, felt = springs[0] + springs[1], 0.0
     for k in range(3):
         felt += mass * up[k] * specific_force[k]
     stands = 1.0 if carried > _STANDS * felt else 0.0  # else a gantry carries too
-    scale[0] += period / _CONTACT_TIME * (stands - scale[0])
-    if scale[0] > 0.5:
-        scale[2] = min(_SCALE_TIME, scale[2] + period)
-        scale[1] += period / scale[2] * (felt - scale[1] * carried) / (mass * GRAVITY)
-        scale[1] = max(_LEAST_SCALE, min(_LARGEST_SCALE, scale[1]))
+    body.carried += period / _CONTACT_TIME * (stands - body.carried)
+    if body.carried > 0.5:
+        body.scale_time = min(_SCALE_TIME, body.scale_time + period)
+        missing = felt - body.scale * carried
+        body.scale += period / body.scale_time * missing / (mass * robot.GRAVITY)
+        body.scale = max(_LEAST_SCALE, min(_LARGEST_SCALE, body.scale))
     for i in range(2):
-        forces[i] = scale[1] * springs[i]
+        forces[i] = body.scale * springs[i]
 
 
 @compiled
-def _weigh_feet(body: Any, forces: FloatArray, load: FloatArray, contact: FloatArray) -> None:
-    """Load and probability of contact of each foot, from its force.
-
-    Args:
-        body: Of `BODY_TYPE`.
-        forces: Shape (2,), in N.
-        load: Result, 0..1. Shape (2,).
-        contact: Result, 0..1. Shape (2,).
-    """
+def _weigh_feet(body: Body, state: RobotState) -> None:
+    """Load and probability of contact of each foot, from its force."""
     for i in range(2):
-        load[i] = max(0.0, min(1.0, (forces[i] - body.load_from) / body.load_span))
-        odds = (body.contact_force - forces[i]) / body.contact_width
-        contact[i] = 1.0 / (1.0 + math.exp(max(-50.0, min(50.0, odds))))
+        force = state.foot_force[i]
+        state.foot_load[i] = max(0.0, min(1.0, (force - body.load_from) / body.load_span))
+        odds = (body.contact_force - force) / body.contact_width
+        state.contact_probability[i] = 1.0 / (1.0 + math.exp(max(-50.0, min(50.0, odds))))
 
 
 @compiled
@@ -247,9 +247,9 @@ _CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "heig
 class LegEstimator:
     """An estimator whose pelvis is left to its children.
 
-    Foot force is what the deflected springs hold (`LegChain.force`), scaled so that on average
-    both carry the weight of the nominal robot (`scale_forces`); load and contact probability follow
-    from it.
+    Foot force is what the deflected springs hold (`leg.spring_force`), scaled so that on average
+    both carry the weight of the nominal robot (`_scale_forces`); load and contact probability
+    follow from it.
 
     Args:
         config: Figures.
@@ -260,14 +260,12 @@ class LegEstimator:
         self._period = period
         self._state = RobotState()
         self._legs = LegPair()
-        self._feet: FloatArray = self._legs.states["foot"]
-        self._body = np.zeros(1, BODY_TYPE)
-        body = self._body[0]
-        body["period"], body["mass"] = period, robot.total_mass()
-        body["pelvis_moment"] = robot.PELVIS.mass * np.array(robot.PELVIS.com)
-        body["imu"] = robot.IMU_POSITION
-        self._attitude: FloatArray = body["attitude"]
-        self._rotation = np.eye(3)
+        self._feet: FloatArray = self._legs.records["states"]["foot"][0]
+        self._body = Body(period=period, mass=robot.total_mass())
+        self._body.pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
+        self._body.imu[:] = robot.IMU_POSITION
+        self._body.attitude = np.eye(3)
+        self._rotation = self._body.attitude
         self._configure(config)
 
     @property
@@ -292,13 +290,14 @@ class LegEstimator:
     def _configure(self, config: EstimatorConfig) -> None:
         self._config = config
         for name in _CONFIGURED:
-            self._body[name] = getattr(config, name)
+            setattr(self._body, name, getattr(config, name))
 
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         self._state.floats[:] = 0.0
-        self._body["scale"] = 0.0, 1.0, FIRST_TIME
-        self._body["ground"] = 0.0
+        body = self._body
+        body.carried, body.scale, body.scale_time = 0.0, 1.0, _FIRST_TIME
+        body.ground = 0.0
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest; place and counted turns are kept."""
@@ -321,7 +320,7 @@ class LegEstimator:
                 estimate then stays as it was.
         """
         _check(sensors)
-        read_legs(sensors.record, self._state.record, self._legs.record, self._body)
+        read_legs(sensors.record, self._state.record, self._legs.records, self._body.records)
         self._move(sensors)
         return self._state
 
@@ -331,7 +330,7 @@ class LegEstimator:
 
     def _first_height(self) -> float:
         """Pelvis height when the lower foot touches level ground. In m."""
-        return robot.SOLE_RADIUS - float((self._feet @ self._attitude[2]).min())
+        return robot.SOLE_RADIUS - float((self._feet @ self._body.attitude[2]).min())
 
 
 @compiled

@@ -3,41 +3,154 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator.base import LegEstimator, finish
+from cassie_control.estimator.base import Body, LegEstimator, finish
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.fusion import read_pelvis
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_msgs.layout import Sensors
+from cassie_gaits.leg import LegPair
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
+from cassie_gaits.vectors import Vector, cross, turned
+from cassie_msgs.layout import RobotState, Sensors
 
-FloatArray = npt.NDArray[np.float64]
-Vector = tuple[float, float, float]
-RecordArray = npt.NDArray[np.void]
+SIZE = 21
+"""Errors of the filter: orientation, velocity, position, left and right contact, gyro and
+accelerometer bias, three of each."""
+
+_R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
+
+
+class FilterState(Record):
+    """State of the filter.
+
+    Attributes:
+        rotation: IMU to world.
+        points: World: velocity and position of the IMU, left and right contact. In m/s and m.
+        gyro_bias: In rad/s.
+        accelerometer_bias: In m/s^2.
+        covariance: Of the errors.
+        soles: Orientation of each foot in the world at the last sample.
+        ground: Rise of the ground ahead, along the feet.
+        doubt: Of each foot, 0..1: 1 when it slips, fading.
+    """
+
+    rotation: FloatArray = array(3, 3)
+    points: FloatArray = array(4, 3)
+    gyro_bias: FloatArray = array(3)
+    accelerometer_bias: FloatArray = array(3)
+    covariance: FloatArray = array(SIZE, SIZE)
+    soles: FloatArray = array(2, 3, 3)
+    ground: float
+    doubt: FloatArray = array(2)
+
+
+class FilterNoise(Record):
+    """What the filter takes for granted.
+
+    Attributes:
+        period: Between samples. In s.
+        gyro: Variance by time. In (rad/s)^2 s.
+        accelerometer: Variance by time. In (m/s^2)^2 s.
+        gyro_bias: Variance that it gains. In (rad/s)^2/s.
+        largest_gyro_bias: In rad/s.
+        accelerometer_bias: Variance that it gains. In (m/s^2)^2/s.
+        stance: Variance that a contact under load gains. In m^2/s.
+        swing: Variance that a foot in the air gains. In m^2/s.
+        kinematics: Variance of a foot's position from the pelvis. In m^2.
+        tilt: Of the IMU's own roll and pitch, as white noise. In rad^2.
+        heading: Of its yaw. In rad^2.
+        hanging: Of the velocity of a robot that does not touch the ground. In (m/s)^2.
+        gate: Squared Mahalanobis distance beyond which a foot slips.
+        slip_decay: Of the doubt, over one period.
+        attitude_delay: In s.
+        sole_radius: In m.
+        sole_line: From the middle of the sole's centre line to its front, toe link. In m.
+        sole_flat: Height of a sole's end over the ground below which both touch. In m.
+        ground_time: In which the ground's rise is learned from a still foot. In s.
+        ground_still: Turn rate of such a foot. In rad/s.
+    """
+
+    period: float
+    gyro: float
+    accelerometer: float
+    gyro_bias: float
+    largest_gyro_bias: float
+    accelerometer_bias: float
+    stance: float
+    swing: float
+    kinematics: float
+    tilt: float
+    heading: float
+    hanging: float
+    gate: float
+    slip_decay: float
+    attitude_delay: float
+    sole_radius: float
+    sole_line: FloatArray = array(3)
+    sole_flat: float
+    ground_time: float
+    ground_still: float
 
 
 @compiled
-def cross(a: Any, b: Any) -> Vector:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+def move(
+    samples: RecordArray,
+    states: RecordArray,
+    pairs: Records[LegPair],
+    bodies: Records[Body],
+    filters: Records[FilterState],
+    noises: Records[FilterNoise],
+) -> bool:
+    """The filter, and the state that follows from it; False where the filter has diverged.
+
+    Args:
+        samples: `Sensors.record`. Shape (1,).
+        states: Result, `RobotState.record`. Shape (1,).
+        pairs: Legs as `read_legs` left them. Shape (1,).
+        bodies: The robot; the height of its ground follows the loaded feet. Shape (1,).
+        filters: Changed in place. Shape (1,).
+        noises: Figures of the filter. Shape (1,).
+    """
+    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
+    _step_filter(sample, state.contact_probability, pair, body, filters[0], noises[0])
+    if not _read_pelvis(filters[0], noises[0], body, sample.angular_velocity, state):
+        return False
+    finish(state, pair, body, filters[0].rotation)
+    return True
 
 
 @compiled
-def rotated(matrix: FloatArray, v: Any) -> Vector:
-    """Matrix times vector."""
-    return (
-        matrix[0, 0] * v[0] + matrix[0, 1] * v[1] + matrix[0, 2] * v[2],
-        matrix[1, 0] * v[0] + matrix[1, 1] * v[1] + matrix[1, 2] * v[2],
-        matrix[2, 0] * v[0] + matrix[2, 1] * v[1] + matrix[2, 2] * v[2],
-    )
+def _step_filter(
+    sample: Sensors,
+    contact: FloatArray,
+    pair: LegPair,
+    body: Body,
+    state: FilterState,
+    noise: FilterNoise,
+) -> None:
+    """Predict over one period with the IMU, then correct.
+
+    Args:
+        sample: Means over the period, and the IMU's own orientation `attitude_delay` ago.
+        contact: Probability of each foot's contact. Shape (2,).
+        pair, body, state, noise: See `move`.
+    """
+    sole = np.empty((3, 3))
+    _predict(state, noise, sample.angular_velocity, sample.linear_acceleration, contact)
+    for i in range(2):
+        multiply(state.rotation, pair.states[i].foot_rotation, sole)
+        _roll(state, noise, i, sole, contact[i])
+        state.soles[i] = sole
+    _correct_by_feet(state, noise, body.arms)
+    correction = np.zeros(SIZE)
+    _correct_by_attitude(state, noise, body.attitude, sample.angular_velocity, correction)
+    touching = max(contact[0], contact[1])
+    if touching < 0.5:
+        _correct_by_hanging(state, noise.hanging / (1.0 - touching) ** 2, correction)
+    _apply(state, noise, correction)
 
 
 @compiled
@@ -66,7 +179,18 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
 
 
 @compiled
-def times(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
+def small_turn(before: FloatArray, after: FloatArray) -> Vector:
+    """Rotation vector from one orientation (3, 3) to a near one: skew part of after before^T."""
+    x = y = z = 0.0
+    for c in range(3):
+        x += 0.5 * (after[2, c] * before[1, c] - after[1, c] * before[2, c])
+        y += 0.5 * (after[0, c] * before[2, c] - after[2, c] * before[0, c])
+        z += 0.5 * (after[1, c] * before[0, c] - after[0, c] * before[1, c])
+    return x, y, z
+
+
+@compiled
+def multiply(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
     """Product of two 3 x 3 matrices; `out` is neither of them."""
     for i in range(3):
         for j in range(3):
@@ -75,56 +199,13 @@ def times(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
             )
 
 
-SIZE = 21
-"""Errors of the filter: orientation, velocity, position, left and right contact, gyro and
-accelerometer bias, three of each."""
-
-GRAVITY = 9.81
-_R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
-
-
-@compiled
-def filter_step(
-    filters: RecordArray,
-    noises: RecordArray,
-    angular_velocity: FloatArray,
-    specific_force: FloatArray,
-    attitude: FloatArray,
-    feet: FloatArray,
-    foot_rotations: FloatArray,
-    contact: FloatArray,
-) -> None:
-    """Predict over one period with the IMU, then correct.
-
-    Args:
-        filters: State, of `FILTER_TYPE`. Shape (1,).
-        noises: Figures, of `NOISE_TYPE`. Shape (1,).
-        angular_velocity: Mean over the period, pelvis frame. Shape (3,), in rad/s.
-        specific_force: The same at the IMU. Shape (3,), in m/s^2.
-        attitude: The IMU's own orientation, to the world, `attitude_delay` ago. Shape (3, 3).
-        feet: Middle of each sole's centre line from the IMU, pelvis frame. Shape (2, 3), in m.
-        foot_rotations: Toe links to pelvis. Shape (2, 3, 3).
-        contact: Probability of each foot's contact. Shape (2,).
-    """
-    state, noise = filters[0], noises[0]
-    turned = np.empty((3, 3))
-    _predict(state, noise, angular_velocity, specific_force, contact)
-    for i in range(2):
-        times(state.rotation, foot_rotations[i], turned)
-        _roll(state, noise, i, turned, contact[i])
-        state.soles[i] = turned
-    _correct_by_feet(state, noise, feet)
-    correction = np.zeros(SIZE)
-    _correct_by_attitude(state, noise, attitude, angular_velocity, correction)
-    touching = max(contact[0], contact[1])
-    if touching < 0.5:
-        _correct_by_hanging(state, noise.hanging / (1.0 - touching) ** 2, correction)
-    _apply(state, noise, correction)
-
-
 @compiled
 def _predict(
-    state: Any, noise: Any, angular_velocity: FloatArray, specific_force: FloatArray, contact: Any
+    state: FilterState,
+    noise: FilterNoise,
+    angular_velocity: FloatArray,
+    specific_force: FloatArray,
+    contact: FloatArray,
 ) -> None:
     """X over one period, with what the IMU measured less its biases."""
     dt = noise.period
@@ -135,7 +216,7 @@ def _predict(
         dt * (angular_velocity[2] - bias[2]),
     )
     _grow(state, noise, contact)
-    turn, jacobian, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    turn, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     exponential(w[0], w[1], w[2], turn, jacobian)
     bias = state.accelerometer_bias
     force = (
@@ -143,31 +224,25 @@ def _predict(
         specific_force[1] - bias[1],
         specific_force[2] - bias[2],
     )
-    force = rotated(state.rotation, rotated(jacobian, force))
+    force = turned(state.rotation, turned(jacobian, force))
     velocity, position = state.points[0], state.points[1]
     for k in range(3):
-        a = force[k] - (GRAVITY if k == 2 else 0.0)
+        a = force[k] - (robot.GRAVITY if k == 2 else 0.0)
         position[k] += dt * (velocity[k] + 0.5 * dt * a)
         velocity[k] += dt * a
-    times(state.rotation, turn, turned)
-    state.rotation[:] = turned
+    multiply(state.rotation, turn, new)
+    state.rotation[:] = new
 
 
 @compiled
-def _roll(state: Any, noise: Any, i: int, sole: FloatArray, contact: float) -> None:
+def _roll(state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, contact: float) -> None:
     """Move the middle of a foot that turned on the ground without slipping.
 
-    The small turn is the skew part of after before^T. A sole that is not level with the ground
-    stands on one end of its line, and on its round edge: the middle moves by
-    turn x (radius up - end).
+    A sole that is not level with the ground stands on one end of its line, and on its round edge:
+    the middle moves by turn x (radius up - end).
     """
-    before = state.soles[i]
-    turn = [0.0, 0.0, 0.0]
-    for k in range(3):
-        a, b = (k + 1) % 3, (k + 2) % 3
-        for c in range(3):
-            turn[k] += 0.5 * (sole[b, c] * before[a, c] - sole[a, c] * before[b, c])
-    line = rotated(sole, noise.sole_line)
+    turn = small_turn(state.soles[i], sole)
+    line = turned(sole, noise.sole_line)
     rise = line[2] - state.ground * math.hypot(line[0], line[1])
     side = max(-1.0, min(1.0, -rise / noise.sole_flat))
     arm = (-side * line[0], -side * line[1], noise.sole_radius - side * line[2])
@@ -180,7 +255,7 @@ def _roll(state: Any, noise: Any, i: int, sole: FloatArray, contact: float) -> N
 
 
 @compiled
-def _grow(state: Any, noise: Any, contact: FloatArray) -> None:
+def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
     """Covariance over one period: P = F P F^T + Q with F = 1 + A dt."""
     _flow(state, noise.period, state.covariance)
     _flow(state, noise.period, state.covariance.T)
@@ -188,16 +263,16 @@ def _grow(state: Any, noise: Any, contact: FloatArray) -> None:
 
 
 @compiled
-def _flow(state: Any, dt: float, P: FloatArray) -> None:
+def _flow(state: FilterState, dt: float, P: FloatArray) -> None:
     """P <- F P; rows in an order in which each still finds the old ones that it needs."""
     R = state.rotation
     for j in range(SIZE):
-        gyro = rotated(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
-        force = rotated(R, (dt * P[_BA, j], dt * P[_BA + 1, j], dt * P[_BA + 2, j]))
+        gyro = turned(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
+        force = turned(R, (dt * P[_BA, j], dt * P[_BA + 1, j], dt * P[_BA + 2, j]))
         for k in range(3):
             P[_P + k, j] += dt * P[_V + k, j]
-        P[_V, j] += dt * GRAVITY * P[_R + 1, j]
-        P[_V + 1, j] -= dt * GRAVITY * P[_R, j]
+        P[_V, j] += dt * robot.GRAVITY * P[_R + 1, j]
+        P[_V + 1, j] -= dt * robot.GRAVITY * P[_R, j]
         for i in range(4):
             swept = cross(state.points[i], gyro)
             for k in range(3):
@@ -208,7 +283,7 @@ def _flow(state: Any, dt: float, P: FloatArray) -> None:
 
 
 @compiled
-def _add_noise(state: Any, noise: Any, contact: FloatArray) -> None:
+def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
     """Q of one period: the gyro's noise sweeps all vectors about the world's origin."""
     P, dt = state.covariance, noise.period
     sweep = np.zeros((15, 3))
@@ -238,12 +313,12 @@ def _add_noise(state: Any, noise: Any, contact: FloatArray) -> None:
 
 
 @compiled
-def _correct_by_feet(state: Any, noise: Any, feet: FloatArray) -> None:
+def _correct_by_feet(state: FilterState, noise: FilterNoise, feet: FloatArray) -> None:
     """z = R h + p - d of each foot."""
     P = state.covariance
     correction, gain, z = np.zeros(SIZE), np.empty(SIZE), np.empty((2, 3))
     for i in range(2):
-        arm = rotated(state.rotation, feet[i])
+        arm = turned(state.rotation, feet[i])
         for k in range(3):
             z[i, k] = arm[k] + state.points[1, k] - state.points[2 + i, k]
         _let_slip(state, noise, i, z[i])
@@ -271,7 +346,7 @@ def _take(
 
 
 @compiled
-def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
+def _let_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> None:
     """Widen the contact's covariance where the innovation is too far off for a still foot."""
     P, d = state.covariance, _D + 3 * i
     S = np.empty((3, 3))
@@ -293,18 +368,18 @@ def _let_slip(state: Any, noise: Any, i: int, z: FloatArray) -> None:
 
 
 @compiled
-def _apply(state: Any, noise: Any, correction: FloatArray) -> None:
+def _apply(state: FilterState, noise: FilterNoise, correction: FloatArray) -> None:
     """X <- exp(correction) X, biases added.
 
     On a vehicle that accelerates the gyro's would take in what the resting feet contradict.
     """
-    turn, jacobian, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    turn, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     exponential(correction[0], correction[1], correction[2], turn, jacobian)
-    times(turn, state.rotation, turned)
-    state.rotation[:] = turned
+    multiply(turn, state.rotation, new)
+    state.rotation[:] = new
     for i in range(4):
-        moved = rotated(turn, state.points[i])
-        shift = rotated(jacobian, correction[_V + 3 * i : _V + 3 * i + 3])
+        moved = turned(turn, state.points[i])
+        shift = turned(jacobian, correction[_V + 3 * i : _V + 3 * i + 3])
         for k in range(3):
             state.points[i, k] = moved[k] + shift[k]
     for k in range(3):
@@ -315,27 +390,25 @@ def _apply(state: Any, noise: Any, correction: FloatArray) -> None:
 
 @compiled
 def _correct_by_attitude(
-    state: Any, noise: Any, measured: FloatArray, rate: FloatArray, correction: FloatArray
+    state: FilterState,
+    noise: FilterNoise,
+    measured: FloatArray,
+    rate: FloatArray,
+    correction: FloatArray,
 ) -> None:
     """z = Log(R_imu exp(delay rate) R^T), from its skew part."""
     P, R = state.covariance, state.rotation
-    z = np.empty(3)
+    turn, late, gain = small_turn(R, measured), turned(R, rate), np.empty(SIZE)
     for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        z[k] = 0.0
-        for a in range(3):
-            z[k] += 0.5 * (measured[j, a] * R[i, a] - measured[i, a] * R[j, a])
-    late, gain = rotated(R, rate), np.empty(SIZE)
-    for k in range(3):
-        z[k] += noise.attitude_delay * late[k]
+        z = turn[k] + noise.attitude_delay * late[k]
         for j in range(SIZE):
             gain[j] = P[k, j]
         r = noise.heading if k == 2 else noise.tilt
-        _take(P, gain, gain[k] + r, z[k] - correction[k], correction)
+        _take(P, gain, gain[k] + r, z - correction[k], correction)
 
 
 @compiled
-def _correct_by_hanging(state: Any, variance: float, correction: FloatArray) -> None:
+def _correct_by_hanging(state: FilterState, variance: float, correction: FloatArray) -> None:
     """z = -v: what hangs for long does not fly; too weak to matter between two steps."""
     P, gain = state.covariance, np.empty(SIZE)
     for k in range(3):
@@ -345,81 +418,58 @@ def _correct_by_hanging(state: Any, variance: float, correction: FloatArray) -> 
         _take(P, gain, gain[_V + k] + variance, rest, correction)
 
 
-FILTER_TYPE = np.dtype(
-    [
-        ("rotation", float, (3, 3)),  # IMU to world
-        ("points", float, (4, 3)),  # world: velocity, position of the IMU, left, right contact
-        ("gyro_bias", float, 3),  # rad/s
-        ("accelerometer_bias", float, 3),  # m/s^2
-        ("covariance", float, (SIZE, SIZE)),
-        ("soles", float, (2, 3, 3)),  # orientation of each foot in the world at the last sample
-        ("ground", float),  # rise of the ground ahead, along the feet
-        ("doubt", float, 2),  # 0..1, of each foot: 1 when it slips, fading
-    ]
-)
-"""State of the filter."""
+@compiled
+def _read_pelvis(
+    estimate: FilterState,
+    noise: FilterNoise,
+    body: Body,
+    angular_velocity: FloatArray,
+    state: RobotState,
+) -> bool:
+    """The pelvis's origin from the filter's IMU; False where the filter has diverged.
 
-NOISE_TYPE = np.dtype(
-    [
-        ("period", float),  # s
-        ("gyro", float),  # variances by time: (rad/s)^2 s
-        ("accelerometer", float),  # (m/s^2)^2 s
-        ("gyro_bias", float),  # (rad/s)^2 / s
-        ("largest_gyro_bias", float),  # rad/s
-        ("accelerometer_bias", float),  # (m/s^2)^2 / s
-        ("stance", float),  # m^2/s, of a contact under load
-        ("swing", float),  # m^2/s, of a foot in the air
-        ("kinematics", float),  # m^2, of a foot's position from the pelvis
-        ("tilt", float),  # rad^2, of the IMU's own roll and pitch, as white noise
-        ("heading", float),  # rad^2, of its yaw
-        ("hanging", float),  # (m/s)^2, of the velocity of a robot that does not touch the ground
-        ("gate", float),  # squared Mahalanobis distance beyond which a foot slips
-        ("slip_decay", float),  # of the doubt, over one period
-        ("attitude_delay", float),  # s
-        ("sole_radius", float),  # m
-        ("sole_line", float, 3),  # from the middle of the sole's centre line to its front, toe link
-        ("sole_flat", float),  # m, height of a sole's end over the ground below which both touch
-        ("ground_time", float),  # s, in which the ground's rise is learned from a still foot
-        ("ground_still", float),  # rad/s, turn rate of such a foot
-    ]
-)
-"""What the filter takes for granted."""
+    Args:
+        estimate, noise, body: See `move`.
+        angular_velocity: Measured. Shape (3,), in rad/s.
+        state: Gets angular velocity less its bias, position with the height above that ground,
+            velocity, covariance.
+    """
+    P, R, points = estimate.covariance, estimate.rotation, estimate.points
+    rate, load, covariance = state.angular_velocity, state.foot_load, state.covariance
+    for k in range(3):
+        rate[k] = angular_velocity[k] - estimate.gyro_bias[k]
+    swept, arm = turned(R, cross(rate, body.imu)), turned(R, body.imu)
+    total = load[0] + load[1]
+    if total > 0.0:
+        sole = (load[0] * points[2, 2] + load[1] * points[3, 2]) / total
+        follow = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total) * noise.period)
+        body.ground += follow * (sole - noise.sole_radius - body.ground)
+    for k in range(3):
+        state.v[k] = points[0, k] - swept[k]
+        state.q[k] = points[1, k] - arm[k] - (body.ground if k == 2 else 0.0)
+        covariance[k] = _point_variance(P, points[1], _P, k)
+        covariance[6 + k] = _point_variance(P, points[0], _V, k)
+        covariance[9 + k] = P[_BG + k, _BG + k] + noise.gyro / noise.period
+    heading = math.hypot(R[0, 0], R[1, 0])
+    c, s = (R[0, 0] / heading, R[1, 0] / heading) if heading > 0.0 else (1.0, 0.0)
+    covariance[3] = P[2, 2]
+    covariance[4] = s * s * P[0, 0] + c * c * P[1, 1] - 2.0 * s * c * P[0, 1]
+    covariance[5] = c * c * P[0, 0] + s * s * P[1, 1] + 2.0 * s * c * P[0, 1]
+    total = R.sum() + points.sum() + estimate.accelerometer_bias.sum()
+    sound = math.isfinite(total + estimate.ground)
+    for k in range(len(P)):
+        sound = sound and 0.0 < P[k, k] < math.inf  # NaN compares false
+    return sound
 
 
 @compiled
-def move(
-    samples: RecordArray,
-    states: RecordArray,
-    pairs: RecordArray,
-    bodies: RecordArray,
-    filters: RecordArray,
-    noises: RecordArray,
-) -> bool:
-    """The filter, and the state that follows from it; False where the filter has diverged.
-
-    Args:
-        samples: `Sensors.record`. Shape (1,).
-        states: Result, `RobotState.record`. Shape (1,).
-        pairs: Legs as `read_legs` left them, `LegPair.record`. Shape (1,).
-        bodies: The same, of `base.BODY_TYPE`. Shape (1,).
-        filters: Of `FILTER_TYPE`. Shape (1,).
-        noises: Of `NOISE_TYPE`. Shape (1,).
-    """
-    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
-    filter_step(
-        filters,
-        noises,
-        sample.angular_velocity,
-        sample.linear_acceleration,
-        body.attitude,
-        body.arms,
-        pair.states.foot_rotation,
-        state.contact_probability,
-    )
-    if not read_pelvis(filters[0], noises[0], body, sample.angular_velocity, state):
-        return False
-    finish(state, pair, body, filters[0].rotation)
-    return True
+def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
+    """Of one coordinate of x: its error is that of the filter plus rotation error x x."""
+    i, j = (k + 1) % 3, (k + 2) % 3
+    a, b = point[j], -point[i]
+    value: float = P[at + k, at + k] + 2.0 * (a * P[at + k, i] + b * P[at + k, j])
+    value += a * a * P[i, i] + b * b * P[j, j] + 2.0 * a * b * P[i, j]
+    return value
 
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
@@ -476,13 +526,11 @@ class InvariantEstimator(LegEstimator):
     """
 
     def __init__(self, config: EstimatorConfig, period: float) -> None:
-        self._filter = np.zeros(1, FILTER_TYPE)
-        self._noise = np.zeros(1, NOISE_TYPE)
+        self._filter = FilterState()
+        self._noise = FilterNoise()
         self._blind = False
         super().__init__(config, period)
-        self._rotation = self._filter[0]["rotation"]
-        self._soles: FloatArray = self._legs.states["foot_rotation"]
-        self._arms: FloatArray = self._body[0]["arms"]
+        self._rotation = self._filter.rotation
         self.reset()
 
     def _configure(self, config: EstimatorConfig) -> None:
@@ -492,7 +540,7 @@ class InvariantEstimator(LegEstimator):
     def reset(self) -> None:
         """Forget everything: at rest, at the origin, height from the next sample's legs."""
         super().reset()
-        self._filter[:] = np.zeros(1, FILTER_TYPE)
+        self._filter.clear()
         self._started = False
 
     def coast(self, blind: bool) -> None:
@@ -504,45 +552,47 @@ class InvariantEstimator(LegEstimator):
     def _move(self, sensors: Sensors) -> None:
         if not self._started:
             self._start()
-        state, legs = self._state.record, self._legs.record
-        if not move(sensors.record, state, legs, self._body, self._filter, self._noise):
+        state, legs = self._state.record, self._legs.records
+        body, noise = self._body.records, self._noise.records
+        if not move(sensors.record, state, legs, body, self._filter.records, noise):
             self.restart()
             raise SensorError("the filter has diverged: the estimate begins anew")
 
     def _start(self) -> None:
         """Begin at rest with the IMU's orientation, the lower sole on the ground."""
         self._started = True
-        start = self._filter[0]
-        start["rotation"] = self._attitude
-        start["points"][1] = self._attitude @ self._body[0]["imu"]
-        start["points"][1, 2] += self._first_height()
-        start["points"][1, :2] += self._state.q[:2]
+        start, body = self._filter, self._body
+        R, points = body.attitude, start.points
+        start.rotation = R
+        points[1] = R @ body.imu
+        points[1, 2] += self._first_height()
+        points[1, :2] += self._state.q[:2]
         for i in range(2):
-            start["points"][2 + i] = start["points"][1] + self._attitude @ self._arms[i]
-            start["soles"][i] = self._attitude @ self._soles[i]
-        start["covariance"] = np.diag(np.square(np.ravel(_START)))
+            points[2 + i] = points[1] + R @ body.arms[i]
+            start.soles[i] = R @ self._legs.states[i].foot_rotation
+        start.covariance = np.diag(np.square(np.ravel(_START)))
 
     def _set_noise(self) -> None:
-        c, noise, period = self._config.filter, self._noise[0], self._period
+        c, noise, period = self._config.filter, self._noise, self._period
         persistent = 2.0 * c.error_time / period
-        noise["period"] = period
-        noise["gyro"] = c.gyro_noise**2
-        noise["accelerometer"] = (_WALKING_NOISE if self._blind else c.accelerometer_noise) ** 2
-        noise["gyro_bias"] = c.gyro_drift**2
-        noise["largest_gyro_bias"] = c.gyro_bias
-        noise["accelerometer_bias"] = c.accelerometer_drift**2
-        noise["stance"] = c.stance_noise**2
-        noise["swing"] = c.swing_noise**2
-        noise["kinematics"] = c.kinematics_noise**2
-        noise["tilt"] = c.tilt_error**2 * persistent
-        noise["heading"] = c.heading_error**2 * persistent
-        noise["hanging"] = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
-        noise["gate"] = c.slip_gate**2
-        noise["slip_decay"] = math.exp(-period / c.slip_time)
-        noise["attitude_delay"] = c.attitude_delay
-        noise["sole_radius"] = robot.SOLE_RADIUS
+        noise.period = period
+        noise.gyro = c.gyro_noise**2
+        noise.accelerometer = (_WALKING_NOISE if self._blind else c.accelerometer_noise) ** 2
+        noise.gyro_bias = c.gyro_drift**2
+        noise.largest_gyro_bias = c.gyro_bias
+        noise.accelerometer_bias = c.accelerometer_drift**2
+        noise.stance = c.stance_noise**2
+        noise.swing = c.swing_noise**2
+        noise.kinematics = c.kinematics_noise**2
+        noise.tilt = c.tilt_error**2 * persistent
+        noise.heading = c.heading_error**2 * persistent
+        noise.hanging = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
+        noise.gate = c.slip_gate**2
+        noise.slip_decay = math.exp(-period / c.slip_time)
+        noise.attitude_delay = c.attitude_delay
+        noise.sole_radius = robot.SOLE_RADIUS
         front, back = np.array(robot.FOOT_CONTACTS)
-        noise["sole_line"] = 0.5 * (front - back)
-        noise["sole_flat"] = _SOLE_FLAT
-        noise["ground_time"] = _GROUND_TIME
-        noise["ground_still"] = _GROUND_STILL
+        noise.sole_line = 0.5 * (front - back)
+        noise.sole_flat = _SOLE_FLAT
+        noise.ground_time = _GROUND_TIME
+        noise.ground_still = _GROUND_STILL

@@ -1,27 +1,40 @@
-"""Position and velocity that belong together, compared; compiled. See `faults`.
-
-In all of this `watch` is a record of `faults.WATCH_TYPE`, `limit` one of `LIMITS_TYPE`,
-and `i` the pair.
-"""
+"""Which of a position and the velocity that belongs to it is wrong. See `faults`."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from cassie_control.estimator.delays import HARDLY_A_SPIKE, LEAPT, P, V, weigh
+from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
+from cassie_gaits.records import FloatArray, IntArray, Record, RecordArray, array, whole
 
 PAIRS = 19
-IMU = 16
-"""First pair of the IMU."""
+"""Ten drives, six joints, three axes of the IMU."""
+
+FIRST_AXIS = 16
+"""First of the IMU's."""
+
+DRIVE, JOINT, IMU = slice(0, 10), slice(10, FIRST_AXIS), slice(FIRST_AXIS, PAIRS)
+"""Where each kind is among them."""
+
+P, V = 0, 1
+"""Channels of a pair: position and velocity."""
+
+DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
+"""Delays that are looked for; those between them fit one of these well enough. In s."""
 
 APART_TIME = 0.3
 """Over which what position and velocity differ by fades. In s."""
 
-_TILTED = 0.02  # rad, of the IMU's orientation against its gyro: turning then seems to tilt it
+REST_TIME = 1.0
+"""At rest without power, after which all is learned anew. In s."""
+
+_KEPT_TICKS = 201  # of the motions: this one and the longest of `DELAYS` at 2 kHz
+_RESPONSE_TICKS = 36  # of steps: the joints' velocity filter answers one for 18 ms, at 2 kHz
 _LATE_TIME = 0.1  # s
 _SPIKE_TIME = 0.04  # s
 _LATE = 0.010  # s, of delay between position and velocity
@@ -30,232 +43,496 @@ _TIMEOUT = 0.03  # s, to see which of a pair is late
 _TAIL = 2.0  # of the velocity filter's delay
 _SMALL_SPIKE = 0.35  # of a clear one
 _SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
+_HARDLY_A_SPIKE = 0.3  # fading count of small ones below which there was none of late
 _STUCK_TICKS = 3
 _FROZEN_TICKS = 15  # for what carries noise
 _UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
 _SEEN_SPEED = 0.5  # rad/s, as which faster motion counts that a velocity does not see
 _WRONG_SPEED = 0.5  # rad/s
 _NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
-REST_TIME = 1.0
-"""At rest without power, after which all is learned anew. In s."""
+_LEAP = 0.25  # of the least jump, from which on it is one
+_LEAPT = 0.6  # of what they are apart, from which on a leap of the position explains it
+_WORSE = 3.0  # times what a delay leaves unexplained speaks against it
+_FADE = 0.01  # of the evidence that is enough, per tick
+_AT_ONCE = 0.25  # of it, that one tick can add: a landing lasts for fewer than five
+_UNDECIDED = 0.5  # of what speaks for one, that what speaks for the other must be below
+_LARGEST = 4.0  # of the evidence that is enough
+
+
+class Pair(Record):
+    """What is remembered of a pair. Where there are two of a number: of position and velocity.
+
+    Attributes:
+        position: Measured; the IMU's: its turn since the start. In rad.
+        velocity: Measured. In rad/s.
+        last_position: In rad.
+        last_velocity: Newest first. In rad/s.
+        steps: Changes of the position, newest first. In rad.
+        turns: What the velocities say that these are, newest first. In rad.
+        same: Ticks for which each has had the same bits.
+        unseen: By which the other one says that it moved meanwhile. In rad.
+        apart: Of the position from the integrated velocity, fading. In rad.
+        late: Fading: means of apart and velocity, their covariance, variance of the velocity.
+        past: Ring: steps and turns compared. In rad.
+        evidence: That it comes late by each of `DELAYS`. In rad^2.
+        doubt: Most of this evidence. In rad^2.
+        unclear: Time for which they have been apart without a cause. In s.
+        guessed: 1 where that was all there was to blame one of them by.
+        last_step: Compared last. In rad.
+        leap: Largest sudden step of the position, fading. In rad.
+        peak: Of the velocity, fading. In rad/s.
+        spikes: Of the velocity, fading counts of clear and of small ones.
+        bad: Time for which each is not believed yet. In s.
+        life: 0 where it is believed, 1 where not, 2 where not but its bits change without power.
+        trusted: To go on with. In rad and rad/s.
+    """
+
+    position: float
+    velocity: float
+    last_position: float
+    last_velocity: FloatArray = array(4)
+    steps: FloatArray = array(_RESPONSE_TICKS)
+    turns: FloatArray = array(3)
+    same: IntArray = whole(2)
+    unseen: FloatArray = array(2)
+    apart: float
+    late: FloatArray = array(4)
+    past: FloatArray = array(2, _KEPT_TICKS)
+    evidence: FloatArray = array(2, len(DELAYS))
+    doubt: FloatArray = array(2)
+    unclear: float
+    guessed: int = whole()
+    last_step: float
+    leap: float
+    peak: float
+    spikes: FloatArray = array(2)
+    bad: FloatArray = array(2)
+    life: IntArray = whole(2)
+    trusted: FloatArray = array(2)
+
+
+class PairLimits(Record):
+    """What is normal of a pair.
+
+    Attributes:
+        period: Between samples. In s.
+        hold: Time that a channel stays unbelieved after it last was wrong. In s.
+        averaged: 1 where the velocity is the mean over the period, as a gyro's.
+        low, high: Of the position. In rad.
+        speed: In rad/s.
+        still: Speed below which it counts as still. In rad/s.
+        jump: In one tick. In rad.
+        apart, apart_at_speed: Position from integrated velocity. In rad, and by the speed in s.
+        spike: Of the velocity. In rad/s.
+        excited: Variance of the velocity from which on a delay shows. In (rad/s)^2.
+        evidence: That is enough for one of a pair to be late. In rad^2.
+        delay_ticks: At which motions are compared, for each of `DELAYS`.
+        response_ticks: For which the velocity answers a step of the position.
+        response: Of the velocity, by steps, newest first.
+        position_lag, velocity_lag: Ticks by which each is later than the other.
+    """
+
+    period: float
+    hold: float
+    averaged: int = whole()
+    low: float
+    high: float
+    speed: float
+    still: float
+    jump: float
+    apart: float
+    apart_at_speed: float
+    spike: float
+    excited: float
+    evidence: float
+    delay_ticks: IntArray = whole(len(DELAYS))
+    response_ticks: int = whole()
+    response: FloatArray = array(_RESPONSE_TICKS)
+    position_lag: int = whole()
+    velocity_lag: int = whole()
 
 
 @compiled
-def look_at_pair(watch: Any, limit: Any, i: int) -> None:
-    """Compare position and velocity of a pair, and mark in `bad` which of them is wrong."""
-    p, v, dt, hold = watch.position[i], watch.velocity[i], limit.period, limit.hold
+def start_pair(pair: Pair) -> None:
+    """The first sample: it stands where it is, and what is not known to be bad is trusted."""
+    p, v = pair.position, pair.velocity
+    pair.last_position = p if math.isfinite(p) else 0.0
+    pair.last_velocity[:] = v if math.isfinite(v) else 0.0
+    if pair.bad[P] == 0.0 and math.isfinite(p):
+        pair.trusted[P] = p
+    if pair.bad[V] == 0.0 and math.isfinite(v):
+        pair.trusted[V] = v
+
+
+@compiled
+def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool:
+    """Compare position and velocity of a pair, and mark in `bad` which of them is wrong.
+
+    Args:
+        pair: Changed in place.
+        limit: Its limits.
+        ticks: Since the start.
+        tilt: What may seem to be between them without a fault. In rad.
+
+    Returns:
+        Whether its position, blamed by a guess, was blamed wrongly.
+    """
+    p, v, dt, hold = pair.position, pair.velocity, limit.period, limit.hold
+    last = pair.last_velocity
     for kind in range(2):
-        watch.bad[kind, i] = max(0.0, watch.bad[kind, i] - dt)
-    if not limit.low[i] <= p <= limit.high[i]:
-        watch.bad[P, i] = hold
-        p = watch.last_position[i]
-    if not abs(v) <= limit.speed[i]:
-        watch.bad[V, i] = hold
-        v = watch.last_velocity[0, i]
-    step, turn = p - watch.last_position[i], 0.5 * dt * (v + watch.last_velocity[0, i])
-    if i >= IMU:
+        pair.bad[kind] = max(0.0, pair.bad[kind] - dt)
+    if not limit.low <= p <= limit.high:
+        pair.bad[P] = hold
+        p = pair.last_position
+    if not abs(v) <= limit.speed:
+        pair.bad[V] = hold
+        v = last[0]
+    step, turn = p - pair.last_position, 0.5 * dt * (v + last[0])
+    if limit.averaged:
         turn = dt * v
-    if abs(step - turn) > limit.jump[i]:
+    if abs(step - turn) > limit.jump:
         # At a hard landing a position runs ahead of its filtered velocity: neither jumps.
-        last = watch.last_velocity[:, i]
-        sudden = abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump[i]
-        if sudden and watch.bad[P, i] <= 0.0:
-            watch.bad[V, i] = hold
+        sudden = abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump
+        if sudden and pair.bad[P] <= 0.0:
+            pair.bad[V] = hold
             turn = step
-        elif abs(step - watch.steps[0, i]) > limit.jump[i]:
-            watch.bad[P, i] = hold
+        elif abs(step - pair.steps[0]) > limit.jump:
+            pair.bad[P] = hold
             step = turn
-    for k in range(limit.response_ticks[i] - 1, 0, -1):
-        watch.steps[k, i] = watch.steps[k - 1, i]
+    for k in range(limit.response_ticks - 1, 0, -1):
+        pair.steps[k] = pair.steps[k - 1]
     for k in (2, 1):
-        watch.turns[k, i] = watch.turns[k - 1, i]
-    watch.steps[0, i], watch.turns[0, i] = step, turn
-    watch.peak[i] = max(abs(v), watch.peak[i] * math.exp(-dt / _LATE_TIME))
-    _count_same(watch, limit, i, p, v)
-    _look_for_spikes(watch, limit, i, v)
-    if watch.ticks > 3:
-        _look_apart(watch, limit, i, v)
+        pair.turns[k] = pair.turns[k - 1]
+    pair.steps[0], pair.turns[0] = step, turn
+    pair.peak = max(abs(v), pair.peak * math.exp(-dt / _LATE_TIME))
+    _count_same(pair, limit, p, v)
+    _look_for_spikes(pair, limit, v)
+    withdrawn = ticks > 3 and _look_apart(pair, limit, ticks, tilt)
     for k in (3, 2, 1):
-        watch.last_velocity[k, i] = watch.last_velocity[k - 1, i]
-    watch.last_position[i], watch.last_velocity[0, i] = p, v
+        last[k] = last[k - 1]
+    pair.last_position, last[0] = p, v
+    return withdrawn
 
 
 @compiled
-def _count_same(watch: Any, limit: Any, i: int, p: float, v: float) -> None:
+def _count_same(pair: Pair, limit: PairLimits, p: float, v: float) -> None:
     """Find a channel that is stuck or off: its bits stay the same while its partner moves."""
-    step, turn = watch.steps[0, i], watch.turns[0, i]
+    step, turn = pair.steps[0], pair.turns[0]
     most = _SEEN_SPEED * limit.period  # a position that jumps once is no motion
     now, last, moved = (
         (p, v),
-        (watch.last_position[i], watch.last_velocity[0, i]),
+        (pair.last_position, pair.last_velocity[0]),
         (turn, max(-most, min(most, step - turn))),
     )
     # A velocity that comes late goes on for a while after the position has stopped.
-    tail = (_TAIL * limit.velocity_lag[i] * limit.period * watch.peak[i], 0.0)
+    tail = (_TAIL * limit.velocity_lag * limit.period * pair.peak, 0.0)
     unseen = (_UNSEEN_POSITION, _UNSEEN_VELOCITY)
     for kind in range(2):
         if now[kind] == last[kind]:
-            watch.same[kind, i] += 1
-            watch.unseen[kind, i] += moved[kind]
+            pair.same[kind] += 1
+            pair.unseen[kind] += moved[kind]
         else:
-            watch.same[kind, i] = 0
-            watch.unseen[kind, i] = 0.0
-        stuck = watch.same[kind, i] >= _STUCK_TICKS
-        stuck = stuck and abs(watch.unseen[kind, i]) > unseen[kind] + tail[kind]
-        if stuck and watch.bad[1 - kind, i] <= 0.0:
-            watch.bad[kind, i] = limit.hold
+            pair.same[kind] = 0
+            pair.unseen[kind] = 0.0
+        stuck = pair.same[kind] >= _STUCK_TICKS
+        stuck = stuck and abs(pair.unseen[kind]) > unseen[kind] + tail[kind]
+        if stuck and pair.bad[1 - kind] <= 0.0:
+            pair.bad[kind] = limit.hold
 
 
 @compiled
-def _look_for_spikes(watch: Any, limit: Any, i: int, v: float) -> None:
+def _look_for_spikes(pair: Pair, limit: PairLimits, v: float) -> None:
     """Find spikes: velocities of one tick that leave the curve of their neighbours.
 
     The curve is the cubic through two of them on each side, so that legs that ring on their
     springs, with ten samples a period, do not leave it.
     """
-    fade = math.exp(-limit.period / _SPIKE_TIME)
-    after, spike, before = watch.last_velocity[:3, i]
-    outer = v - watch.last_velocity[3, i]
-    out = abs(spike - (4.0 * (after + before) - v - watch.last_velocity[3, i]) / 6.0)
+    fade, last = math.exp(-limit.period / _SPIKE_TIME), pair.last_velocity
+    after, spike, before = last[0], last[1], last[2]
+    outer = v - last[3]
+    out = abs(spike - (4.0 * (after + before) - v - last[3]) / 6.0)
     if abs(after - before) > out or abs(outer - 2.0 * (after - before)) > out:
         out = 0.0  # a step, as at a hard landing, or a neighbour's spike
     for k in range(2):
-        bound = limit.spike[i] * (1.0, _SMALL_SPIKE)[k]
-        watch.spikes[k, i] = fade * watch.spikes[k, i] + (1.0 if out > bound else 0.0)
-    if watch.spikes[0, i] > _SPIKES:
-        watch.bad[V, i] = limit.hold
+        bound = limit.spike * (1.0, _SMALL_SPIKE)[k]
+        pair.spikes[k] = fade * pair.spikes[k] + (1.0 if out > bound else 0.0)
+    if pair.spikes[0] > _SPIKES:
+        pair.bad[V] = limit.hold
 
 
 @compiled
-def _look_apart(watch: Any, limit: Any, i: int, v: float) -> None:
-    """Compare the position with the integrated velocity."""
-    dt, late = limit.period, watch.late[:, i]
-    step, turn = watch.steps[limit.velocity_lag[i], i], watch.turns[limit.position_lag[i], i]
-    watch.apart[i] = watch.apart[i] * math.exp(-dt / APART_TIME) + step - turn
-    leap = min(abs(step - turn), abs(step - watch.last_step[i]))
-    watch.leap[i] = max(leap, watch.leap[i] * math.exp(-dt / _LATE_TIME))
-    watch.last_step[i] = step
-    apart, rate, share = watch.apart[i], 0.5 * (step + turn) / dt, 1.0 - math.exp(-dt / _LATE_TIME)
+def _look_apart(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool:
+    """Compare the position with the integrated velocity; see `look_at_pair`."""
+    dt, late = limit.period, pair.late
+    step, turn = pair.steps[limit.velocity_lag], pair.turns[limit.position_lag]
+    pair.apart = pair.apart * math.exp(-dt / APART_TIME) + step - turn
+    leap = min(abs(step - turn), abs(step - pair.last_step))
+    pair.leap = max(leap, pair.leap * math.exp(-dt / _LATE_TIME))
+    pair.last_step = step
+    apart, rate, share = pair.apart, 0.5 * (step + turn) / dt, 1.0 - math.exp(-dt / _LATE_TIME)
     late[0] += share * (apart - late[0])
     late[1] += share * (rate - late[1])
     late[2] += share * ((apart - late[0]) * (rate - late[1]) - late[2])
     late[3] += share * ((rate - late[1]) ** 2 - late[3])
-    delay = late[2] / max(late[3], limit.excited[i])
-    bound = limit.apart[i] + limit.apart_at_speed[i] * watch.peak[i]
-    small = 0.5 * limit.apart[i]
-    if i >= IMU:
-        tilted = _TILTED * (np.abs(watch.turned).sum() - abs(watch.turned[i - IMU]))
-        bound, small = bound + tilted, small + tilted
+    delay = late[2] / max(late[3], limit.excited)
+    bound = limit.apart + limit.apart_at_speed * pair.peak + tilt
+    small = 0.5 * limit.apart + tilt
     near = abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small)
-    matched = weigh(watch, limit, i, turn)
-    if matched >= 0 or not near:
-        _judge(watch, limit, i, matched)
+    matched = _weigh_delays(pair, limit, ticks, turn)
+    if matched < 0 and near:
+        return False
+    return _judge(pair, limit, matched)
 
 
 @compiled
-def _judge(watch: Any, limit: Any, i: int, matched: int) -> None:
-    """Mark the wrong channel of a pair that has grown apart: the late one, or that of `_blame`."""
-    if max(watch.bad[P, i], watch.bad[V, i]) <= 0.0:
-        watch.guessed[i] = 0
-    if matched >= 0 and watch.guessed[i]:
-        watch.bad[1 - matched, i] = 0.0
-        if i >= IMU and matched == V:  # the axes have one orientation
-            watch.bad[P, IMU:] = 0.0
-    known = False
+def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int:
+    """Which of a pair moves now as the other one did one of `DELAYS` ago; -1 if none.
+
+    For each delay of each of the two a sum over ticks, never below zero, of how much better than
+    none it explains what they do (the cumulative sum test of Page, Biometrika 1954). So what was
+    before the delay began does not count, and the first movement tells.
+
+    Args:
+        pair: Changed in place.
+        limit: Its limits.
+        ticks: Since the start.
+        turn: What the velocity says now. In rad.
+    """
+    step = 0.0  # what the position says that the velocity should say
+    for k in range(limit.response_ticks):
+        step += limit.response[k] * pair.steps[k]
+    # Without the filter in front of the velocity they agree at once.
+    apart = min((step - turn) ** 2, (pair.steps[0] - turn) ** 2)
+    spikes = pair.spikes[1] >= _HARDLY_A_SPIKE
+    leapt = pair.leap > max(_LEAP * limit.jump, _LEAPT * abs(pair.apart))
+    enough = limit.evidence
+    fade = _FADE * enough
+    now = ticks % _KEPT_TICKS
+    pair.past[P, now], pair.past[V, now] = step, turn
+    if apart <= fade and pair.doubt[P] + pair.doubt[V] <= 0.0:
+        return -1
     for kind in range(2):
-        if watch.bad[kind, i] > 0.0:
-            watch.bad[kind, i] = limit.hold
-            known = True
-    if known:
-        return
-    kind = matched if matched >= 0 else _blame(watch, i)
-    if kind < 0 and watch.unclear[i] < _TIMEOUT:
-        watch.unclear[i] += limit.period
-        return
-    if kind < 0:
-        kind = _guess(watch, i)
-    watch.unclear[i], watch.guessed[i] = 0.0, matched < 0
-    watch.bad[kind, i] = limit.hold
-    if kind == P:
-        watch.trusted[P, i] = watch.position[i] - watch.apart[i] - watch.turns[0, i]
+        moved, past = (step, turn)[kind], pair.past[1 - kind]
+        # At an even speed one that stands still, leaps or has spikes makes the other look late.
+        silent = pair.same[1 - kind] > 0 or (spikes if kind == P else leapt)
+        most, sums = 0.0, pair.evidence[kind]
+        for m in range(len(DELAYS)):
+            then = now - limit.delay_ticks[m]
+            left = moved - past[then if then >= 0 else then + _KEPT_TICKS]
+            gain = min(apart - _WORSE * left * left - fade, 0.0 if silent else _AT_ONCE * enough)
+            sums[m] = max(0.0, min(sums[m] + gain, _LARGEST * enough))
+            most = max(most, sums[m])
+        pair.doubt[kind] = most
+    for kind in range(2):
+        most = pair.doubt[kind]
+        if most > enough and pair.doubt[1 - kind] < _UNDECIDED * most:
+            return kind
+    return -1
 
 
 @compiled
-def _blame(watch: Any, i: int) -> int:
+def _judge(pair: Pair, limit: PairLimits, matched: int) -> bool:
+    """Mark the wrong channel of a pair that has grown apart: the late one, or that of `_blame`.
+
+    Args:
+        pair: Changed in place.
+        limit: Its limits.
+        matched: The late one, -1 if there is none.
+
+    Returns:
+        Whether its position, blamed by a guess, was blamed wrongly.
+    """
+    if max(pair.bad[P], pair.bad[V]) <= 0.0:
+        pair.guessed = 0
+    withdrawn = matched >= 0 and pair.guessed > 0
+    if withdrawn:
+        pair.bad[1 - matched] = 0.0
+    if pair.bad[P] > 0.0 or pair.bad[V] > 0.0:
+        for kind in range(2):
+            if pair.bad[kind] > 0.0:
+                pair.bad[kind] = limit.hold
+        return withdrawn and matched == V
+    kind = matched if matched >= 0 else _blame(pair)
+    if kind < 0 and pair.unclear < _TIMEOUT:
+        pair.unclear += limit.period
+        return False
+    if kind < 0:
+        kind = _guess(pair)
+    pair.unclear, pair.guessed = 0.0, matched < 0
+    pair.bad[kind] = limit.hold
+    if kind == P:
+        pair.trusted[P] = pair.position - pair.apart - pair.turns[0]
+    return withdrawn and matched == V
+
+
+@compiled
+def _blame(pair: Pair) -> int:
     """Channel that is wrong of a pair that has grown apart; -1 while unclear."""
-    if watch.leap[i] > LEAPT * abs(watch.apart[i]):
+    if pair.leap > _LEAPT * abs(pair.apart):
         return P  # also where it stands, and the velocity is 0 for good reason
-    if watch.spikes[1, i] >= HARDLY_A_SPIKE:
-        return V if watch.spikes[1, i] > 2.0 else -1  # the next one tells
-    still = (watch.same[P, i] >= _STUCK_TICKS, watch.same[V, i] >= _STUCK_TICKS)
+    if pair.spikes[1] >= _HARDLY_A_SPIKE:
+        return V if pair.spikes[1] > 2.0 else -1  # the next one tells
+    still = (pair.same[P] >= _STUCK_TICKS, pair.same[V] >= _STUCK_TICKS)
     if still[0] != still[1]:
         return P if still[0] else V
     return -1
 
 
 @compiled
-def _guess(watch: Any, i: int) -> int:
+def _guess(pair: Pair) -> int:
     """The likelier channel where nothing is sure: by the evidence for delays, or their sign."""
-    if watch.spikes[1, i] >= HARDLY_A_SPIKE:
+    if pair.spikes[1] >= _HARDLY_A_SPIKE:
         return V
-    if watch.doubt[P, i] != watch.doubt[V, i]:
-        return P if watch.doubt[P, i] > watch.doubt[V, i] else V
-    return P if watch.late[2, i] < -_DELAYED * _LATE * watch.late[3, i] else V
+    if pair.doubt[P] != pair.doubt[V]:
+        return P if pair.doubt[P] > pair.doubt[V] else V
+    return P if pair.late[2] < -_DELAYED * _LATE * pair.late[3] else V
 
 
 @compiled
-def go_on(watch: Any, limit: Any, i: int) -> None:
-    """Replace what is bad: a position by the integrated velocity, a velocity by differences."""
-    dt = limit.period
-    if watch.bad[P, i] > 0.0 and watch.bad[V, i] > 0.0:
+def go_on(pair: Pair, limit: PairLimits, powered: int, rest: float) -> bool:
+    """Replace what is bad: a position by the integrated velocity, a velocity by differences.
+
+    Args:
+        pair: Changed in place.
+        limit: Its limits.
+        powered: Whether the robot has power.
+        rest: Time for which it has hung or lain still without. In s.
+
+    Returns:
+        Whether a channel is believed again.
+    """
+    dt, again = limit.period, False
+    if pair.bad[P] > 0.0 and pair.bad[V] > 0.0:
         # Without a position to go on from, a velocity alone is of no use.
-        watch.bad[V, i] = max(watch.bad[P, i], watch.bad[V, i])
-    bad_p, bad_v = watch.bad[P, i] > 0.0, watch.bad[V, i] > 0.0
+        pair.bad[V] = max(pair.bad[P], pair.bad[V])
+    bad_p, bad_v = pair.bad[P] > 0.0, pair.bad[V] > 0.0
     for kind in range(2):
-        _look_for_life(watch, i, kind)
+        if pair.bad[kind] > 0.0:
+            if pair.life[kind] == 0:
+                pair.life[kind] = 1
+            elif pair.same[kind] == 0 and not powered:
+                pair.life[kind] = 2
+        elif pair.life[kind] > 0:
+            pair.life[kind] = 0
+            again = True
     if bad_v:
         follow = 1.0 - math.exp(-dt / 0.004)
-        rate = watch.steps[0, i] / dt
+        rate = pair.steps[0] / dt
         if not bad_p:
-            last = watch.trusted[V, i] if math.isfinite(watch.trusted[V, i]) else rate
-            watch.trusted[V, i] = last + follow * (rate - last)
-        frozen = watch.same[V, i] >= _STUCK_TICKS and abs(rate) > 0.1
-        wrong = frozen or abs(watch.velocity[i] - watch.trusted[V, i]) >= _WRONG_SPEED
-        _hold(watch, limit, i, V, wrong)
+            last = pair.trusted[V] if math.isfinite(pair.trusted[V]) else rate
+            pair.trusted[V] = last + follow * (rate - last)
+        frozen = pair.same[V] >= _STUCK_TICKS and abs(rate) > 0.1
+        wrong = frozen or abs(pair.velocity - pair.trusted[V]) >= _WRONG_SPEED
+        _hold(pair, limit, V, wrong, rest > 0.0 or not (powered or bad_p))
     else:
-        watch.trusted[V, i] = watch.velocity[i]
+        pair.trusted[V] = pair.velocity
     if bad_p:
-        near = _NOT_AGAIN if watch.same[P, i] < _FROZEN_TICKS else _UNSEEN_VELOCITY
-        watch.trusted[P, i] += dt * watch.trusted[V, i] if bad_v else watch.turns[0, i]
-        wrong = abs(watch.position[i] - watch.trusted[P, i]) >= near  # not where that is NaN
-        _hold(watch, limit, i, P, wrong)
+        near = _NOT_AGAIN if pair.same[P] < _FROZEN_TICKS else _UNSEEN_VELOCITY
+        pair.trusted[P] += dt * pair.trusted[V] if bad_v else pair.turns[0]
+        wrong = abs(pair.position - pair.trusted[P]) >= near  # not where that is NaN
+        _hold(pair, limit, P, wrong, rest > 0.0 or not (powered or bad_v))
     else:
-        watch.trusted[P, i] = watch.position[i]
+        pair.trusted[P] = pair.position
+    return again
 
 
 @compiled
-def _look_for_life(watch: Any, i: int, kind: int) -> None:
-    """Note whether an unbelieved channel changes while a robot without power is moved."""
-    if watch.bad[kind, i] > 0.0:
-        if watch.life[kind, i] == 0:
-            watch.life[kind, i] = 1
-        elif watch.same[kind, i] == 0 and watch.powered == 0:
-            watch.life[kind, i] = 2
-    elif watch.life[kind, i] > 0:
-        watch.life[kind, i] = 0
-        watch.moved = watch.used  # the estimate begins anew with it
-
-
-@compiled
-def _hold(watch: Any, limit: Any, i: int, kind: int, wrong: bool) -> None:
+def _hold(pair: Pair, limit: PairLimits, kind: int, wrong: bool, borne_out: bool) -> None:
     """Keep a channel unbelieved while it differs from its replacement.
 
     After a fall the replacement may be far off, for good. So without power a channel that is alive
     counts as right unless something else speaks against it: while its partner, which is believed,
     agrees with it, or at rest.
     """
-    partner = watch.powered == 0 and watch.bad[1 - kind, i] <= 0.0
-    if watch.life[kind, i] == 2 and (partner or watch.rest > 0.0):
-        watch.bad[kind, i] = min(watch.bad[kind, i], REST_TIME)
+    if borne_out and pair.life[kind] == 2:
+        pair.bad[kind] = min(pair.bad[kind], REST_TIME)
     elif wrong:
-        watch.bad[kind, i] = limit.hold
+        pair.bad[kind] = limit.hold
+
+
+_MARGIN = 0.2  # rad beyond the stops
+_JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
+_FASTEST = 100.0  # Hz, of the motions by which it is known what a velocity filter answers
+_SAMPLED = 0.2  # of the rate of the samples, beyond which they do not show them
+_EVEN = 1e3  # weight of an even motion, by one of these
+_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise
+
+
+def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: RecordArray) -> None:
+    """What is normal of each pair: what nothing on the robot exceeds, with a margin.
+
+    Args:
+        period: Between samples. In s.
+        attitude_delay: Of the IMU's orientation. In s.
+        hold: How long a channel stays unbelieved after it last was wrong. In s.
+        limits: Result, of `PairLimits`. Shape (19,).
+    """
+    limits["period"], limits["hold"], limits["averaged"][IMU] = period, hold, 1
+    limits["low"], limits["high"] = -math.inf, math.inf
+    for i, leg in enumerate(LEGS):
+        links = {link.name: link for link in robot.leg_links(leg)}
+        for first, names in ((5 * i, LEG_DRIVES), (10 + 3 * i, LEG_SENSED_JOINTS)):
+            for k, name in enumerate(names):
+                low, high = links[name].joint.limits or (-math.inf, math.inf)
+                limits["low"][first + k] = low - _MARGIN
+                limits["high"][first + k] = high + _MARGIN
+    limits["speed"], limits["jump"] = 50.0, 0.02
+    limits["still"], limits["still"][IMU] = 1.0, 0.1  # legs may swing while it hangs
+    limits["apart"][DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
+    limits["apart"][JOINT], limits["apart"][IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
+    limits["apart_at_speed"][DRIVE] = 0.001
+    limits["apart_at_speed"][JOINT] = 0.0045  # also where no filter delays the velocity
+    limits["apart_at_speed"][IMU] = 0.002
+    limits["spike"][DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
+    limits["spike"][JOINT], limits["spike"][IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
+    limits["excited"], limits["excited"][IMU] = 0.3**2, 0.15**2
+    limits["evidence"][DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
+    limits["evidence"][JOINT], limits["evidence"][IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
+    ticks = [max(1, min(_KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
+    limits["delay_ticks"] = ticks
+    limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro needs no filter
+    for part, filters in (
+        (DRIVE, (_DRIVE_NOISE, robot.DRIVE_VELOCITY_FILTER)),
+        (JOINT, (_JOINT_NOISE, *robot.JOINT_VELOCITY_FILTER)),
+    ):
+        answer = velocity_response(period, *filters)
+        limits["response"][part, : len(answer)] = answer
+        limits["response_ticks"][part] = len(answer)
+    limits["velocity_lag"][JOINT] = min(2, round(_JOINT_DELAY / period))
+    limits["position_lag"][IMU] = min(2, round(attitude_delay / period))
+
+
+def velocity_response(
+    period: float, noise: float, forward: Sequence[float], back: Sequence[float] = ()
+) -> FloatArray:
+    """What the steps of a position say that the filtered velocity is.
+
+    Fitted to the filter's answer to all motions up to `_FASTEST`, such as the legs' springs ring
+    with; an even motion is expected as it is.
+
+    Args:
+        period: Between samples. In s.
+        noise: Of the angles, by the size of motions of which any frequency must be expected.
+        forward: Filter by positions, newest first. In 1/s.
+        back: By velocities, to be taken off.
+
+    Returns:
+        Shares of the last steps, newest first, of which the sum is what the newest velocity and the
+        one before it say together (trapezoidal rule). Shape (n,).
+    """
+    ticks = max(1, round(period * robot.ENCODER_RATE))
+    samples = max(2, _RESPONSE_TICKS // ticks if back else 1 - (-len(forward) // ticks))
+    frequency = np.linspace(0.0, min(_FASTEST, _SAMPLED / period), 200)[1:]
+    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # by a tick of the encoders
+    velocity = sum(b * late**k for k, b in enumerate(forward))
+    velocity /= 1.0 + sum(a * late**k for k, a in enumerate(back, 1))
+    step = late**ticks  # by a sample
+    answer = 0.5 * period * (1.0 + step) * velocity / (1.0 - step)
+    shares = step[:, None] ** np.arange(samples)
+    moments = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
+    even = moments / (1.0 + sum(back))
+    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # two steps, each angle
+    rows = [shares.real, shares.imag, np.full((1, samples), _EVEN), noise * between]
+    values = [answer.real, answer.imag, [_EVEN * even], np.zeros(samples + 1)]
+    fitted: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]
+    return fitted

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
 import numpy as np
 
 from cassie_control.control.robot import LegReadings, Readings, Robot
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.leg import UPRIGHT, ZERO, into, next_link
 from cassie_gaits.linkage import link_rotation
 from cassie_gaits.names import LEG_JOINTS, LEGS
 from cassie_gaits.records import FloatArray, Record, Records, array, part
+from cassie_gaits.vectors import Vector, VectorLike, cross, dot, plus, times, turned
 
 
 class LegInertia(Record):
@@ -43,7 +42,7 @@ class Masses(Record):
         mass: Of the robot. In kg.
     """
 
-    legs: Sequence[LegInertia] = part(LegInertia, 2)
+    legs: Records[LegInertia] = part(LegInertia, 2)
     pelvis: FloatArray = array(3, 3)
     mass: float
 
@@ -104,20 +103,32 @@ def _merge(
 
 
 @compiled
-def _about_pelvis(
-    joints: FloatArray,
-    rates: FloatArray,
-    omega: FloatArray,
-    momenta: Records[Masses],
-    total: FloatArray,
-) -> None:
-    """See `AngularMomentum.about_pelvis`."""
-    momentum = momenta[0]
-    pelvis = momentum.pelvis
-    for k in range(3):
-        total[k] = pelvis[k, 0] * omega[0] + pelvis[k, 1] * omega[1] + pelvis[k, 2] * omega[2]
+def about_pelvis(
+    joints: FloatArray, rates: FloatArray, omega: VectorLike, momenta: Records[Masses]
+) -> Vector:
+    """Angular momentum about the pelvis origin, with velocities against it, pelvis frame.
+
+    Args:
+        joints, rates: Of both legs. Shape (2, 7), in rad and rad/s.
+        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
+        momenta: The masses of the robot. Shape (1,).
+
+    Returns:
+        In kg m^2/s.
+    """
+    masses, pelvis = momenta[0], (omega[0], omega[1], omega[2])
+    total = turned(masses.pelvis, pelvis)
     for i in range(2):
-        _add_spin(joints[i], rates[i], omega, momentum.legs[i], total)
+        leg, motion = masses.legs[i], (UPRIGHT, ZERO, ZERO, pelvis)
+        for k in range(7):
+            motion = next_link(motion, leg, k, joints[i, k], rates[i, k])
+            axes, origin, velocity, turn = motion
+            arm = into(axes, leg.centres[k])
+            momentum = times(leg.masses[k], plus(velocity, cross(turn, arm)))
+            total = plus(total, cross(plus(origin, arm), momentum))
+            own = (dot(axes[0], turn), dot(axes[1], turn), dot(axes[2], turn))
+            total = plus(total, into(axes, turned(leg.inertias[k], own)))
+    return total
 
 
 @compiled
@@ -126,8 +137,8 @@ def momentum_velocity(
 ) -> tuple[float, float]:
     """See `AngularMomentum.velocity`; `stance` is the number of that leg."""
     robot = robots[0]
-    tilt, total, mass = robot.tilt, np.empty(3), momenta[0].mass
-    _about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta, total)
+    tilt, mass = robot.tilt, momenta[0].mass
+    total = about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta)
     hx = hy = 0.0
     for k in range(3):
         hx += tilt[0, k] * total[k]
@@ -140,75 +151,6 @@ def momentum_velocity(
     hy += mass * (z * ux - x * uz - pz * vx + px * vz)
     lever = mass * max(0.4, z - pz)
     return hy / lever, -hx / lever
-
-
-@compiled
-def _add_spin(
-    joints: FloatArray, rates: FloatArray, omega: FloatArray, leg: LegInertia, total: FloatArray
-) -> None:
-    """Add the angular momentum of a leg to `total`.
-
-    About the pelvis origin, with the velocities that the links have against it, pelvis frame.
-
-    Args:
-        joints, rates: The seven joints. Shape (7,), in rad and rad/s.
-        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        leg: Its links.
-        total: Shape (3,), in kg m^2/s. Changed in place.
-    """
-    axes = np.eye(3)
-    turned = np.empty((3, 3))
-    place = np.zeros(3)
-    speed = np.zeros(3)
-    turn = omega.copy()
-    arm, centre, velocity, own = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(7):
-        _rotate(axes, leg.positions[i], arm)
-        _add_cross(turn, arm, speed)
-        place += arm
-        c, s = math.cos(joints[i] - leg.zeros[i]), math.sin(joints[i] - leg.zeros[i])
-        for k in range(3):
-            x = y = z = 0.0
-            for j in range(3):
-                x += axes[k, j] * leg.rotations[i, j, 0]
-                y += axes[k, j] * leg.rotations[i, j, 1]
-                z += axes[k, j] * leg.rotations[i, j, 2]
-            turned[k, 0], turned[k, 1], turned[k, 2] = c * x + s * y, c * y - s * x, z
-        axes[:] = turned
-        for k in range(3):
-            turn[k] += rates[i] * axes[k, 2]
-        _rotate(axes, leg.centres[i], arm)
-        for k in range(3):
-            centre[k] = place[k] + arm[k]
-            velocity[k] = speed[k]
-        _add_cross(turn, arm, velocity)
-        for k in range(3):
-            velocity[k] *= leg.masses[i]
-        _add_cross(centre, velocity, total)
-        # Axes times inertia times axes transposed times angular velocity.
-        for k in range(3):
-            arm[k] = axes[0, k] * turn[0] + axes[1, k] * turn[1] + axes[2, k] * turn[2]
-        _rotate(leg.inertias[i], arm, own)
-        _rotate(axes, own, arm)
-        for k in range(3):
-            total[k] += arm[k]
-
-
-@compiled
-def _rotate(axes: FloatArray, vector: FloatArray, out: FloatArray) -> None:
-    x, y, z = vector[0], vector[1], vector[2]
-    for k in range(3):
-        out[k] = axes[k, 0] * x + axes[k, 1] * y + axes[k, 2] * z
-
-
-@compiled
-def _add_cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    x = a[1] * b[2] - a[2] * b[1]
-    y = a[2] * b[0] - a[0] * b[2]
-    z = a[0] * b[1] - a[1] * b[0]
-    out[0] += x
-    out[1] += y
-    out[2] += z
 
 
 class AngularMomentum:
@@ -233,17 +175,3 @@ class AngularMomentum:
         """
         x, y = momentum_velocity(readings.records, stance.number, self.records)
         return x, y
-
-    def about_pelvis(self, q: FloatArray, v: FloatArray, omega: FloatArray) -> FloatArray:
-        """About the pelvis origin, with velocities against it, pelvis frame.
-
-        Args:
-            q, v: Joints of both legs and their rates. Shape (14,), in rad and rad/s.
-            omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-
-        Returns:
-            Shape (3,), in kg m^2/s.
-        """
-        total = np.zeros(3)
-        _about_pelvis(q.reshape(2, 7), v.reshape(2, 7), omega, self.records, total)
-        return total
