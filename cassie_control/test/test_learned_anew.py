@@ -244,3 +244,19 @@ def test_the_fault_says_what_to_do(hung):
     supervisor.step(state, None)
     assert estimator.problem == ""
     assert not any(ADVICE in fault for fault in supervisor.status.faults)
+
+
+def test_let_down_it_knows_its_height_from_the_first_touch():
+    """The height followed the ground within 0.1 s; after a fall it was a metre off before."""
+    moves = [
+        {"t": 0.1, "action": "hold", "height": 1.6, "speed": 1.0},
+        {"t": 2.0, "action": "lower", "height": 0.82, "speed": 0.3},
+    ]
+    robot = Robot(Scenario.from_mapping({"gantry": moves}), "faithful", record=True)
+    robot.ask(height=0.9)
+    robot.run(7.0)
+    touched = [m for m in robot.moments if m.forces.max() > 70.0]
+    assert 3.0 < touched[0].time < 6.5
+    errors = [abs(m.q[2] - m.position[2]) for m in touched]
+    assert max(errors) < 0.12
+    assert max(errors[at(0.2) :]) < 0.02

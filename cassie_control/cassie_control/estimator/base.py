@@ -39,6 +39,7 @@ class Body(Record):
         scale: Factor of their springs' forces.
         scale_time: Over which this factor is averaged. In s.
         ground: Height of the ground under the loaded feet. In m.
+        aloft: For how long no foot has touched it. In s.
     """
 
     period: float
@@ -57,6 +58,7 @@ class Body(Record):
     scale: float
     scale_time: float
     ground: float
+    aloft: float
 
 
 @compiled
@@ -297,7 +299,7 @@ class LegEstimator:
         self._state.floats[:] = 0.0
         body = self._body
         body.carried, body.scale, body.scale_time = 0.0, 1.0, _FIRST_TIME
-        body.ground = 0.0
+        body.ground = body.aloft = 0.0
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest; place and counted turns are kept."""

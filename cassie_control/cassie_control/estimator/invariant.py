@@ -440,6 +440,13 @@ def _read_pelvis(
         rate[k] = angular_velocity[k] - estimate.gyro_bias[k]
     swept, arm = turned(R, cross(rate, body.imu)), turned(R, body.imu)
     total = load[0] + load[1]
+    touching = 0 if state.contact_probability[0] > state.contact_probability[1] else 1
+    if state.contact_probability[touching] < 0.5:
+        body.aloft += noise.period
+    elif body.aloft < _ALOFT or total >= 1.0:
+        body.aloft = 0.0
+    else:  # another ground, until the feet carry the robot
+        body.ground = points[2 + touching, 2] - noise.sole_radius
     if total > 0.0:
         sole = (load[0] * points[2, 2] + load[1] * points[3, 2]) / total
         follow = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total) * noise.period)
@@ -475,6 +482,7 @@ def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, over which it keeps that speed
 _WALKING_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
+_ALOFT = 1.0  # s without a touch, after which the ground is another one
 _SOLE_FLAT = 0.002  # m
 _GROUND_TIME = 0.1  # s
 _GROUND_STILL = 0.3  # rad/s
