@@ -44,7 +44,9 @@ class Watch:
         self._robot_time = b""
 
     def heard_state(self, now: float) -> None:
-        """A state has arrived."""
+        """A state has arrived. After a gap the controller had nothing to answer until now."""
+        if self._estimator.lost(now):
+            self._controller.excuse(now)
         self._estimator.heard(now)
 
     def controller_lost(self, now: float) -> bool:
