@@ -234,6 +234,19 @@ class Eyes:
         """Faults by the newest status of the supervisor."""
         return list(self.statuses[-1][1].faults) if self.statuses else []
 
+    def held_up(self, within: float) -> bool:
+        """Whether the supervisor has told of a lost node or operator within so much robot time.
+
+        On a busy machine a node may be late: then the robot stops, stands, and goes on.
+        """
+        now = _stamp(self.statuses[-1][1])
+        for _, status in reversed(self.statuses):
+            if _stamp(status) < now - within:
+                return False
+            if any(" lost" in fault for fault in status.faults):
+                return True
+        return False
+
     @property
     def tick(self) -> int:
         """Newest tick of the simulator."""
@@ -296,3 +309,8 @@ class Eyes:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now = time.monotonic()
         self.reports.extend((now, status) for status in message.status)
+
+
+def _stamp(status: SupervisorStatus) -> float:
+    """Robot time at which the supervisor said so. In s."""
+    return float(status.header.stamp.sec + 1e-9 * status.header.stamp.nanosec)

@@ -28,6 +28,8 @@ from cassie_msgs.ros.fast_lane import LanePublisher
 SECONDS = float(os.environ.get("CASSIE_RANDOM_INPUT", "20"))
 QUIET = 3.0
 """Wall time before it, in which the pace of robot time is taken. In s."""
+BACK_WITHIN = 10.0
+"""Robot time in which it walks again after a node was late. In s."""
 NODES = ("simulator", "state_estimator", "gait_controller", "mode_supervisor")
 _WILD = (float("nan"), float("inf"), -1e308, 1e9, -1.0, 0.0, 3.0)
 
@@ -134,7 +136,8 @@ def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None
                 noise.step()
                 eyes.look(0.02)
                 assert robot.stands(), eyes.summary()
-                assert eyes.mode == "walk", eyes.summary()
+                stopped = eyes.mode == "stand" and eyes.held_up(BACK_WITHIN)
+                assert eyes.mode == "walk" or stopped, eyes.summary()
                 if not before and left < 0.5 * SECONDS:
                     before = {name: memory(robot, name) for name in NODES}
         finally:
