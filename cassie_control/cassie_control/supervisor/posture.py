@@ -8,7 +8,7 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_msgs.layout import RobotState
 
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
-_SUNK_TIME = 0.1  # s; the estimate finds the ground so late when it is let down
+_SUNK_TIME = 0.1  # s; so late the kinematic estimate finds the ground when let down
 _STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
 
