@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from closed_loop import Robot
+from closed_loop import PERIOD, Robot
 
 from cassie_control.config import ControllerConfig, TransitionConfig
 from cassie_msgs.experiment.scenario import Draw, Scenario
@@ -50,6 +50,18 @@ def test_a_push_between_standing_and_stepping_is_no_fall(force):
     push = {"t": 5.0, "duration": 0.1, "force": force}
     robot = stood(0.9, 10.0, pushes=[push], draw=vars(Draw.from_seed(7)), **LET_DOWN)
     assert not robot.fallen
+
+
+@pytest.mark.parametrize("seed", [5, 6, 102])
+def test_a_step_from_straight_legs_keeps_a_foot_on_the_ground(seed):
+    """Just beyond what it stands, a push forward makes it rise to straight legs before it steps."""
+    push = {"t": 5.0, "duration": 0.1, "force": (110.0, 0.0, 0.0)}
+    robot = stood(0.9, 9.0, pushes=[push], draw=vars(Draw.from_seed(seed)), **LET_DOWN)
+    assert not robot.fallen
+    walking = [m for m in robot.moments if m.activity == "walking"]
+    in_air = [m.forces.max() < 1.0 for m in walking]
+    assert len(walking) > 0
+    assert sum(in_air) * PERIOD < 0.02
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

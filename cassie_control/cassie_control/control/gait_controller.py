@@ -11,7 +11,7 @@ from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
 from cassie_control.control.load import Payload
 from cassie_control.control.outputs import Step
-from cassie_control.control.recovery import RecoveryStep, brake, lift, rests
+from cassie_control.control.recovery import RecoveryStep, ShorteningLimit, brake, lift, rests
 from cassie_control.control.riding import RidingController
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
@@ -20,7 +20,7 @@ from cassie_control.errors import ControlError
 from cassie_control.finite import LARGEST, check
 from cassie_control.learning.torques import LearnedTorques, TorqueLearning
 from cassie_control.planner.timing import LEFT, StepTiming
-from cassie_gaits import robot
+from cassie_gaits import robot, virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.names import LEG_DRIVES
@@ -146,6 +146,7 @@ class GaitController:
         self.walking = WalkingController(config.walk, self._library, period)
         self.learning = TorqueLearning(config, self._learned, period)
         self.recovery = RecoveryStep(period)
+        self.shortening = ShorteningLimit(period)
         self.latency = CommandLatency(period)
         self._status = ControllerStatus()
         self._payload, self._request = Payload(), GaitRequest()
@@ -262,6 +263,8 @@ class GaitController:
             return
         self._enter(Activity.WALKING)
         self._stop_steps, self._recovers = 0, True
+        knee = float(self._command.position[5 * stance + 3])
+        self.shortening.start(virtual_leg.length(knee))
         self.walking.start(self.readings, stance)
         self.learning.start()
         self._walk(mode)
@@ -278,6 +281,7 @@ class GaitController:
             stance, phase = walking.timing.stance, walking.timing.phase
             brake(self.readings, stance, self._command, self.config.stand.toe_torque)
             lift(1 - stance, phase, self._command, self.config.transition.recovery_lift)
+            self.shortening.apply(stance, self._command, self.config.stand)
         return ended
 
     def _may_stop(self, mode: Mode) -> bool:

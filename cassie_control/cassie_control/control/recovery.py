@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.config import TransitionConfig
+from cassie_control.config import StandConfig, TransitionConfig
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.planner.timing import LEFT, RIGHT
@@ -67,6 +67,43 @@ def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None
     length = virtual_leg.length(float(command.position[knee]))
     length -= height * math.sin(math.pi * math.sqrt(min(1.0, phase)))
     command.position[knee] = virtual_leg.knee_angle(virtual_leg.clamp_length(length, 0.4, 0.97))
+
+
+class ShorteningLimit:
+    """Bounds how fast the stance leg of the first recovery step shortens.
+
+    Standing may have pushed the pelvis up to straight legs, or a push may have lifted it. The gait
+    takes the leg from there to its own length within a tenth of a second, by more than the robot
+    falls in that time: both feet would leave the ground.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.start(0.0)
+
+    def start(self, length: float) -> None:
+        """Begin at rest, with the leg length (m) that standing commands."""
+        self._length, self._rate = length, 0.0
+
+    def apply(self, stance: int, command: MotorCommand, config: StandConfig) -> None:
+        """Let the leg shorten no faster than standing lowers the pelvis.
+
+        Args:
+            stance: Leg that carries it.
+            command: Set-points of walking; the knee's is changed.
+            config: Bounds of the pelvis height's rate and acceleration.
+        """
+        knee = 5 * stance + 3
+        rate = max(-config.height_rate, self._rate - config.height_acceleration * self._period)
+        wanted = virtual_leg.length(float(command.position[knee]))
+        length = max(wanted, self._length + rate * self._period)
+        if length > wanted:
+            command.position[knee] = virtual_leg.knee_angle(length)
+        self._rate = min(0.0, (length - self._length) / self._period)
+        self._length = length
 
 
 class RecoveryStep:
