@@ -154,7 +154,7 @@ class MovingBalance(Balance):
             Least and greatest com_x, the same of com_y. In m.
         """
         c = self.config
-        gains = ((c.kp_com_x, c.kd_com_x), (c.kp_com_y, self._damping_y(1.0)))
+        gains = ((c.kp_com_x, c.kd_com_x), (c.kp_com_y, self._damping_y()))
         apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
         rest, bounds = self.rest(readings), []
         for k, ((kp, kd), most) in enumerate(zip(gains, (_PRESS, _SHARE * apart), strict=True)):
@@ -197,8 +197,8 @@ class MovingBalance(Balance):
         share = max(0.0, min(1.0, abs(self.speed) - _SLOW))
         return slow + share * (fast - slow)
 
-    def _damping_y(self, settled: float) -> float:
-        return self._with_speed(super()._damping_y(settled), self.config.fast_kd_com_y)
+    def _damping_y(self) -> float:
+        return self._with_speed(super()._damping_y(), self.config.fast_kd_com_y)
 
     def _roll_give(self) -> float:
         return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
@@ -209,11 +209,6 @@ class MovingBalance(Balance):
 
     def _learn(self, readings: Readings) -> None:
         return
-
-    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
-        """A platform moves: here it counts as settled at once, with gains that know no other."""
-        self.settled = 1.0
-        return self.settled
 
 
 _GOES = 0.3  # m/s^2
