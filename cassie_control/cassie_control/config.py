@@ -103,13 +103,6 @@ class StandConfig:
     roll_give: float = tunable(
         0.1, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    roll_back: float = tunable(
-        1.0,
-        "s",
-        0.001,
-        5.0,
-        "Time in which the hip roll stiffness comes back after it has given way",
-    )
     velocity_bandwidth: float = tunable(
         160.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity"
     )
@@ -173,7 +166,6 @@ class SegwayConfig(StandConfig):
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    roll_back: float = tunable(0.001, "s", 0.001, 5.0, "In which the hip roll stiffness comes back")
     rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
     roll_rate_length: float = tunable(
         0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"

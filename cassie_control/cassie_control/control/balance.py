@@ -133,11 +133,7 @@ class Balance:
         self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
         self.give = (
             max(0.0, 1.0 - abs(excess_x) / c.give),
-            # The hips are stiff: to take the torso back at once would throw it to the other side.
-            min(
-                max(self._roll_give(), 1.0 - abs(excess_y) / c.give),
-                self.give[1] + self._period / c.roll_back,
-            ),
+            max(self._roll_give(), 1.0 - abs(excess_y) / c.give),
         )
         bent_x = float(mode.pitch) - readings.pitch
         self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
