@@ -100,9 +100,6 @@ class StandConfig:
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
     )
-    roll_give: float = tunable(
-        0.1, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
-    )
     velocity_bandwidth: float = tunable(
         160.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity"
     )

@@ -159,7 +159,7 @@ class Balance:
 
     def _roll_give(self) -> float:
         """What is left of the hip roll stiffness when it has given way, 0..1."""
-        return self.config.roll_give
+        return 0.0
 
     def _bends(self, k: int, reach: float) -> float:
         """Share of the excess by which the torso bends; `reach` is what the feet reach, in m.
