@@ -124,7 +124,6 @@ class StandConfig:
     rise: float = tunable(
         0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings it to the edge"
     )
-    rise_rate: float = tunable(0.7, "m/s", 0.1, 2.0, "Greatest rate at which the legs push up")
     rise_acceleration: float = tunable(
         6.0, "m/s^2", 0.5, 20.0, "Change of the rate at which the legs push up"
     )

@@ -108,7 +108,7 @@ class Rise:
             goal = max(self.height, min(config.rise, _TOP - height))
         else:
             goal = self.height if self._hold > 0.0 else 0.0
-        fastest, acceleration, braking = config.rise_rate, config.rise_acceleration, _BRAKING
+        fastest, acceleration, braking = math.inf, config.rise_acceleration, _BRAKING
         if self._hold <= 0.0:
             fastest, acceleration, braking = _BACK, _SETTLE, _SETTLE
         self.height, self.rate = approach(
