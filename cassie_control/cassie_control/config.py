@@ -100,9 +100,7 @@ class StandConfig:
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
     )
-    velocity_bandwidth: float = tunable(
-        160.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity"
-    )
+    velocity_bandwidth: float = tunable(160.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity")
     bias_time: float = tunable(
         1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
     )
