@@ -70,9 +70,6 @@ class StandConfig:
     kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
-    kp_sole: float = tunable(
-        30.0, "Nm/rad", 0.0, 200.0, "Toe torque that keeps a sole flat that tips over its edge"
-    )
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
     roll_length: float = tunable(
         1.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"

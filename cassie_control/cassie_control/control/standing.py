@@ -123,9 +123,7 @@ _HANGS, _STANDS = 0.3, 0.9  # contact of the heavier foot below, of the lighter 
 _HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
 _GRAVITY = 9.81  # m/s^2
-_FLAT = 0.05  # m, pressed no farther from its middle a sole lies flat on the ground
 _OVERBENT = 0.15  # rad, beyond the limit of the bend at which the torso is held again
-_TIPS = 0.3  # rad, tilt of a sole that is pressed at its edge from which it tips over
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
 
@@ -135,8 +133,7 @@ class StandingController:
     `Balance` says where the feet press, which share each carries and how the force leans:
 
         toe torque of foot i   = -F_i (centre of pressure - toe joint), with the lean's own moment
-                                 about the toe joint, and against a sole that tips over its edge;
-                                 in the air the toe keeps the sole level,
+                                 about the toe joint; in the air the toe keeps the sole level,
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
                                  the leg hands on to the torso,
         hip roll, hip yaw      = held at the angle with which the foot took load,
@@ -167,7 +164,6 @@ class StandingController:
         self._weight = WEIGHT
         self._hips = [[0.0, 0.0], [0.0, 0.0]]
         self._ground = [0.0, 0.0]
-        self._soles = [0.0, 0.0]
         self._lands = False
         self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
 
@@ -203,12 +199,6 @@ class StandingController:
         self._rise.start()
         self._ground = [leg.contact for leg in readings.legs]
         self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
-        self._soles = [
-            virtual_leg.foot_pitch(
-                readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
-            )
-            for leg in readings.legs
-        ]
         self._balance.start(readings, bias)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
@@ -305,7 +295,7 @@ class StandingController:
         roll, yaw, pitch, knee = leg.weight_torques(
             readings.tilt, c.gravity * self._weight * share, *balance.lean
         )
-        toe = self._toe_torque(leg) + ground * self._flat(i, leg, readings)
+        toe = self._toe_torque(leg)
         pitch += toe + self._torso(readings, float(mode.pitch), ground)
         command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
 
@@ -342,17 +332,6 @@ class StandingController:
         arm = leg.foot[0] + balance.pressed - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))
-
-    def _flat(self, i: int, leg: LegReadings, readings: Readings) -> float:
-        """Toe torque, in Nm, against a sole that tips; how the ground is tilted is learnt."""
-        pitch = virtual_leg.foot_pitch(
-            readings.pitch, leg.joints[2], leg.joints[6], sum(leg.joints[3:6])
-        )
-        if self._ground[i] < 0.5:
-            self._soles[i] = pitch
-        elif abs(self._balance.pressed) < _FLAT:
-            self._soles[i] += self._settle * (pitch - self._soles[i])
-        return self.config.kp_sole * beyond(self._soles[i] - pitch, _TIPS)
 
     def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
         """Let the hips of a foot in the air go to where the paper stands. In rad."""
