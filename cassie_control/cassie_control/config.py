@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import names, tunable
+
+_AT_ONCE = 0.001  # s, less than a period of control
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +95,6 @@ class StandConfig:
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
-    lean_length: float = tunable(
-        0.0, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
-    )
     give: float = tunable(
         0.03, "m", 0.001, 1.0, "Excess pressure at which the torso's own regulation has given way"
     )
@@ -172,8 +171,8 @@ class StandConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegwayConfig(StandConfig):
-    """Riding a Segway: standing with gains of its own, and what keeps speed and heading."""
+class SegwayConfig:
+    """Riding a Segway: what differs from standing there, and what keeps speed and heading."""
 
     kp_com_x: float = tunable(
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
@@ -187,25 +186,11 @@ class SegwayConfig(StandConfig):
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     roll_torque: float = tunable(
-        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
+        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
     )
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    settled_kd_com_x: float = tunable(
-        80.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity once it has settled"
-    )
-    settled_kd_com_y: float = tunable(
-        200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity once it has settled"
-    )
-    settled_kp_hip_roll: float = tunable(
-        400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
-    )
-    settled_bandwidth: float = tunable(
-        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity once it has settled"
-    )
-    roll_back: float = tunable(0.001, "s", 0.001, 5.0, "In which the hip roll stiffness comes back")
-    rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
     roll_rate_length: float = tunable(
         0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
@@ -296,6 +281,25 @@ class SegwayConfig(StandConfig):
     tilt_gain: float = tunable(
         2.5, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
     )
+
+    def standing(self, stand: StandConfig) -> StandConfig:
+        """Gains of standing with those of the same name that riding has.
+
+        A platform always moves: gains do not change as the robot settles, the hips give way for a
+        tick only, and the legs do not push up.
+        """
+        known = {field.name for field in fields(StandConfig)}
+        own = {name: getattr(self, name) for name in names(SegwayConfig) if name in known}
+        return replace(
+            stand,
+            **own,
+            settled_kd_com_x=self.kd_com_x,
+            settled_kd_com_y=self.kd_com_y,
+            settled_kp_hip_roll=stand.kp_hip_roll,
+            settled_bandwidth=stand.velocity_bandwidth,
+            roll_back=_AT_ONCE,
+            rise=0.0,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

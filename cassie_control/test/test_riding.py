@@ -17,14 +17,38 @@ from robot_states import (
     state_of,
 )
 
-from cassie_control.config import SegwayConfig
+from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.riding import Level, MovingBalance, RidingController
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
-CONFIG = SegwayConfig()
+CONFIG, STAND = SegwayConfig(), StandConfig()
 PERIOD = 0.002
 GRAVITY = 9.81
+
+
+def test_riding_stands_with_gains_of_its_own_and_for_the_rest_with_those_of_standing():
+    stand = replace(STAND, kp_com_x=1.0, kp_knee=2.0, kp_hip_roll=3.0, velocity_bandwidth=4.0)
+    riding = replace(CONFIG, kd_com_x=5.0, kd_com_y=6.0)
+    assert riding.standing(stand) == replace(
+        stand,
+        kp_com_x=CONFIG.kp_com_x,
+        kd_com_x=5.0,
+        kp_com_y=CONFIG.kp_com_y,
+        kd_com_y=6.0,
+        bend_torque=CONFIG.bend_torque,
+        bend_limit=CONFIG.bend_limit,
+        kd_hip_roll=CONFIG.kd_hip_roll,
+        roll_torque=CONFIG.roll_torque,
+        roll_give=CONFIG.roll_give,
+        roll_rate_length=CONFIG.roll_rate_length,
+        settled_kd_com_x=5.0,
+        settled_kd_com_y=6.0,
+        settled_kp_hip_roll=3.0,
+        settled_bandwidth=4.0,
+        roll_back=0.001,
+        rise=0.0,
+    )
 
 
 def crouched():
@@ -69,7 +93,7 @@ class Pendulum:
 
     def __init__(self, config=CONFIG) -> None:
         self.readings = readings_of(crouched())
-        self.balance = MovingBalance(config, PERIOD)
+        self.balance = MovingBalance(config, STAND, PERIOD)
         self._middle = self.readings.com[0] - self.readings.com_from_feet[0]
         self._height = self.readings.com_from_feet[2]
         self.x = self.v = 0.0
@@ -115,7 +139,11 @@ def test_what_standing_learnt_of_the_com_holds_while_riding():
 
 def ridden(state, mode, ticks=1, config=CONFIG):
     """The controller and its command after so many ticks in one state."""
-    core, command, readings = RidingController(config, PERIOD), MotorCommand(), readings_of(state)
+    core, command, readings = (
+        RidingController(config, STAND, PERIOD),
+        MotorCommand(),
+        readings_of(state),
+    )
     core.start(readings)
     for _ in range(ticks):
         core.step(readings, mode, command)
@@ -255,7 +283,7 @@ def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
 def test_hands_off_it_steers_back_to_the_heading_that_it_had():
     """Only the yaw rate was held, and the heading wandered."""
     core, readings, mode = (
-        RidingController(CONFIG, PERIOD),
+        RidingController(CONFIG, STAND, PERIOD),
         readings_of(crouched()),
         mode_of(vx=2.0),
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from cassie_control.config import SegwayConfig
+from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.balance import Balance
 from cassie_control.control.robot import LegReadings, Readings
 from cassie_control.control.standing import StandingController
@@ -115,17 +115,27 @@ class MovingBalance(Balance):
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
         speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
+        riding: Gains of riding.
 
     Args:
-        config: Gains.
+        riding: Gains of riding.
+        stand: Gains of standing, for all else.
         period: Of control. In s.
     """
 
-    config: SegwayConfig
-
-    def __init__(self, config: SegwayConfig, period: float) -> None:
-        super().__init__(config, period)
+    def __init__(self, riding: SegwayConfig, stand: StandConfig, period: float) -> None:
+        super().__init__(riding.standing(stand), period)
+        self.riding = riding
         self._forget()
+
+    def configure(self, riding: SegwayConfig, stand: StandConfig) -> None:
+        """Take over new gains at once."""
+        self.riding, self.config = riding, riding.standing(stand)
+
+    @property
+    def lean_length(self) -> float:
+        """Leg length difference by the roll that is wanted. In m/rad."""
+        return self.riding.lean_length
 
     def _forget(self) -> None:
         self.acceleration = [0.0, 0.0]
@@ -179,7 +189,7 @@ class MovingBalance(Balance):
         self.speed -= self._velocity[0] - before
 
     def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
-        share = self._period / self.config.moving_time
+        share = self._period / self.riding.moving_time
         for k, pressed in enumerate((self.pressed, self._carried(readings))):
             away = readings.com_from_feet[k] + self._bias[k] - pressed
             falling = both * away / per_acceleration
@@ -187,7 +197,7 @@ class MovingBalance(Balance):
                 self.speed += self._period * falling
             self._mean[k] += share * (falling - self._mean[k])
             self._slow[k] += share * (self._velocity[k] - self._slow[k])
-            rise = (self._velocity[k] - self._slow[k]) / self.config.moving_time
+            rise = (self._velocity[k] - self._slow[k]) / self.riding.moving_time
             self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
 
     def _com_velocity(self, readings: Readings) -> tuple[float, float]:
@@ -198,10 +208,10 @@ class MovingBalance(Balance):
         return slow + share * (fast - slow)
 
     def _damping_y(self, settled: float) -> float:
-        return self._with_speed(super()._damping_y(settled), self.config.fast_kd_com_y)
+        return self._with_speed(super()._damping_y(settled), self.riding.fast_kd_com_y)
 
     def _roll_give(self) -> float:
-        return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
+        return self._with_speed(self.config.roll_give, self.riding.fast_roll_give)
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.
@@ -263,7 +273,8 @@ class RidingController:
     platform tilts against it: that is how a Segway says that it will go no faster.
 
     Args:
-        config: Gains.
+        config: Gains of riding.
+        stand: Gains of standing, for all else.
         period: Of control. In s.
 
     Source:
@@ -271,10 +282,10 @@ class RidingController:
         feet turned down.
     """
 
-    def __init__(self, config: SegwayConfig, period: float) -> None:
+    def __init__(self, config: SegwayConfig, stand: StandConfig, period: float) -> None:
         self._period = period
-        self._balance = MovingBalance(config, period)
-        self._stand = StandingController(config, period, self._balance)
+        self._balance = MovingBalance(config, stand, period)
+        self._stand = StandingController(stand, period, self._balance)
         self._mode = Mode()
         self._level = Level(period)
         self._readings = Readings()
@@ -289,12 +300,12 @@ class RidingController:
 
     @property
     def config(self) -> SegwayConfig:
-        """Gains; new ones hold from the next step."""
-        return self._balance.config
+        """Gains of riding."""
+        return self._balance.riding
 
-    @config.setter
-    def config(self, config: SegwayConfig) -> None:
-        self._stand.config = config
+    def configure(self, config: SegwayConfig, stand: StandConfig) -> None:
+        """Take over new gains at once."""
+        self._balance.configure(config, stand)
 
     @property
     def speed(self) -> float:
