@@ -236,11 +236,6 @@ class SegwayConfig:
     heading_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Yaw rate by error of the heading, while vx or yaw_rate command"
     )
-    turn_limit: float = tunable(1.2, "rad/s", 0.1, 5.0, "Yaw rate beyond which no lean adds")
-    turn_lean: float = tunable(
-        0.05, "m/(rad/s)", 0.0, 0.2, "CoM y that turns it so fast, times 1 + speed / 2"
-    )
-    kp_turn: float = tunable(0.08, "m/(rad/s)", 0.0, 0.5, "CoM y back by what it turns faster")
     slow_time: float = tunable(
         0.7, "s", 0.0, 3.0, "How far ahead it is minded that it will roll backward"
     )

@@ -433,7 +433,6 @@ class RidingController:
     def _bounded_y(self, readings: Readings, com_y: float) -> float:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
-        com_y = self._bounded_by_turn(self._turn, com_y)
         # Backward a lean to a side throws it out. It leans slowly: how fast will it be?
         soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
         backward = max(0.0, min(1.0, -soon / _BACKING))
@@ -469,14 +468,6 @@ class RidingController:
         share = max(0.0, min(1.0, (self._lifted - least) / (most - least)))
         wanted.com_x[...] = (1.0 - share) * float(wanted.com_x)
         wanted.com_y[...] = (1.0 - share) * float(wanted.com_y)
-
-    def _bounded_by_turn(self, rate: float, com_y: float) -> float:
-        """Of a lean (m) what does not add to too fast a turn; `rate` is the yaw rate, in rad/s."""
-        c = self.config
-        lean = c.turn_lean * (1.0 + 0.5 * abs(self._balance.speed)) * c.turn_limit
-        highest = lean + c.kp_turn * (c.turn_limit - rate)
-        lowest = -lean - c.kp_turn * (c.turn_limit + rate)
-        return max(lowest, min(highest, com_y))
 
     def _feel_turn(self, rate: float) -> None:
         """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
