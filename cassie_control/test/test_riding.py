@@ -262,16 +262,6 @@ def test_it_leans_less_where_the_feet_do_not_carry_it(carried, left):
         assert core.lean[1] == pytest.approx(0.02 * sign * left, abs=0.001)
 
 
-def test_a_lean_is_taken_back_no_faster_than_the_feet_can_press():
-    """From far back they press at their heels already: more of it and the torso bends."""
-    pendulum = Pendulum()
-    assert pendulum.balance.near(pendulum.readings)[0][1] > 0.09
-    pendulum.run(6.0, -0.3, -0.06)
-    (_, ahead), _ = pendulum.balance.near(pendulum.readings)
-    assert pendulum.x == pytest.approx(-0.06, abs=0.005)
-    assert -0.045 < ahead < 0.04
-
-
 def test_hands_off_it_steers_back_to_the_heading_that_it_had():
     """Only the yaw rate was held, and the heading wandered."""
     core, readings, mode = (

@@ -82,11 +82,6 @@ class Level:
 
 _GRAVITY = 9.81
 _SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
-_PRESS, _SHARE = (
-    0.065,
-    0.4,
-)  # m, and of the feet's distance: farther they press for no command
-_NEAR = 0.015  # m from where the CoM is, which it may be wanted in any case
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
 
 
@@ -153,31 +148,6 @@ class MovingBalance(Balance):
         per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
-
-    def near(self, readings: Readings) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where the CoM may be wanted so that the feet need not press at their edges for it.
-
-        To come back from a lean they press farther out at first. A command that asks for more than
-        they have throws it: the torso bends, and swings back.
-
-        Returns:
-            Least and greatest com_x, the same of com_y. In m.
-        """
-        c = self.config
-        gains = ((c.kp_com_x, c.kd_com_x), (c.kp_com_y, self._damping_y(1.0)))
-        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
-        rest, bounds = self.rest(readings), []
-        for k, ((kp, kd), most) in enumerate(zip(gains, (_PRESS, _SHARE * apart), strict=True)):
-            com = readings.com_from_feet[k] + self._bias[k]
-            pressed = com - rest[k] + kd * self._velocity[k] / WEIGHT
-            scale = WEIGHT / max(1.0, kp)
-            bounds.append(
-                (
-                    com - max(_NEAR, scale * (most - pressed)),
-                    com + max(_NEAR, scale * (most + pressed)),
-                )
-            )
-        return bounds[0], bounds[1]
 
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes; arguments as `Balance.step`."""
@@ -356,9 +326,6 @@ class RidingController:
         wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
         self._out_of_corner(readings, wanted)
         self._off_the_bar(readings, wanted)
-        (back, ahead), (right, left) = self._balance.near(readings)
-        wanted.com_x[...] = max(back, min(ahead, float(wanted.com_x)))
-        wanted.com_y[...] = max(right, min(left, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
 
     def _bounded_by_speed(self, com_x: float) -> float:
