@@ -236,9 +236,6 @@ class SegwayConfig:
     heading_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Yaw rate by error of the heading, while vx or yaw_rate command"
     )
-    slow_time: float = tunable(
-        0.7, "s", 0.0, 3.0, "How far ahead it is minded that it will roll backward"
-    )
     corner: float = tunable(
         0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
     )

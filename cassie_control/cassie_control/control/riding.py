@@ -400,9 +400,8 @@ class RidingController:
     def _bounded_y(self, readings: Readings, com_y: float) -> float:
         """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
         c, balance = self.config, self._balance
-        # Backward a lean to a side throws it out. It leans slowly: how fast will it be?
-        soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
-        backward = max(0.0, min(1.0, -soon / _BACKING))
+        # Backward a lean to a side throws it out.
+        backward = max(0.0, min(1.0, -balance.speed / _BACKING))
         aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
         left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
         narrow = max(0.0, c.press_distance - apart)
