@@ -263,16 +263,6 @@ class SegwayConfig:
         5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
     )
     back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
-    tilt_margin: float = tunable(
-        0.02,
-        "rad",
-        0.0,
-        0.3,
-        "Tilt of the platform against the lean that is not minded",
-    )
-    tilt_gain: float = tunable(
-        2.5, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
-    )
 
     def standing(self, stand: StandConfig) -> StandConfig:
         """Gains of standing with those of the same name that riding has.

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 
 from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.balance import Balance
-from cassie_control.control.robot import LegReadings, Readings
+from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
-from cassie_gaits import virtual_leg
 from cassie_gaits.robot import SOLE_RADIUS, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
@@ -197,7 +196,6 @@ class MovingBalance(Balance):
 
 
 _GOES = 0.3  # m/s^2
-_TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _BACKING, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
@@ -239,8 +237,7 @@ class RidingController:
     and b, the error of a, is known from then on; so is n, the CoM x by which it neither gains nor
     loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
     rest it leans `rest_back` less, so that the Segway stops. c_x*
-    keeps the feet's pressure, c_x* - h a / g, within `press_limit`, and gives way where the
-    platform tilts against it: that is how a Segway says that it will go no faster.
+    keeps the feet's pressure, c_x* - h a / g, within `press_limit`.
 
     Args:
         config: Gains of riding.
@@ -262,7 +259,6 @@ class RidingController:
         self._forget()
 
     def _forget(self) -> None:
-        self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
         self._turn = self._lifted = 0.0
@@ -384,12 +380,8 @@ class RidingController:
         self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
 
     def _bounded(self, readings: Readings, com_x: float) -> float:
-        """Where the CoM may be without pressing too far out, or against the platform's tilt."""
+        """Where the CoM may be without pressing too far out."""
         c = self.config
-        tilt = 0.5 * sum(sole_tilt(leg, readings.pitch) for leg in readings.legs)
-        self._tilt += self._period / _TILT_TIME * (tilt - self._tilt)
-        against = min(0.0, math.copysign(1.0, com_x) * self._tilt + c.tilt_margin)
-        com_x += math.copysign(1.0, com_x) * c.tilt_gain * against
         rest = self._balance.rest(readings)[0]
         # Ground that goes along with the lean is a vehicle, and needs more of it.
         along = self._balance.acceleration[0] / _GOES
@@ -450,9 +442,3 @@ def height_above_soles(readings: Readings) -> float:
     weights = [leg.contact + 0.01 for leg in readings.legs]
     below = sum(weight * leg.foot[2] for weight, leg in zip(weights, readings.legs, strict=True))
     return SOLE_RADIUS - below / sum(weights)
-
-
-def sole_tilt(leg: LegReadings, torso_pitch: float) -> float:
-    """How far the sole of a leg is pitched forward, toe down. In rad."""
-    _, _, hip_pitch, knee, shin, tarsus, toe = leg.joints
-    return -virtual_leg.foot_pitch(torso_pitch, hip_pitch, toe, knee + shin + tarsus)
