@@ -195,6 +195,10 @@ class MovingBalance(Balance):
         return self.settled
 
 
+Interval = tuple[float, float]
+"""Least and greatest value."""
+
+_ANYWHERE: Interval = (-math.inf, math.inf)
 _GOES = 0.3  # m/s^2
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
@@ -312,24 +316,17 @@ class RidingController:
         wanted.copy_from(mode)
         self._balance.speed += self._period * self._error
         self._feel_turn(readings.yaw_rate)
-        if float(mode.com_x) == 0.0 == float(mode.com_y):
+        held = float(mode.com_x) == 0.0 == float(mode.com_y)
+        if held:
             self._hold(readings, mode, wanted)
         else:
             self._heading = math.nan
             self._hear(float(mode.vx), float(mode.com_x))
-            wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
-        wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
-        wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
-        self._out_of_corner(readings, wanted)
-        self._off_the_bar(readings, wanted)
+        (back, ahead), (right, left) = self._bounds(readings, held)
+        share = self._carried(readings)
+        wanted.com_x[...] = share * max(back, min(ahead, float(wanted.com_x)))
+        wanted.com_y[...] = share * max(right, min(left, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
-
-    def _bounded_by_speed(self, com_x: float) -> float:
-        """Of a lean (m) what does not add to too high a speed: the Segway's motors give out."""
-        c, speed = self.config, self._balance.speed
-        highest = self._neutral + c.kp_speed * (c.top_speed - speed)
-        lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
-        return max(min(0.0, lowest), min(max(0.0, highest), com_x))
 
     def _hear(self, vx: float, com_x: float) -> None:
         """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""
@@ -379,53 +376,56 @@ class RidingController:
         self._neutral += self._period / time * (com_x - self._neutral)
         self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
 
-    def _bounded(self, readings: Readings, com_x: float) -> float:
-        """Where the CoM may be without pressing too far out."""
-        c = self.config
-        rest = self._balance.rest(readings)[0]
-        # Ground that goes along with the lean is a vehicle, and needs more of it.
-        along = self._balance.acceleration[0] / _GOES
+    def _bounds(self, readings: Readings, held: bool) -> tuple[Interval, Interval]:
+        """Where the CoM may be wanted; of bounds that exclude each other the later one counts.
+
+        - Speed: no lean of the operator adds to too high a speed. The Segway's motors give out.
+        - Pressure: the feet bear it for long. Ground that goes along with a lean is a vehicle, and
+          needs more of it. Feet that are near to each other bear less to a side.
+        - Backward: a lean to a side there throws the robot out.
+        - Corner: far back and to a side the outer shin catches the pad of the bar. The bar carries
+          the robot instead of the foot, which slips, and as the bar lets go the robot falls.
+
+        Args:
+            readings: The robot now.
+            held: Whether the robot holds the speed itself, as no operator leans it.
+
+        Returns:
+            Least and greatest com_x, least and greatest com_y. In m.
+        """
+        c, balance = self.config, self._balance
+        speed, (rest_x, rest_y) = balance.speed, balance.rest(readings)
+        x = y = _ANYWHERE
+        if not held:
+            highest = self._neutral + c.kp_speed * (c.top_speed - speed)
+            lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
+            x = (min(0.0, lowest), max(0.0, highest))
+        along = balance.acceleration[0] / _GOES
         ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
         back = c.press_limit + c.press_more * max(0.0, min(1.0, -along))
-        return max(rest - back, min(rest + ahead, com_x))
+        x = _cut(x, rest_x - back, rest_x + ahead)
+        if speed < 0.0:
+            backward = min(1.0, -speed / _BACKING)
+            aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
+            y = (-aside, aside)
+        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        aside = max(_LEAST, c.press_limit_y - _NARROW * max(0.0, c.press_distance - apart))
+        y = _cut(y, rest_y - aside, rest_y + aside)
+        com_x, com_y, _ = readings.com_from_feet
+        aside = max(_LEAST, c.corner - max(0.0, -com_x))
+        x = _cut(x, -max(_LEAST, c.corner - abs(com_y)), math.inf)
+        return x, _cut(y, -aside, aside)
 
-    def _bounded_y(self, readings: Readings, com_y: float) -> float:
-        """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
-        c, balance = self.config, self._balance
-        # Backward a lean to a side throws it out.
-        backward = max(0.0, min(1.0, -balance.speed / _BACKING))
-        aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
-        left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
-        narrow = max(0.0, c.press_distance - apart)
-        limit = max(_LEAST, c.press_limit_y - _NARROW * narrow)
-        if backward > 0.0:
-            com_y = max(-aside, min(aside, com_y))
-        return max(left - limit, min(left + limit, com_y))
+    def _carried(self, readings: Readings) -> float:
+        """Share of a lean that is left while something beside the feet carries it, 0..1.
 
-    def _out_of_corner(self, readings: Readings, wanted: Mode) -> None:
-        """Less of a lean back the farther the CoM is to a side, and the other way round.
-
-        Far back and to a side the outer shin catches the pad of the bar: the bar carries the robot
-        instead of the foot, which slips, and as the bar lets go the robot falls.
-        """
-        ahead, left, _ = readings.com_from_feet
-        back = max(_LEAST, self.config.corner - abs(left))
-        aside = max(_LEAST, self.config.corner - max(0.0, -ahead))
-        wanted.com_x[...] = max(-back, float(wanted.com_x))
-        wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
-
-    def _off_the_bar(self, readings: Readings, wanted: Mode) -> None:
-        """Less of a lean while something beside the feet carries it: a shin on the bar's pad.
-
-        What the feet press then tells neither the ground's acceleration nor the speed, and the
-        foot below that shin slips.
+        With a shin on the bar's pad what the feet press tells neither the ground's acceleration nor
+        the speed, and the foot below that shin slips.
         """
         feet = float(readings.legs[0].force) + float(readings.legs[1].force)
         self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
         least, most = _LIFTED
-        share = max(0.0, min(1.0, (self._lifted - least) / (most - least)))
-        wanted.com_x[...] = (1.0 - share) * float(wanted.com_x)
-        wanted.com_y[...] = (1.0 - share) * float(wanted.com_y)
+        return 1.0 - max(0.0, min(1.0, (self._lifted - least) / (most - least)))
 
     def _feel_turn(self, rate: float) -> None:
         """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
@@ -435,6 +435,12 @@ class RidingController:
         away = balance.acceleration[1] - self._turn * (balance.speed + _BAR)
         share = self._period / c.turn_time * self._turn / (self._turn**2 + _TURNS)
         balance.speed += share * away
+
+
+def _cut(bounds: Interval, least: float, greatest: float) -> Interval:
+    """Bounds of what is first kept within `bounds`, and then within two others."""
+    low, high = bounds
+    return max(least, min(greatest, low)), max(least, min(greatest, high))
 
 
 def height_above_soles(readings: Readings) -> float:
