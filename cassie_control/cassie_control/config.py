@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import names, tunable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,9 +77,6 @@ class StandConfig:
     roll_rate_length: float = tunable(
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
-    lean_length: float = tunable(
-        0.0, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
-    )
     give: float = tunable(
         0.03, "m", 0.001, 1.0, "Excess pressure at which the torso's own regulation has given way"
     )
@@ -133,8 +130,8 @@ class StandConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegwayConfig(StandConfig):
-    """Riding a Segway: standing with gains of its own, and what keeps speed and heading."""
+class SegwayConfig:
+    """Riding a Segway: what differs from standing there, and what keeps speed and heading."""
 
     kp_com_x: float = tunable(
         200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
@@ -152,12 +149,11 @@ class SegwayConfig(StandConfig):
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     roll_torque: float = tunable(
-        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends it to the side"
+        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
     )
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
     )
-    rise: float = tunable(0.0, "m", 0.0, 0.2, "How far the legs push up at the edge")
     roll_rate_length: float = tunable(
         0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
@@ -203,14 +199,6 @@ class SegwayConfig(StandConfig):
     heading_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Yaw rate by error of the heading, while vx or yaw_rate command"
     )
-    turn_limit: float = tunable(1.2, "rad/s", 0.1, 5.0, "Yaw rate beyond which no lean adds")
-    turn_lean: float = tunable(
-        0.05, "m/(rad/s)", 0.0, 0.2, "CoM y that turns it so fast, times 1 + speed / 2"
-    )
-    kp_turn: float = tunable(0.08, "m/(rad/s)", 0.0, 0.5, "CoM y back by what it turns faster")
-    slow_time: float = tunable(
-        0.7, "s", 0.0, 3.0, "How far ahead it is minded that it will roll backward"
-    )
     corner: float = tunable(
         0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
     )
@@ -238,16 +226,12 @@ class SegwayConfig(StandConfig):
         5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
     )
     back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
-    tilt_margin: float = tunable(
-        0.02,
-        "rad",
-        0.0,
-        0.3,
-        "Tilt of the platform against the lean that is not minded",
-    )
-    tilt_gain: float = tunable(
-        2.5, "m/rad", 0.0, 5.0, "CoM back by what it is tilted further: its limiter wants so"
-    )
+
+    def standing(self, stand: StandConfig) -> StandConfig:
+        """Gains of standing with those of the same name that riding has; no legs push up."""
+        known = {field.name for field in fields(StandConfig)}
+        own = {name: getattr(self, name) for name in names(SegwayConfig) if name in known}
+        return replace(stand, **own, rise=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

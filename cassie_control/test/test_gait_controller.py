@@ -14,6 +14,7 @@ from cassie_control.control.limits import stops
 from cassie_control.errors import ControlError
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import MotorCommand, RobotMode
+from cassie_msgs.tunables import replace_checked
 
 LIBRARY = load_certified(default_library_path())
 CONFIG = ControllerConfig(transition=TransitionConfig(stop_first=0.0))
@@ -215,6 +216,17 @@ def test_new_gains_take_effect_while_walking_goes_on():
     assert core.activity is Activity.WALKING
     assert timing.steps == steps
     assert timing.phase == pytest.approx(phase + PERIOD * rate)
+
+
+def test_new_gains_of_standing_and_of_riding_take_effect_while_it_rides():
+    core = controller()
+    run(core, standing(), RobotMode.SEGWAY, 0.5)
+    new = {"stand.kp_knee": 300.0, "segway.kd_hip_roll": 6.0}
+    core.configure(replace_checked(CONFIG, **new))
+    command = run(core, standing(), RobotMode.SEGWAY)
+    assert core.activity is Activity.RIDING
+    assert command.kp[3] == pytest.approx(300.0)
+    assert command.kd[0] == pytest.approx(6.0)
 
 
 def test_reset_makes_it_as_new():

@@ -75,6 +75,11 @@ class Balance:
         """What the CoM was found to be farther forward and to the left than estimated. In m."""
         return self._bias[0], self._bias[1]
 
+    @property
+    def lean_length(self) -> float:
+        """Leg length difference by the roll that is wanted. In m/rad."""
+        return 0.0
+
     def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin with the velocity that the robot has.
 

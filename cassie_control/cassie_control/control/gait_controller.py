@@ -133,7 +133,7 @@ class GaitController:
         """Take over new gains at once."""
         self.config = config
         self._allow_for(self.latency.latency)
-        self.riding.config = config.segway
+        self.riding.configure(config.segway, config.stand)
         self.walking.configure(config.walk)
         self.learning.configure(config)
 
@@ -142,7 +142,7 @@ class GaitController:
         config, period = self.config, self._period
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
-        self.riding = RidingController(config.segway, period)
+        self.riding = RidingController(config.segway, config.stand, period)
         self.walking = WalkingController(config.walk, self._library, period)
         self.learning = TorqueLearning(config, self._learned, period)
         self.recovery = RecoveryStep(period)

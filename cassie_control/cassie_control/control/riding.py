@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from cassie_control.config import SegwayConfig
+from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.balance import Balance
-from cassie_control.control.robot import LegReadings, Readings
+from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
-from cassie_gaits import virtual_leg
 from cassie_gaits.robot import SOLE_RADIUS, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
@@ -82,11 +81,6 @@ class Level:
 
 _GRAVITY = 9.81
 _SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
-_PRESS, _SHARE = (
-    0.065,
-    0.4,
-)  # m, and of the feet's distance: farther they press for no command
-_NEAR = 0.015  # m from where the CoM is, which it may be wanted in any case
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
 
 
@@ -115,17 +109,27 @@ class MovingBalance(Balance):
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
         speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
+        riding: Gains of riding.
 
     Args:
-        config: Gains.
+        riding: Gains of riding.
+        stand: Gains of standing, for all else.
         period: Of control. In s.
     """
 
-    config: SegwayConfig
-
-    def __init__(self, config: SegwayConfig, period: float) -> None:
-        super().__init__(config, period)
+    def __init__(self, riding: SegwayConfig, stand: StandConfig, period: float) -> None:
+        super().__init__(riding.standing(stand), period)
+        self.riding = riding
         self._forget()
+
+    def configure(self, riding: SegwayConfig, stand: StandConfig) -> None:
+        """Take over new gains at once."""
+        self.riding, self.config = riding, riding.standing(stand)
+
+    @property
+    def lean_length(self) -> float:
+        """Leg length difference by the roll that is wanted. In m/rad."""
+        return self.riding.lean_length
 
     def _forget(self) -> None:
         self.acceleration = [0.0, 0.0]
@@ -144,31 +148,6 @@ class MovingBalance(Balance):
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
 
-    def near(self, readings: Readings) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where the CoM may be wanted so that the feet need not press at their edges for it.
-
-        To come back from a lean they press farther out at first. A command that asks for more than
-        they have throws it: the torso bends, and swings back.
-
-        Returns:
-            Least and greatest com_x, the same of com_y. In m.
-        """
-        c = self.config
-        gains = ((c.kp_com_x, c.kd_com_x), (c.kp_com_y, self._damping_y()))
-        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
-        rest, bounds = self.rest(readings), []
-        for k, ((kp, kd), most) in enumerate(zip(gains, (_PRESS, _SHARE * apart), strict=True)):
-            com = readings.com_from_feet[k] + self._bias[k]
-            pressed = com - rest[k] + kd * self._velocity[k] / WEIGHT
-            scale = WEIGHT / max(1.0, kp)
-            bounds.append(
-                (
-                    com - max(_NEAR, scale * (most - pressed)),
-                    com + max(_NEAR, scale * (most + pressed)),
-                )
-            )
-        return bounds[0], bounds[1]
-
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes; arguments as `Balance.step`."""
         per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
@@ -179,7 +158,7 @@ class MovingBalance(Balance):
         self.speed -= self._velocity[0] - before
 
     def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
-        share = self._period / self.config.moving_time
+        share = self._period / self.riding.moving_time
         for k, pressed in enumerate((self.pressed, self._carried(readings))):
             away = readings.com_from_feet[k] + self._bias[k] - pressed
             falling = both * away / per_acceleration
@@ -187,7 +166,7 @@ class MovingBalance(Balance):
                 self.speed += self._period * falling
             self._mean[k] += share * (falling - self._mean[k])
             self._slow[k] += share * (self._velocity[k] - self._slow[k])
-            rise = (self._velocity[k] - self._slow[k]) / self.config.moving_time
+            rise = (self._velocity[k] - self._slow[k]) / self.riding.moving_time
             self.acceleration[k] = max(-_FASTEST, min(_FASTEST, self._mean[k] - rise))
 
     def _com_velocity(self, readings: Readings) -> tuple[float, float]:
@@ -198,10 +177,10 @@ class MovingBalance(Balance):
         return slow + share * (fast - slow)
 
     def _damping_y(self) -> float:
-        return self._with_speed(super()._damping_y(), self.config.fast_kd_com_y)
+        return self._with_speed(super()._damping_y(), self.riding.fast_kd_com_y)
 
     def _roll_give(self) -> float:
-        return self._with_speed(self.config.roll_give, self.config.fast_roll_give)
+        return self._with_speed(self.riding.roll_give, self.riding.fast_roll_give)
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.
@@ -211,8 +190,11 @@ class MovingBalance(Balance):
         return
 
 
+Interval = tuple[float, float]
+"""Least and greatest value."""
+
+_ANYWHERE: Interval = (-math.inf, math.inf)
 _GOES = 0.3  # m/s^2
-_TILT_TIME = 0.15  # s, low-pass of the platform's tilt
 _TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
 _BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _BACKING, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
@@ -254,11 +236,11 @@ class RidingController:
     and b, the error of a, is known from then on; so is n, the CoM x by which it neither gains nor
     loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
     rest it leans `rest_back` less, so that the Segway stops. c_x*
-    keeps the feet's pressure, c_x* - h a / g, within `press_limit`, and gives way where the
-    platform tilts against it: that is how a Segway says that it will go no faster.
+    keeps the feet's pressure, c_x* - h a / g, within `press_limit`.
 
     Args:
-        config: Gains.
+        config: Gains of riding.
+        stand: Gains of standing, for all else.
         period: Of control. In s.
 
     Source:
@@ -266,17 +248,16 @@ class RidingController:
         feet turned down.
     """
 
-    def __init__(self, config: SegwayConfig, period: float) -> None:
+    def __init__(self, config: SegwayConfig, stand: StandConfig, period: float) -> None:
         self._period = period
-        self._balance = MovingBalance(config, period)
-        self._stand = StandingController(config, period, self._balance)
+        self._balance = MovingBalance(config, stand, period)
+        self._stand = StandingController(stand, period, self._balance)
         self._mode = Mode()
         self._level = Level(period)
         self._readings = Readings()
         self._forget()
 
     def _forget(self) -> None:
-        self._tilt = 0.0
         self._said = self._since = self._error = 0.0
         self._neutral = self._went = self._slow = 0.0
         self._turn = self._lifted = 0.0
@@ -284,12 +265,12 @@ class RidingController:
 
     @property
     def config(self) -> SegwayConfig:
-        """Gains; new ones hold from the next step."""
-        return self._balance.config
+        """Gains of riding."""
+        return self._balance.riding
 
-    @config.setter
-    def config(self, config: SegwayConfig) -> None:
-        self._stand.config = config
+    def configure(self, config: SegwayConfig, stand: StandConfig) -> None:
+        """Take over new gains at once."""
+        self._balance.configure(config, stand)
 
     @property
     def speed(self) -> float:
@@ -330,27 +311,17 @@ class RidingController:
         wanted.copy_from(mode)
         self._balance.speed += self._period * self._error
         self._feel_turn(readings.yaw_rate)
-        if float(mode.com_x) == 0.0 == float(mode.com_y):
+        held = float(mode.com_x) == 0.0 == float(mode.com_y)
+        if held:
             self._hold(readings, mode, wanted)
         else:
             self._heading = math.nan
             self._hear(float(mode.vx), float(mode.com_x))
-            wanted.com_x[...] = self._bounded_by_speed(float(mode.com_x))
-        wanted.com_x[...] = self._bounded(readings, float(wanted.com_x))
-        wanted.com_y[...] = self._bounded_y(readings, float(wanted.com_y))
-        self._out_of_corner(readings, wanted)
-        self._off_the_bar(readings, wanted)
-        (back, ahead), (right, left) = self._balance.near(readings)
-        wanted.com_x[...] = max(back, min(ahead, float(wanted.com_x)))
-        wanted.com_y[...] = max(right, min(left, float(wanted.com_y)))
+        (back, ahead), (right, left) = self._bounds(readings, held)
+        share = self._carried(readings)
+        wanted.com_x[...] = share * max(back, min(ahead, float(wanted.com_x)))
+        wanted.com_y[...] = share * max(right, min(left, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
-
-    def _bounded_by_speed(self, com_x: float) -> float:
-        """Of a lean (m) what does not add to too high a speed: the Segway's motors give out."""
-        c, speed = self.config, self._balance.speed
-        highest = self._neutral + c.kp_speed * (c.top_speed - speed)
-        lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
-        return max(min(0.0, lowest), min(max(0.0, highest), com_x))
 
     def _hear(self, vx: float, com_x: float) -> None:
         """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""
@@ -400,67 +371,56 @@ class RidingController:
         self._neutral += self._period / time * (com_x - self._neutral)
         self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
 
-    def _bounded(self, readings: Readings, com_x: float) -> float:
-        """Where the CoM may be without pressing too far out, or against the platform's tilt."""
-        c = self.config
-        tilt = 0.5 * sum(sole_tilt(leg, readings.pitch) for leg in readings.legs)
-        self._tilt += self._period / _TILT_TIME * (tilt - self._tilt)
-        against = min(0.0, math.copysign(1.0, com_x) * self._tilt + c.tilt_margin)
-        com_x += math.copysign(1.0, com_x) * c.tilt_gain * against
-        rest = self._balance.rest(readings)[0]
-        # Ground that goes along with the lean is a vehicle, and needs more of it.
-        along = self._balance.acceleration[0] / _GOES
+    def _bounds(self, readings: Readings, held: bool) -> tuple[Interval, Interval]:
+        """Where the CoM may be wanted; of bounds that exclude each other the later one counts.
+
+        - Speed: no lean of the operator adds to too high a speed. The Segway's motors give out.
+        - Pressure: the feet bear it for long. Ground that goes along with a lean is a vehicle, and
+          needs more of it. Feet that are near to each other bear less to a side.
+        - Backward: a lean to a side there throws the robot out.
+        - Corner: far back and to a side the outer shin catches the pad of the bar. The bar carries
+          the robot instead of the foot, which slips, and as the bar lets go the robot falls.
+
+        Args:
+            readings: The robot now.
+            held: Whether the robot holds the speed itself, as no operator leans it.
+
+        Returns:
+            Least and greatest com_x, least and greatest com_y. In m.
+        """
+        c, balance = self.config, self._balance
+        speed, (rest_x, rest_y) = balance.speed, balance.rest(readings)
+        x = y = _ANYWHERE
+        if not held:
+            highest = self._neutral + c.kp_speed * (c.top_speed - speed)
+            lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
+            x = (min(0.0, lowest), max(0.0, highest))
+        along = balance.acceleration[0] / _GOES
         ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
         back = c.press_limit + c.press_more * max(0.0, min(1.0, -along))
-        return max(rest - back, min(rest + ahead, com_x))
+        x = _cut(x, rest_x - back, rest_x + ahead)
+        if speed < 0.0:
+            backward = min(1.0, -speed / _BACKING)
+            aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
+            y = (-aside, aside)
+        apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        aside = max(_LEAST, c.press_limit_y - _NARROW * max(0.0, c.press_distance - apart))
+        y = _cut(y, rest_y - aside, rest_y + aside)
+        com_x, com_y, _ = readings.com_from_feet
+        aside = max(_LEAST, c.corner - max(0.0, -com_x))
+        x = _cut(x, -max(_LEAST, c.corner - abs(com_y)), math.inf)
+        return x, _cut(y, -aside, aside)
 
-    def _bounded_y(self, readings: Readings, com_y: float) -> float:
-        """Where the CoM may be, to the left, without being thrown out by a turn. In m."""
-        c, balance = self.config, self._balance
-        com_y = self._bounded_by_turn(self._turn, com_y)
-        # Backward a lean to a side throws it out. It leans slowly: how fast will it be?
-        soon = balance.speed + c.slow_time * min(0.0, balance.acceleration[0])
-        backward = max(0.0, min(1.0, -soon / _BACKING))
-        aside = c.press_limit_y * (1.0 - backward * (1.0 - _ASIDE))
-        left, apart = balance.rest(readings)[1], readings.legs[0].foot[1] - readings.legs[1].foot[1]
-        narrow = max(0.0, c.press_distance - apart)
-        limit = max(_LEAST, c.press_limit_y - _NARROW * narrow)
-        if backward > 0.0:
-            com_y = max(-aside, min(aside, com_y))
-        return max(left - limit, min(left + limit, com_y))
+    def _carried(self, readings: Readings) -> float:
+        """Share of a lean that is left while something beside the feet carries it, 0..1.
 
-    def _out_of_corner(self, readings: Readings, wanted: Mode) -> None:
-        """Less of a lean back the farther the CoM is to a side, and the other way round.
-
-        Far back and to a side the outer shin catches the pad of the bar: the bar carries the robot
-        instead of the foot, which slips, and as the bar lets go the robot falls.
-        """
-        ahead, left, _ = readings.com_from_feet
-        back = max(_LEAST, self.config.corner - abs(left))
-        aside = max(_LEAST, self.config.corner - max(0.0, -ahead))
-        wanted.com_x[...] = max(-back, float(wanted.com_x))
-        wanted.com_y[...] = max(-aside, min(aside, float(wanted.com_y)))
-
-    def _off_the_bar(self, readings: Readings, wanted: Mode) -> None:
-        """Less of a lean while something beside the feet carries it: a shin on the bar's pad.
-
-        What the feet press then tells neither the ground's acceleration nor the speed, and the
-        foot below that shin slips.
+        With a shin on the bar's pad what the feet press tells neither the ground's acceleration nor
+        the speed, and the foot below that shin slips.
         """
         feet = float(readings.legs[0].force) + float(readings.legs[1].force)
         self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
         least, most = _LIFTED
-        share = max(0.0, min(1.0, (self._lifted - least) / (most - least)))
-        wanted.com_x[...] = (1.0 - share) * float(wanted.com_x)
-        wanted.com_y[...] = (1.0 - share) * float(wanted.com_y)
-
-    def _bounded_by_turn(self, rate: float, com_y: float) -> float:
-        """Of a lean (m) what does not add to too fast a turn; `rate` is the yaw rate, in rad/s."""
-        c = self.config
-        lean = c.turn_lean * (1.0 + 0.5 * abs(self._balance.speed)) * c.turn_limit
-        highest = lean + c.kp_turn * (c.turn_limit - rate)
-        lowest = -lean - c.kp_turn * (c.turn_limit + rate)
-        return max(lowest, min(highest, com_y))
+        return 1.0 - max(0.0, min(1.0, (self._lifted - least) / (most - least)))
 
     def _feel_turn(self, rate: float) -> None:
         """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
@@ -472,14 +432,14 @@ class RidingController:
         balance.speed += share * away
 
 
+def _cut(bounds: Interval, least: float, greatest: float) -> Interval:
+    """Bounds of what is first kept within `bounds`, and then within two others."""
+    low, high = bounds
+    return max(least, min(greatest, low)), max(least, min(greatest, high))
+
+
 def height_above_soles(readings: Readings) -> float:
     """Of the pelvis by the legs alone, as the estimate may drift on a vehicle. In m."""
     weights = [leg.contact + 0.01 for leg in readings.legs]
     below = sum(weight * leg.foot[2] for weight, leg in zip(weights, readings.legs, strict=True))
     return SOLE_RADIUS - below / sum(weights)
-
-
-def sole_tilt(leg: LegReadings, torso_pitch: float) -> float:
-    """How far the sole of a leg is pitched forward, toe down. In rad."""
-    _, _, hip_pitch, knee, shin, tarsus, toe = leg.joints
-    return -virtual_leg.foot_pitch(torso_pitch, hip_pitch, toe, knee + shin + tarsus)

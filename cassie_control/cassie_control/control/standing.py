@@ -228,7 +228,7 @@ class StandingController:
         difference = (max(self._ground) if self._lands else both) * (
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
-            - self.config.lean_length * roll
+            - balance.lean_length * roll
         )
         length = self._mean_length(readings, float(mode.height), both)
         self._weight = WEIGHT * (1.0 + self._rise.acceleration / _GRAVITY)
