@@ -51,7 +51,7 @@ class TransitionConfig:
 class StandConfig:
     """Standing."""
 
-    kp_hip_roll: float = tunable(700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
+    kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
     kp_hip_pitch: float = tunable(150.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
     kp_knee: float = tunable(350.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
@@ -63,11 +63,24 @@ class StandConfig:
     kp_com_x: float = tunable(
         600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
     )
-    kd_com_x: float = tunable(500.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
+    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
+    settled_kd_com_x: float = tunable(
+        500.0,
+        "Ns/m",
+        0.0,
+        1000.0,
+        "Force fore and aft by CoM x velocity once it has settled, to meet a push at once",
+    )
     kp_com_y: float = tunable(
         250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
-    kd_com_y: float = tunable(700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
+    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
+    settled_kd_com_y: float = tunable(
+        700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity once it has settled"
+    )
+    settled_kp_hip_roll: float = tunable(
+        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
+    )
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
@@ -94,7 +107,19 @@ class StandConfig:
     roll_limit: float = tunable(
         0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
     )
-    velocity_bandwidth: float = tunable(160.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity")
+    velocity_bandwidth: float = tunable(
+        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
+    )
+    settled_bandwidth: float = tunable(
+        160.0,
+        "1/s",
+        5.0,
+        1000.0,
+        "Low-pass of the CoM velocity once it has settled and nothing bounces",
+    )
+    settle_time: float = tunable(
+        1.0, "s", 0.1, 10.0, "Both feet down and hardly any vertical speed for so long: settled"
+    )
     bias_time: float = tunable(
         1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
     )
@@ -141,10 +166,6 @@ class SegwayConfig:
         125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
     )
     kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
-    kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
-    velocity_bandwidth: float = tunable(
-        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
-    )
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
     bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
@@ -228,10 +249,21 @@ class SegwayConfig:
     back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
 
     def standing(self, stand: StandConfig) -> StandConfig:
-        """Gains of standing with those of the same name that riding has; no legs push up."""
+        """Gains of standing with those of the same name that riding has.
+
+        A platform always moves: gains do not change as the robot settles, and no legs push up.
+        """
         known = {field.name for field in fields(StandConfig)}
         own = {name: getattr(self, name) for name in names(SegwayConfig) if name in known}
-        return replace(stand, **own, rise=0.0)
+        return replace(
+            stand,
+            **own,
+            settled_kd_com_x=self.kd_com_x,
+            settled_kd_com_y=self.kd_com_y,
+            settled_kp_hip_roll=stand.kp_hip_roll,
+            settled_bandwidth=stand.velocity_bandwidth,
+            rise=0.0,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

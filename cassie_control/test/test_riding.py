@@ -28,7 +28,7 @@ GRAVITY = 9.81
 
 
 def test_riding_stands_with_gains_of_its_own_and_for_the_rest_with_those_of_standing():
-    stand = replace(STAND, kp_com_x=1.0, kp_knee=2.0, kp_hip_roll=3.0, give=0.02)
+    stand = replace(STAND, kp_com_x=1.0, kp_knee=2.0, kp_hip_roll=3.0, velocity_bandwidth=4.0)
     riding = replace(CONFIG, kd_com_x=5.0, kd_com_y=6.0)
     assert riding.standing(stand) == replace(
         stand,
@@ -40,9 +40,12 @@ def test_riding_stands_with_gains_of_its_own_and_for_the_rest_with_those_of_stan
         bend_limit=CONFIG.bend_limit,
         kd_hip_roll=CONFIG.kd_hip_roll,
         roll_torque=CONFIG.roll_torque,
-        kp_hip_roll=CONFIG.kp_hip_roll,
-        velocity_bandwidth=CONFIG.velocity_bandwidth,
+        roll_give=CONFIG.roll_give,
         roll_rate_length=CONFIG.roll_rate_length,
+        settled_kd_com_x=5.0,
+        settled_kd_com_y=6.0,
+        settled_kp_hip_roll=3.0,
+        settled_bandwidth=4.0,
         rise=0.0,
     )
 

@@ -179,7 +179,20 @@ def test_the_com_is_held_to_be_where_the_feet_press(side):
     assert (later[0] - at_first[0]) * side > 1.0
 
 
-def test_joint_rates_that_ring_do_not_shake_the_toes():
+def settled(state, config=CONFIG):
+    """The command in a state, of one who has stood calmly before."""
+    core, command = StandingController(config, PERIOD), MotorCommand()
+    before = readings_of(both_feet())
+    core.start(before)
+    for _ in range(round(1.1 * config.settle_time / PERIOD)):
+        core.step(before, mode_of(height=0.9), command, 0.0)
+    now = readings_of(state)
+    for _ in range(20):
+        core.step(now, mode_of(height=0.9), command, 0.0)
+    return command
+
+
+def test_joint_rates_that_ring_do_not_shake_the_toes_of_one_who_has_settled():
     """Shin rates come late: in the springs' mode the CoM seems to move, and its place does not."""
     core, command, state = StandingController(CONFIG, PERIOD), MotorCommand(), both_feet()
     core.start(readings_of(state))
@@ -190,6 +203,7 @@ def test_joint_rates_that_ring_do_not_shake_the_toes():
         readings.update(state)
         core.step(readings, mode_of(height=0.9), command, 0.0)
         torques.append(command.torque[4])
+    assert np.ptp(torques[:100]) > 5.0
     assert np.ptp(torques[-100:]) < 0.1
 
 
@@ -197,19 +211,26 @@ def test_joint_rates_that_ring_do_not_shake_the_toes():
 def test_the_torso_bends_to_where_the_feet_cannot_press(speed):
     config = replace(CONFIG, kp_hip_pitch=0.0, kd_hip_pitch=0.0)
     within, beyond = (
-        stood(both_feet(velocity=(v, 0.0)), ticks=20, config=config).torque
-        - stood(
-            both_feet(velocity=(v, 0.0)), ticks=20, config=replace(config, bend_gain=0.0)
-        ).torque
+        settled(both_feet(velocity=(v, 0.0)), config).torque
+        - settled(both_feet(velocity=(v, 0.0)), replace(config, bend_gain=0.0)).torque
         for v in (0.1 * speed, speed)
     )
     assert within[[2, 7]] == pytest.approx(0.0)
     assert (beyond[[2, 7]] * speed > 0.0).all()
 
 
+def test_who_has_not_settled_meets_a_push_with_less():
+    """Ground that has just been met bounces: gains that stop a push would shake it."""
+    moving = both_feet(velocity=(0.03, 0.0))
+    early = stood(moving, ticks=20).torque[TOES] - stood(both_feet()).torque[TOES]
+    later = settled(moving).torque[TOES] - settled(both_feet()).torque[TOES]
+    assert (later < 1.2 * early).all()
+    assert (early < 0.0).all()
+
+
 def test_a_push_forward_makes_it_rise_and_others_do_not():
     still, forward, back, aside = (
-        np.mean(lengths(stood(both_feet(velocity=v), ticks=20)))
+        np.mean(lengths(settled(both_feet(velocity=v))))
         for v in ((0.0, 0.0), (0.4, 0.0), (-0.4, 0.0), (0.1, 0.4))
     )
     assert forward > still + 1e-3
@@ -234,10 +255,14 @@ def test_torso_pitch_is_regulated_through_both_hips(pitch):
 
 
 def test_standing_gains_are_the_configured_ones():
-    c, command = CONFIG, stood(both_feet())
-    kp = (c.kp_hip_roll, c.kp_hip_yaw, 0.0, c.kp_knee, 0.0)  # toes and hips by torque
-    assert command.kp == pytest.approx(kp * 2)
-    assert command.kd[2:5] == pytest.approx((c.kd_leg_pitch, c.kd_knee, c.kd_toe))
+    c = replace(CONFIG, settle_time=1e6)
+    for command, hip_roll in (
+        (stood(both_feet(), config=c), c.kp_hip_roll),
+        (settled(both_feet()), c.settled_kp_hip_roll),
+    ):
+        kp = (hip_roll, c.kp_hip_yaw, 0.0, c.kp_knee, 0.0)  # toes and hips by torque
+        assert command.kp == pytest.approx(kp * 2)
+        assert command.kd[2:5] == pytest.approx((c.kd_leg_pitch, c.kd_knee, c.kd_toe))
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -11,6 +11,11 @@ from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import Mode
 
 _REACH = 0.079  # m, centre of pressure from the middle of the sole
+_HELD = 0.9  # contact of the lighter foot while it settles
+_UNSETTLE = 0.2  # s, in which it goes back to the gains before it settled
+_FIRM = 0.9  # how far settled it must be to rise
+_LOST = 0.3  # contact of the heavier one at which it starts anew
+_BOUNCE = 0.1  # m/s, speed of the pelvis up to which it does
 _RUSH = 0.016  # m of the capture point that are due to speed, more than when it moves by itself
 _GAP = 1.5  # periods between estimates from which their difference is no rate
 _GRAVITY = 9.81  # m/s^2
@@ -36,6 +41,8 @@ class Balance:
     - Excess: the torso bends towards the fall, which pushes the CoM back (hip strategy); its own
       regulation gives way meanwhile. Not while the capture point is well inside: to stand up
       straight again costs what bending has gained.
+    - Gains that meet a push at once, and the bending, come in as it settles. Ground that has just
+      been met bounces, and with late commands they would feed that.
 
     Attributes:
         pressed: Centre of pressure of each foot, ahead of the middle of its sole. In m.
@@ -43,6 +50,7 @@ class Balance:
         lean: Horizontal over vertical ground force, forward and to the left.
         moment: Torque that bends the torso forward. In Nm.
         give: What is left of the torso's own regulation, pitch and roll, 0..1.
+        settled: How far it has settled on its feet, 0..1.
         capture: Capture point from the middle of the feet, forward and to the left. In m.
         urgent: Whether a push drives it forward to the toes, so that legs that push up help.
         beyond: How far the capture point is outside the support, forward and sideways. In m.
@@ -60,7 +68,7 @@ class Balance:
         self._period = period
         self._bias = [0.0, 0.0]
         self._velocity = [0.0, 0.0]
-        self.pressed = 0.0
+        self.pressed = self.settled = 0.0
         self._rest = (0.0, 0.0)
         self._time, self._com = -math.inf, (0.0, 0.0, 0.0)
         self.left = 0.5
@@ -89,12 +97,12 @@ class Balance:
         """
         self._bias = list(bias)
         self._velocity = list(readings.com_velocity[:2])
-        self.pressed = 0.0
+        self.pressed = self.settled = 0.0
         self.capture = self.beyond = (0.0, 0.0)
         self.urgent = False
 
     def _com_velocity(self, readings: Readings) -> tuple[float, float]:
-        """Of the CoM, forward and to the left, from joint positions. In m/s.
+        """Of the CoM, forward and to the left; once it has settled, from joint positions. In m/s.
 
         The rates of the shins come 4 ms after those of the knees. In the 42 Hz mode of knees and
         leaf springs, where both all but cancel, the estimate by rates is thus 3 times too large,
@@ -102,10 +110,20 @@ class Balance:
         """
         passed, before = readings.time - self._time, self._com
         self._time, self._com = readings.time, readings.com
+        estimated, settled = readings.com_velocity, self.settled
         if not 0.0 < passed < _GAP * self._period:
-            return readings.com_velocity[0], readings.com_velocity[1]
-        x, y = (readings.velocity[k] + (self._com[k] - before[k]) / passed for k in (0, 1))
+            return estimated[0], estimated[1]
+        x, y = (
+            _between(
+                estimated[k], readings.velocity[k] + (self._com[k] - before[k]) / passed, settled
+            )
+            for k in (0, 1)
+        )
         return x, y
+
+    def unsettle(self) -> None:
+        """Go back to the gains before it settled: it is told to move itself."""
+        self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
 
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes.
@@ -117,7 +135,9 @@ class Balance:
             ground: Contact of each foot, 0..1.
         """
         c, both = self.config, min(ground)
-        share = 1.0 - math.exp(-self._period * c.velocity_bandwidth)
+        settled = self._settle(readings, ground)
+        bandwidth = _between(c.velocity_bandwidth, c.settled_bandwidth, settled)
+        share = 1.0 - math.exp(-self._period * bandwidth)
         for k, speed in enumerate(self._com_velocity(readings)):
             self._velocity[k] += share * (speed - self._velocity[k])
         if both > 0.7:
@@ -129,8 +149,8 @@ class Balance:
         height = max(0.3, readings.com_from_feet[2])
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
         self._look_ahead(x, y, math.sqrt(height / _GRAVITY), 0.5 * apart)
-        excess_x = self._press_x(x - float(mode.com_x), x)
-        excess_y = self._press_y(y - com_y, y, apart)
+        excess_x = self._press_x(x - float(mode.com_x), x, settled)
+        excess_y = self._press_y(y - com_y, y, apart, settled)
         pressed_y = (self.left - 0.5) * apart
         bent_y = readings.roll - float(mode.roll)
         moment_y = self._bend(c.roll_gain, excess_y, bent_y, c.roll_torque, c.roll_limit)
@@ -143,24 +163,25 @@ class Balance:
         bent_x = float(mode.pitch) - readings.pitch
         self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
 
-    def _press_x(self, error: float, x: float) -> float:
+    def _press_x(self, error: float, x: float, settled: float) -> float:
         """Set `pressed`; returns how much farther it wants to press, in m."""
         c = self.config
-        wanted = x - self._rest[0] + (c.kp_com_x * error + c.kd_com_x * self._velocity[0]) / WEIGHT
+        kd = _between(c.kd_com_x, c.settled_kd_com_x, settled)
+        wanted = x - self._rest[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
         self.pressed = max(-_REACH, min(_REACH, wanted))
-        return self._bends(0, _REACH) * (wanted - self.pressed)
+        return settled * self._bends(0, _REACH) * (wanted - self.pressed)
 
-    def _press_y(self, error: float, y: float, apart: float) -> float:
+    def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
         """Set `left`; returns how much farther to the side it wants to press, in m."""
         c = self.config
-        kd = self._damping_y()
+        kd = self._damping_y(settled)
         wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
         self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
         return self._bends(1, 0.5 * apart) * (wanted - (self.left - 0.5) * apart)
 
-    def _damping_y(self) -> float:
-        """Force sideways by CoM y velocity. In Ns/m."""
-        return self.config.kd_com_y
+    def _damping_y(self, settled: float) -> float:
+        """Force sideways by CoM y velocity, in Ns/m; `settled` is how far it has settled, 0..1."""
+        return _between(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
 
     def _roll_give(self) -> float:
         """What is left of the hip roll stiffness when it has given way, 0..1."""
@@ -172,6 +193,14 @@ class Balance:
         None as long as the capture point is safely inside: the feet will do.
         """
         return max(0.0, min(1.0, (abs(self.capture[k]) / reach - _SAFE) / _FADE))
+
+    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+        """How far it has settled, 0..1: gains that meet a push would shake a landing."""
+        if max(ground) < _LOST:
+            self.settled = 0.0
+        elif min(ground) > _HELD and max(map(abs, readings.velocity)) < _BOUNCE:
+            self.settled = min(1.0, self.settled + self._period / self.config.settle_time)
+        return self.settled
 
     @staticmethod
     def _bend(gain: float, excess: float, unbent: float, most: float, limit: float) -> float:
@@ -192,7 +221,7 @@ class Balance:
         self.beyond = (max(0.0, abs(x + vx) - _REACH), max(0.0, abs(y + vy) - half))
         edge = _REACH - self.config.rise_margin
         forward = vx > max(_RUSH, 2.0 * abs(vy))
-        self.urgent = forward and x + vx > edge
+        self.urgent = self.settled > _FIRM and forward and x + vx > edge
 
     @staticmethod
     def _standing_on(readings: Readings, ground: Sequence[float]) -> float:
@@ -217,3 +246,7 @@ class Balance:
             error = pressed - readings.com_from_feet[k] - self._bias[k]
             learnt = self._bias[k] + share * max(-_BIAS_STEP, min(_BIAS_STEP, error))
             self._bias[k] = max(-_BIAS, min(_BIAS, learnt))
+
+
+def _between(first: float, last: float, share: float) -> float:
+    return first + share * (last - first)

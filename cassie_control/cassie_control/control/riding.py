@@ -176,8 +176,8 @@ class MovingBalance(Balance):
         share = max(0.0, min(1.0, abs(self.speed) - _SLOW))
         return slow + share * (fast - slow)
 
-    def _damping_y(self) -> float:
-        return self._with_speed(super()._damping_y(), self.riding.fast_kd_com_y)
+    def _damping_y(self, settled: float) -> float:
+        return self._with_speed(super()._damping_y(settled), self.riding.fast_kd_com_y)
 
     def _roll_give(self) -> float:
         return self._with_speed(self.riding.roll_give, self.riding.fast_roll_give)
@@ -188,6 +188,11 @@ class MovingBalance(Balance):
 
     def _learn(self, readings: Readings) -> None:
         return
+
+    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+        """A platform moves: here it counts as settled at once, with gains that know no other."""
+        self.settled = 1.0
+        return self.settled
 
 
 Interval = tuple[float, float]

@@ -222,6 +222,8 @@ class StandingController:
         # The CoM goes to a side as the whole robot leans about the feet.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
+        if lean != 0.0:
+            balance.unsettle()
         balance.step(readings, mode, com_y, self._ground)
         roll = float(mode.roll) - com_y / height
         # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
@@ -288,7 +290,8 @@ class StandingController:
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
         )
         command.velocity[base : base + 5] = 0.0
-        kp_hip_roll, kp_hip = c.kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
+        kp_hip_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
+        kp_hip_roll, kp_hip = kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
         kd_hip = c.kd_hip_pitch * air + c.kd_leg_pitch * ground
         command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
         command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
