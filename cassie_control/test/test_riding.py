@@ -40,7 +40,6 @@ def test_riding_stands_with_gains_of_its_own_and_for_the_rest_with_those_of_stan
         bend_limit=CONFIG.bend_limit,
         kd_hip_roll=CONFIG.kd_hip_roll,
         roll_torque=CONFIG.roll_torque,
-        roll_give=CONFIG.roll_give,
         roll_rate_length=CONFIG.roll_rate_length,
         settled_kd_com_x=5.0,
         settled_kd_com_y=6.0,

@@ -260,7 +260,7 @@ def _shaken(law: str, softness: float) -> Callable[[Budget, int, float], Trial]:
         kd = 2.0 * factor * NOMINAL[1]
         # Both laws have the weight's own stiffness; what is set lies over it.
         kp = max(0.0, 2.0 * factor * NOMINAL[0] - WEIGHT)
-        gains = {"kp_com_x": kp, "kd_com_x": kd, "settled_kd_com_x": kd}
+        gains = {"kp_com_x": kp, "kd_com_x": kd}
         standing = {**gains, "settled_kd_com_x": kd}
         section = {"standing": {"stand": standing}, "riding": {"segway": gains}, "shipped": {}}[law]
         made = ride(
