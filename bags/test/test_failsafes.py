@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cassie_bags.cli.failsafes import main
 from cassie_bags.studies.failsafes import table
 from cassie_bags.studies.failsafes.rows import ON_FOOT, ROWS
 from cassie_bags.studies.failsafes.table import Case, cases, play, with_table
@@ -57,3 +58,11 @@ def test_the_readme_has_the_rows_as_they_are() -> None:
 def test_a_torque_of_a_toe_that_its_drive_cannot_give_moves_no_foot():
     """The contact force rests on it: spikes of 200 Nm threw down robot 8, stepping in place."""
     assert play(Case("torque_differs", "step in place", 7)) == ""
+
+
+def test_the_command_tells_each_row_as_soon_as_it_is_played(capsys) -> None:
+    assert main(["power_on_refused", "--phases", "1", "--jobs", "1"]) == 0
+    title, row, total = capsys.readouterr().out.splitlines()
+    assert title.split() == ["row", "state", "safe"]
+    assert row.split() == ["power_on_refused", "stand", "1", "of", "1"]
+    assert total.endswith("1 of 1 runs as the table promises")

@@ -13,7 +13,7 @@ import pytest
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import spelled_out
-from cassie_bags.signals.effort import GRAVITY, measure_effort
+from cassie_bags.signals.effort import measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
 from cassie_bags.studies.sweep.random_commands import radio_commands
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
@@ -28,6 +28,7 @@ from cassie_bags.studies.trial import (
     run_trial,
 )
 from cassie_bags.studies.workers import CachedWorkers, LocalProcesses, ThisProcess
+from cassie_gaits.robot import GRAVITY
 
 BUDGET = Budget(seeds=4, phases=10)
 

@@ -11,8 +11,8 @@ from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 from cassie_control.config import LateGains, WalkConfig
 from cassie_control.control.robot import HIP_TO_PELVIS, HIP_X, HIP_Y
 from cassie_control.planner.footstep import PendulumPlacement, placement
-from cassie_control.planner.pendulum import GRAVITY
 from cassie_control.planner.plan import Commanded, StepAhead
+from cassie_gaits.robot import GRAVITY
 
 CONFIG = WalkConfig(
     pendulum_gain_x=1.0,

@@ -9,11 +9,12 @@ from walkers import LIBRARY, walking
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
-from cassie_control.control.load import GRAVITY, Payload
+from cassie_control.control.load import Payload
 from cassie_control.control.outputs import FOOT_SW
 from cassie_control.planner.timing import LEFT
 from cassie_control.schedule import gait_refusal
 from cassie_gaits import robot
+from cassie_gaits.robot import GRAVITY
 from cassie_msgs.layout import Gait, GaitResult, MotorCommand, RobotMode
 from cassie_msgs.schedule import GAIT_TICKS
 

@@ -29,8 +29,6 @@ from cassie_sim.robot_mjcf import robot_model
 GROUND_GROUP = 2
 """Group of all ground geoms, for rays that shall see nothing else."""
 
-GRAVITY = 9.81
-
 SLOWEST_PERIOD = 0.001
 """Longest physics step with which the damping of soft ground is stable. In s."""
 
@@ -129,7 +127,7 @@ def soft_contact(sinking: float) -> tuple[list[float], list[float]]:
     low, high = _SOFT_IMPEDANCE
     width = _WIDTH * sinking
     d = low + (high - low) * sinking / width
-    per_end = 0.5 * robot.total_mass() * GRAVITY
+    per_end = 0.5 * robot.total_mass() * robot.GRAVITY
     stiffness = per_end / sinking * high**2 * (1.0 - d) * _inverse_weight() / d**2
     return [-stiffness, -_SOFT_DAMPING * high], [low, high, width, 0.5, 1.0]
 

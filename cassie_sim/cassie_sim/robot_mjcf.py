@@ -50,7 +50,7 @@ def mesh_folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def robot_spec(*, meshes: bool = False, gravity: float = 9.81) -> mujoco.MjSpec:
+def robot_spec(*, meshes: bool = False, gravity: float = robot.GRAVITY) -> mujoco.MjSpec:
     """Cassie on a free base, above an empty world.
 
     Args:

@@ -44,8 +44,6 @@ PLATFORM = WHEEL_RADIUS + 0.015
 TRACK = 0.485
 """Distance of the wheels. In m."""
 
-GRAVITY = 9.81
-
 _WHEEL_MASS, _BAR_MASS = 2.9, 0.8
 _BAR_STIFFNESS, _BAR_DAMPING = 60.0, 3.0  # Nm/rad, Nms/rad
 _BAR_HEIGHT, _BAR_RANGE = 0.42, 0.35  # of the knee pads' middle above the axle, in m; in rad

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from cassie_gaits import robot
+from cassie_gaits.robot import GRAVITY
 from cassie_sim.scene_parameters import Segway
-from cassie_sim.segway import GRAVITY, MASS, WHEEL_RADIUS
+from cassie_sim.segway import MASS, WHEEL_RADIUS
 from cassie_sim.segway_ground import WAYS
 
 PITCH_GAIN, PITCH_DAMPING = 700.0, 60.0

@@ -237,7 +237,7 @@ class ImuErrors:
     wander: float = math.radians(0.1)
     wander_time: float = 10.0
     gyro_noise: float = math.radians(0.0035)
-    accelerometer_noise: float = 0.14e-3 * 9.81
+    accelerometer_noise: float = 0.14e-3 * robot.GRAVITY
     delay: float = 0.002
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from cassie_gaits import robot
+from cassie_gaits.robot import GRAVITY
 from cassie_sim.ground import Surface, add_plane, add_texture
 from cassie_sim.scene_parameters import Segway
-from cassie_sim.segway import GRAVITY, MASS, WHEEL_RADIUS, add_segway
+from cassie_sim.segway import MASS, WHEEL_RADIUS, add_segway
 from cassie_sim.segway_drive import PITCH_GAIN, SegwayDrive, strongest
 from cassie_sim.segway_ground import WAYS, heights
 

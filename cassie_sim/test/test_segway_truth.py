@@ -8,10 +8,10 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
+from cassie_gaits.robot import GRAVITY
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
-from cassie_sim.segway import GRAVITY
 from cassie_sim.segway_truth import IMU_TOPIC, TRUTH_TOPIC, SegwayTruth
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.signals.track import Track
+from cassie_gaits.robot import GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
 EFFORT_FIGURES = ("transport_work", "transport_work_abs", "torque_rms")
 """What `measure_effort` gives."""
 
-GRAVITY = 9.81
 
 _WALKED = 0.5  # distance from which a cost of transport is told, in m
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cassie_control.config import StandConfig
 from cassie_control.control.robot import Readings
-from cassie_gaits.robot import WEIGHT
+from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode
 
 _REACH = 0.079  # m, centre of pressure from the middle of the sole
@@ -18,7 +18,6 @@ _LOST = 0.3  # contact of the heavier one at which it starts anew
 _BOUNCE = 0.1  # m/s, speed of the pelvis up to which it does
 _RUSH = 0.016  # m of the capture point that are due to speed, more than when it moves by itself
 _GAP = 1.5  # periods between estimates from which their difference is no rate
-_GRAVITY = 9.81  # m/s^2
 _SAFE, _FADE = 0.35, 0.15  # capture point over reach at which, and over what, the torso may bend
 _BIAS = 0.05  # m, bound of the learnt error of the CoM
 _BIAS_STEP = 0.02  # m, so that a push teaches little
@@ -148,7 +147,7 @@ class Balance:
         y = readings.com_from_feet[1] + self._bias[1]
         height = max(0.3, readings.com_from_feet[2])
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
-        self._look_ahead(x, y, math.sqrt(height / _GRAVITY), 0.5 * apart)
+        self._look_ahead(x, y, math.sqrt(height / GRAVITY), 0.5 * apart)
         excess_x = self._press_x(x - float(mode.com_x), x, settled)
         excess_y = self._press_y(y - com_y, y, apart, settled)
         pressed_y = (self.left - 0.5) * apart

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray
+from cassie_gaits.robot import GRAVITY
 
 if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.figures import Figures
@@ -23,7 +24,6 @@ if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.robot import Robot
 
 _BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
-_GRAVITY = 9.81  # m/s^2
 
 
 @compiled
@@ -34,7 +34,7 @@ def damped_weight(figure: Figures, robot: Robot, step: Step) -> float:
     the legs. Where the drives act late, the feet's force tells how fast the CoM will rise by then.
     """
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
-    acceleration = (robot.force[0] + robot.force[1]) / figure.mass - _GRAVITY
+    acceleration = (robot.force[0] + robot.force[1]) / figure.mass - GRAVITY
     speed = robot.com_velocity[2] - rise + figure.latency * acceleration
     weight: float = figure.weight - figure.bounce_damping * speed
     return max(0.0, weight)

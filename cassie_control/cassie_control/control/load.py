@@ -6,7 +6,6 @@ from cassie_gaits import robot
 
 _SHARE = 0.15  # of the difference that two steps take in
 _MOST = 30.0  # kg
-GRAVITY = 9.81
 
 
 class Payload:
@@ -37,7 +36,7 @@ class Payload:
         """
         if not 0 <= steps - self._since < 2:
             if self._ticks and steps - self._since == 2:
-                found = self._forces / self._ticks / GRAVITY - self._own
+                found = self._forces / self._ticks / robot.GRAVITY - self._own
                 self.mass += _SHARE * (max(0.0, min(_MOST, found)) - self.mass)
             self._forces, self._ticks, self._since = 0.0, 0, steps
         self._forces += force

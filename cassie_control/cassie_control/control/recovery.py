@@ -9,12 +9,11 @@ from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
-from cassie_gaits.robot import WEIGHT
+from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 _FOOTED_TIME = 1.5  # s for which it counts that both feet carried it
 _BOTH = 0.6  # share of the weight on the ground that counts as standing
-_GRAVITY = 9.81  # m/s^2
 _CARRIED = 0.4  # share of it below which the robot is in the air
 _CONTACT = 0.7  # probability of contact of each foot that counts as standing
 _REST_X = 0.06  # m, of the capture point from the feet's midpoint from which standing brings rest
@@ -27,7 +26,7 @@ _SOLE = 0.065  # m, from its middle to the edge that carries
 def rests(readings: Readings, config: TransitionConfig) -> bool:
     """Whether standing, from this touchdown on, brings the robot to rest."""
     x, y, height = readings.com_from_feet
-    time = math.sqrt(max(0.3, height) / _GRAVITY)
+    time = math.sqrt(max(0.3, height) / GRAVITY)
     vx, vy, _ = readings.com_velocity
     apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
     within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * apart
@@ -48,7 +47,7 @@ def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) 
     """
     leg = readings.legs[stance]
     height = max(0.3, readings.com_from_feet[2])
-    ahead = readings.com[0] + math.sqrt(height / _GRAVITY) * readings.com_velocity[0] - leg.foot[0]
+    ahead = readings.com[0] + math.sqrt(height / GRAVITY) * readings.com_velocity[0] - leg.foot[0]
     pressure = max(-_SOLE, min(_SOLE, ahead)) + leg.foot[0]
     torque = -leg.contact * max(0.0, leg.force) * (pressure - leg.ankle[0])
     command.torque[5 * stance + 4] += max(-limit, min(limit, torque))

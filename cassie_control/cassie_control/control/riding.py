@@ -13,7 +13,7 @@ from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.balance import Balance
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
-from cassie_gaits.robot import SOLE_RADIUS, WEIGHT
+from cassie_gaits.robot import GRAVITY, SOLE_RADIUS, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand, RobotState
 
 _CALM = 0.1  # m/s^2
@@ -79,7 +79,6 @@ class Level:
         return self._state
 
 
-_GRAVITY = 9.81
 _SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
 
@@ -144,13 +143,13 @@ class MovingBalance(Balance):
 
     def rest(self, readings: Readings) -> tuple[float, float]:
         """How far ahead of the centre of pressure, and to its left, the CoM would rest. In m."""
-        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / GRAVITY
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
 
     def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
         """Set the attributes; arguments as `Balance.step`."""
-        per_acceleration = max(0.3, readings.com_from_feet[2]) / _GRAVITY
+        per_acceleration = max(0.3, readings.com_from_feet[2]) / GRAVITY
         self._rest = self.rest(readings)
         before = self._velocity[0]
         super().step(readings, mode, com_y, ground)

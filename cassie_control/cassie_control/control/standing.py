@@ -19,7 +19,7 @@ from cassie_control.control.robot import (
     Readings,
 )
 from cassie_gaits import virtual_leg
-from cassie_gaits.robot import WEIGHT
+from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand
 
 
@@ -122,7 +122,6 @@ _GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
 _HANGS, _STANDS = 0.3, 0.9  # contact of the heavier foot below, of the lighter one above which
 _HEIGHT_SUM = 0.08  # m, bound of the summed height error
 _HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
-_GRAVITY = 9.81  # m/s^2
 _OVERBENT = 0.15  # rad, beyond the limit of the bend at which the torso is held again
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
@@ -233,7 +232,7 @@ class StandingController:
             - balance.lean_length * roll
         )
         length = self._mean_length(readings, float(mode.height), both)
-        self._weight = WEIGHT * (1.0 + self._rise.acceleration / _GRAVITY)
+        self._weight = WEIGHT * (1.0 + self._rise.acceleration / GRAVITY)
         for i, leg in enumerate(readings.legs):
             share = balance.left if i == 0 else 1.0 - balance.left
             other = self._ground[1 - i]

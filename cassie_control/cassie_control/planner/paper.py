@@ -6,8 +6,9 @@ import math
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import HIP_TO_PELVIS, LegReadings, Readings
-from cassie_control.planner.pendulum import GRAVITY, Fall, fallen
+from cassie_control.planner.pendulum import Fall, fallen
 from cassie_control.planner.plan import Commanded, StepAhead, SwingEnd
+from cassie_gaits.robot import GRAVITY
 
 
 class PaperPlacement:

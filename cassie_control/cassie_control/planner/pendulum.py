@@ -15,6 +15,7 @@ from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.plan import Commanded, StepAhead
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, Record, Records
+from cassie_gaits.robot import GRAVITY
 
 LEAST_GAIN = 0.3
 """Share of a gain that is left at any speed."""
@@ -104,9 +105,6 @@ def _sagittal_gain(aim: Aim, vx: float) -> float:
     back = backward * aim.gain_backward
     # From backward to forward gain over a stretch of velocity, so that the law is continuous.
     return back + min(1.0, max(0.0, 0.5 + vx / 0.4)) * (forward * aim.gain_forward - back)
-
-
-GRAVITY = 9.81
 
 
 class Law(Record):

@@ -35,24 +35,26 @@ def run(arguments: argparse.Namespace) -> int:
 def _play(arguments: argparse.Namespace) -> int:
     rows = [row for row in ROWS if not arguments.rows or row.name in arguments.rows]
     chosen = cases(rows, arguments.phases, arguments.first)
+    planned = Counter((case.row, case.state) for case in chosen)
     safe: Counter[tuple[str, str]] = Counter()
     played: Counter[tuple[str, str]] = Counter()
+    print(f"{'row':24}{'state':16}safe", flush=True)
     pool = workers(arguments.jobs, None)
     try:
         with tqdm(total=len(chosen), unit="run", disable=not sys.stderr.isatty()) as bar:
             for case, problem in results(chosen, pool):
-                played[case.row, case.state] += 1
-                safe[case.row, case.state] += not problem
+                cell = case.row, case.state
+                played[cell] += 1
+                safe[cell] += not problem
                 if problem:
                     bar.write(
                         f"{case.row}, {case.state}, phase {case.phase}: {problem}", sys.stderr
                     )
+                if played[cell] == planned[cell]:
+                    bar.write(f"{case.row:24}{case.state:16}{safe[cell]} of {played[cell]}")
                 bar.update()
     finally:
         pool.close()
-    print(f"{'row':24}{'state':16}safe")
-    for (row, state), number in played.items():
-        print(f"{row:24}{state:16}{safe[row, state]} of {number}")
     total, good = sum(played.values()), sum(safe.values())
     last = arguments.first + arguments.phases - 1
     print(f"phases {arguments.first} to {last}: {good} of {total} runs as the table promises")
