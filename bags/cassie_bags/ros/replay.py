@@ -50,7 +50,7 @@ KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 
 _BACK = 5_000_000_000  # ns that a key goes back
 _FASTER = 1.1  # ratio of a key
-_DISCOVERY = 1.5  # s of wall time in which nodes that run already are found
+_DISCOVERY = 3.0  # s of wall time in which nodes that run already are found, also if it is busy
 _ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
 _LOOK_AGAIN = 0.5  # s between two looks for other writers while it plays
 _LOOK = 0.02  # s between two looks whether somebody listens
@@ -268,9 +268,10 @@ class Replay(Node):
         """
         deadline = time.monotonic() + _DISCOVERY
         while True:
-            if other := self._other_writer():
+            late = time.monotonic() > deadline
+            if other := self._other_writer(nameless=late):
                 raise BagError(other)
-            if time.monotonic() > deadline or self._stop.wait(_LOOK):
+            if late or self._stop.wait(_LOOK):
                 return
 
     def _end_beside_writers(self) -> None:
@@ -279,11 +280,15 @@ class Replay(Node):
             print(f"replay: error: {other}", file=sys.stderr, flush=True)
             self._stop.request(exit_code=1)
 
-    def _other_writer(self) -> str:
-        """Who else writes what is played, in words; empty if nobody does."""
+    def _other_writer(self, *, nameless: bool = False) -> str:
+        """Who else writes what is played, in words; empty if nobody does.
+
+        Args:
+            nameless: Whether a writer counts whose node's name has not been found, too.
+        """
         for topic, gid in self._own.items():
             others = {name for writer, name in writers(self, topic).items() if writer != gid}
-            if others := others - {UNKNOWN}:
+            if others := others if nameless else others - {UNKNOWN}:
                 return (
                     f"{topic} is written by {', '.join(sorted(others))}: end it, or play into "
                     f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()}"
