@@ -41,7 +41,8 @@ from cassie_bags.bag.recording import (
     read_recording,
 )
 from cassie_bags.bag.recover import recover
-from cassie_bags.errors import RunError
+from cassie_bags.errors import BagError, RunError
+from cassie_bags.ros import replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
@@ -645,3 +646,18 @@ def test_a_wrong_file_ends_the_command_with_one_line(
     assert len(processes.log(name).read_text().splitlines()) == 1
     assert (tmp_path / "text.mcap").read_text() == "no bag"
     assert not (tmp_path / "new.mcap").exists()
+
+
+def test_a_writer_whose_node_has_no_name_yet_counts_in_the_end(tmp_path, monkeypatch):
+    """On a busy machine the look for writers ended before the name was known, and it played."""
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    monkeypatch.setattr(replay, "_DISCOVERY", 0.1)
+    monkeypatch.setattr(replay, "writers", lambda *_: {b"another": replay.UNKNOWN})
+    with own_domain() as domain:
+        rclpy.init(args=[], domain_id=domain)
+        try:
+            with pytest.raises(BagError, match="is written by an unknown node"):
+                replay.Replay(replay._arguments([str(bag)]), replay.Stop())
+        finally:
+            rclpy.shutdown()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 from cassie_msgs.tunables import names, tunable
 
@@ -253,8 +253,7 @@ class SegwayConfig:
 
         A platform always moves: gains do not change as the robot settles, and no legs push up.
         """
-        known = {field.name for field in fields(StandConfig)}
-        own = {name: getattr(self, name) for name in names(SegwayConfig) if name in known}
+        own = {name: getattr(self, name) for name in names(StandConfig) if hasattr(self, name)}
         return replace(
             stand,
             **own,

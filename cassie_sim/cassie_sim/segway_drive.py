@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from cassie_gaits import robot
-from cassie_gaits.robot import GRAVITY
 from cassie_sim.scene_parameters import Segway
 from cassie_sim.segway import MASS, WHEEL_RADIUS
 from cassie_sim.segway_ground import WAYS
@@ -23,7 +22,7 @@ _LIMITER = 15.0 / 3.6  # m/s from which the platform leans back
 _LEAN_BACK = 0.08  # rad by m/s beyond it
 _STEERING = 15.0  # rad/s of yaw by rad of the bar, at rest
 _YAW_GAIN = 25.0  # Nm by rad/s of yaw rate error, both wheels
-_RATED = 60.0 * GRAVITY  # N, a rider in the middle of the rated range of 40 to 100 kg
+_RATED = 60.0 * robot.GRAVITY  # N, a rider in the middle of the rated range of 40 to 100 kg
 _HAND = (3000.0, 300.0, 600.0, 40.0)  # N/m, Ns/m, Nm/rad, Nms/rad of who holds the bar
 
 
@@ -55,7 +54,7 @@ class SegwayDrive:
 
     def __init__(self, settings: Segway) -> None:
         self._settings = settings
-        weight = (MASS + robot.total_mass()) * GRAVITY
+        weight = (MASS + robot.total_mass()) * robot.GRAVITY
         self._rolling = 0.5 * WAYS[settings.surface].rolling * weight * WHEEL_RADIUS
         self._reset()
 

@@ -50,7 +50,7 @@ KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 
 _BACK = 5_000_000_000  # ns that a key goes back
 _FASTER = 1.1  # ratio of a key
-_DISCOVERY = 3.0  # s of wall time in which nodes that run already are found, also if it is busy
+_DISCOVERY = 3.0  # s of wall time in which running nodes are found, on a busy machine, too
 _ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
 _LOOK_AGAIN = 0.5  # s between two looks for other writers while it plays
 _LOOK = 0.02  # s between two looks whether somebody listens

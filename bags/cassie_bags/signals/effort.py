@@ -15,7 +15,6 @@ FloatArray = npt.NDArray[np.float64]
 EFFORT_FIGURES = ("transport_work", "transport_work_abs", "torque_rms")
 """What `measure_effort` gives."""
 
-
 _WALKED = 0.5  # distance from which a cost of transport is told, in m
 
 
