@@ -103,7 +103,7 @@ class Noise:
         if self._services[name].service_is_ready():
             self._services[name].call_async(SERVICES[name].Request(**fields[name]))
         value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=wild[1])
-        names = ("control_rate", "walk.pendulum_gain_x", "vx_forward", "no_such_name", "max_rate")
+        names = ("control_rate", "walk.map_gain_x", "vx_forward", "no_such_name", "max_rate")
         request = SetParameters.Request(
             parameters=[Parameter(name=str(rng.choice(names)), value=value)]
         )

@@ -19,7 +19,7 @@ from cassie_bags.run.yaml_file import apply_changes, spelled_out
 from cassie_bags.studies.trial import experiment_of
 from cassie_bags.studies.tune.objective import DEFAULT, load_objective
 from cassie_bags.studies.tune.search import Search
-from cassie_bags.studies.tune.space import Parameter, parameters, values
+from cassie_bags.studies.tune.space import JOINT_GAINS, Parameter, parameters, values
 from cassie_control.config import ControllerConfig
 from cassie_msgs.tunables import entries
 
@@ -88,7 +88,7 @@ def test_what_cannot_be_resumed_is_refused(tmp_path: Path):
 def test_the_joint_and_leg_angle_gains_are_searched_unless_others_are_named():
     names = {parameter.name for parameter in parameters([], {}, 2.0)}
     assert {"walk.joints.kp_knee", "walk.joints.kd_toe", "walk.kp_torso_roll"} <= names
-    assert {"walk.pendulum_gain_x", "walk.pendulum_gain_y", "walk.integral_x"} <= names
+    assert {"walk.map_gain_x", "walk.map_loss_x", "walk.observer_gain"} <= names
     assert not any("paper" in name or "limit" in name for name in names)
     paper = {parameter.name for parameter in parameters([], {"walk.law": "paper"}, 2.0)}
     leg_angle = {f"walk.paper_{gain}_{axis}" for gain in ("kp", "kd") for axis in "xy"}
@@ -256,8 +256,10 @@ def test_the_gains_of_walking_are_those_that_the_search_found():
     *_, last = record["searches"]
     shipped = {entry.name: entry.value for entry in entries(ControllerConfig())}
     found = {found["name"]: float(f"{found['found']:.3g}") for found in last["parameters"]}
-    assert found == {name: shipped[name] for name in found}
-    assert set(found) == {parameter.name for parameter in parameters([], {}, 1.5)}
+    # The search had foot placement by gains; a model has taken their place since.
+    kept = {name: value for name, value in found.items() if name in shipped}
+    assert kept == {name: shipped[name] for name in kept}
+    assert set(kept) == {parameter.name for parameter in parameters(JOINT_GAINS, {}, 1.5)}
     before, after = (last["scores"][f"held out, {what}"] for what in ("to begin with", "found"))
     assert after["cost"] < before["cost"]
     assert after["fell"] <= before["fell"]

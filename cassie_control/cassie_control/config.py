@@ -298,9 +298,6 @@ class LateGains:
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` with late drives")
     thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` with late drives")
-    far_within: float = tunable(
-        0.01, "s", 0.001, 0.1, "Latency from which `walk.far_share` counts no more"
-    )
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
     roll_rate_length: float = tunable(
         0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
@@ -309,11 +306,6 @@ class LateGains:
     def walking_share(self, latency: float) -> float:
         """How far walking has gone over to these at a latency (s), 0..1."""
         return min(1.0, max(0.0, (latency - self.walking_from) / self.latency_span))
-
-    def placement(self, gains: WalkConfig, latency: float) -> WalkConfig:
-        """Gains of foot placement at a latency (s): what sways widely must not be cut short."""
-        in_time = max(0.0, 1.0 - latency / self.far_within)
-        return replace(gains, far_share=1.0 - in_time * (1.0 - gains.far_share))
 
     def standing(self, gains: StandConfig, latency: float) -> StandConfig:
         """Gains of standing at a latency (s)."""
@@ -387,25 +379,12 @@ class WalkConfig:
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
     )
-    easy_lean: float = tunable(
+    friction: float = tunable(
         0.2,
         "",
         0.05,
         2.0,
-        "How far out a foot lands, by the CoM's height, before a step is rather made quicker",
-    )
-    far_lean: float = tunable(
-        0.25, "", 0.05, 2.0, "How far out, by the CoM's height, the ground may not bear a foot"
-    )
-    far_share: float = tunable(
-        0.3,
-        "",
-        0.0,
-        1.0,
-        "Share of the way beyond that a foot goes; all in place or with late drives",
-    )
-    far_most: float = tunable(
-        0.02, "m", 0.0, 0.4, "By how much a foot is held back from far out at most"
+        "Friction cone that every ground bears; a step to a foot outside of it is made quicker",
     )
     least_foot_distance: float = tunable(
         0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
@@ -426,51 +405,24 @@ class WalkConfig:
         0.1,
         "Increase of `contact_lead` with speed fore or aft, up to 1.5 m/s",
     )
-    pendulum_gain_x: float = tunable(
-        0.939, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, forward"
+    map_gain_x: float = tunable(
+        0.97, "", 0.5, 1.5, "a / b of the step-to-step map in place ahead, by the pendulum's"
     )
-    pendulum_gain_back: float = tunable(
-        0.795, "", 0.0, 1.5, "Share of the sagittal velocity error one step removes, backward"
+    map_gain_y: float = tunable(
+        1.1, "", 0.5, 1.5, "a / b of the step-to-step map in place sideways, by the pendulum's"
     )
-    pendulum_gain_y: float = tunable(
-        1.02, "", 0.0, 1.5, "Share of the lateral velocity error one step removes"
+    map_loss_x: float = tunable(
+        0.5, "s/m", 0.0, 2.0, "By how much a / b ahead falls with the velocity at touchdown"
     )
-    pendulum_fade_x: float = tunable(
-        0.3, "1/(m/s)", 0.0, 0.6, "Share by which sagittal gains fall with speed"
+    map_loss_y: float = tunable(
+        0.17, "s/m", 0.0, 2.0, "By how much a / b sideways falls with the velocity ahead"
     )
-    pendulum_fade_y: float = tunable(
-        0.12, "1/(m/s)", 0.0, 0.6, "Share by which the lateral gain falls with speed"
+    observer_gain: float = tunable(
+        0.045, "m/(m/s)", 0.0, 0.2, "Disturbance observer: foot offset by a step's speed error"
     )
-    pendulum_gain_still: float = tunable(
-        0.18, "", 0.0, 0.8, "Added to the three gains in place; half of it at half `still_speed`"
+    observer_error: float = tunable(
+        0.05, "m/s", 0.0, 0.5, "Disturbance observer: largest error of a step's speed that counts"
     )
-    sidestep: float = tunable(
-        0.06, "s", 0.0, 0.2, "How much farther out the feet go, by speed to the side"
-    )
-    step_ahead: float = tunable(
-        0.03,
-        "s",
-        0.0,
-        0.2,
-        "How much farther ahead the feet go, by commanded speed forward or back",
-    )
-    step_ahead_fast: float = tunable(
-        0.03, "s/(m/s)", 0.0, 0.2, "Decrease of `step_ahead` with commanded speed"
-    )
-    still_speed: float = tunable(
-        0.5, "m/s", 0.01, 2.0, "Speed, commanded or fore and aft, from which nothing is added"
-    )
-    integral_x: float = tunable(
-        0.0299, "m/(m/s)", 0.0, 0.2, "Foot placement by the mean speed error of each step, summed"
-    )
-    integral_y: float = tunable(
-        0.0265,
-        "m/(m/s)",
-        0.0,
-        0.2,
-        "Foot placement by the mean lateral speed error of each step, summed",
-    )
-    integral_limit: float = tunable(0.18, "m", 0.0, 0.2, "Bound of the summed foot placement")
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
     )

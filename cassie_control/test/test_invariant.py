@@ -31,7 +31,7 @@ def replay(moments, **figures):
 @pytest.fixture(scope="module")
 def on_ice():
     """Steps in place on smooth ground, pushed so that the feet slide; the law lets them."""
-    walk = WalkConfig(easy_lean=2.0)
+    walk = WalkConfig(friction=2.0)
     scenario = Scenario.from_mapping(
         {
             "start": "standing",

@@ -72,7 +72,7 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="for every run: controller.walk.pendulum_gain_x=0.8",
+        help="for every run: controller.walk.map_gain_y=0.9",
     )
     parser.add_argument(
         "--compare",

@@ -14,11 +14,10 @@ from cassie_control.planner.pendulum import Law, landing
 from cassie_control.planner.plan import Commanded, Placement, StepAhead, SwingEnd
 
 _LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
-_STEADY = 0.1  # m/s by which the command may change in two steps before nothing is summed up
-_SUM_SPEED = 0.2  # m/s, error of a step's mean speed that counts at most
+_FARTHEST = 0.1  # m, offset; in steady walking up to 0.04 m are needed
 
 
-_CONFIGURED = tuple(name for name in Law.TYPE.names or () if not name.startswith("sum"))
+_CONFIGURED = tuple(name for name in Law.TYPE.names or () if not name.startswith("offset"))
 
 
 def placement(config: WalkConfig) -> Placement:
@@ -43,35 +42,36 @@ class PendulumPlacement:
     In steady walking at speed s, with L = s (t + T) of ground a step,
     v_steady = L / (t + 2/w tanh(w T / 2)) and u_steady = v_steady (t + 1/w tanh(w T / 2)).
     Sideways the CoM also swings from foot to foot, W apart: the same with coth in the place of
-    tanh and W in the place of L, towards the swing foot. The foot goes to
+    tanh and W in the place of L, towards the swing foot.
 
-        u = u_steady + gain (v_end - v_steady) (t + coth(w T) / w) + sum,
+    The robot itself, v_next = a v_end - b u, was identified with feet set down at random beside
+    the law's. Its ratio a / b is 1.07 of the pendulum's, t + coth(w T) / w, in place, 0.8 at
+    0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): the faster it walks,
+    the more a foot farther ahead brakes beyond the pendulum. So b grows with speed, and
 
-    so that `gain` = 1 removes the error in one step; forward and backward walking have gains of
-    their own. The robot's own map from step to step, v_next = a v_end - b u, found by feet set down
-    at random beside the law's, asks for a gain a / b that is 1.07 of the pendulum's in place, 0.8
-    at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): at speed a
-    longer step brakes by its impact too. With all of it long and short steps alternate, and the
-    step that catches a push throws it back. So the gains fall with the low-passed speed forward,
-    by `pendulum_fade_x` and `_y` for each m/s; the sagittal ones with v_end where that is faster,
-    backward as well, by as much as it is faster. `pendulum_gain_still` is added in place; not
-    after a push. Fast, fore or aft, the foot also meets the ground earlier before the end of the
-    step, by `contact_lead_speed`. Feet also go farther by `sidestep` and by `step_ahead`, less
-    `step_ahead_fast` for each m/s, times the commanded speed: as that map has it, they land too
-    close to the CoM by the pendulum.
+        a / b = map_gain / (1 + map_loss |v_end,x|) (t + coth(w T) / w),
 
-    `sum` adds up the error of each step's mean speed, against the command in the mean of those two
-    steps, bounded: it takes out what the pendulum leaves out.
+    with gain and loss of each axis. The speed is that of the coming touchdown: steady walking and
+    the step that catches a push have the same map. The foot removes the error in one step, ahead a
+    tenth less of it, as what overshoots slips on smooth ground:
 
-    The foot stays within the swing leg's reach and apart from the stance foot. Where that bends
-    the law, or where it wants the foot farther out than `easy_lean` of the CoM's height, the step
-    ends sooner or later, within `quickest_step` and `slowest_step`, at the time
-    at which the foot comes nearest to what the law wants (`pendulum.touchdown_time`). Under way, of
-    what then lies beyond `far_lean` of that height, where smooth ground may not bear the foot, it
-    goes `far_share`, `far_most` short of it at most: held back more, the speed to that side would
-    grow from step to step. In place and in steps that recover from a push while standing it needs
-    the foot there at once, and drives that act late sway too widely (`LateGains.placement`). The
-    leg gets the length at which the foot meets the ground there, on the slope that the feet found.
+        u = u_steady + a / b (v_end - v_steady) + d.
+
+    d is the offset of a disturbance observer. By the map, the mean speed of two steps is the mean
+    of the commands that they began with. What it differs by is the map's error, and
+
+        d <- d + observer_gain (mean speed - mean command).
+
+    An error counts up to `observer_error`: what holds the robot back by more, or pushes it, is no
+    error of the map and ends at once, when a foot that leans against it would throw the robot.
+
+    Constraints: the foot stays within the swing leg's reach (a box about the hip) and apart from
+    the stance foot. Where the law's foot lies outside, the step ends sooner or later, within
+    `quickest_step` and `slowest_step`: at the time that makes least the square of the distance to
+    reach plus that of the change of the time, weighted (`pendulum.touchdown_time`). The leg gets
+    the length at which the foot meets the ground there, on the slope that the feet found. Fast,
+    fore or aft, the foot meets the ground earlier before the end of the step, by
+    `contact_lead_speed`.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """
@@ -94,8 +94,8 @@ class PendulumPlacement:
             setattr(self._law, name, getattr(config, name))
 
     def reset(self) -> None:
-        """Forget the sums."""
-        self._law.sum_x = self._law.sum_y = 0.0
+        """Forget the disturbances."""
+        self._law.offset_x = self._law.offset_y = 0.0
         self._commanded: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def touchdown(
@@ -104,18 +104,16 @@ class PendulumPlacement:
         velocity: tuple[float, float],
         commanded: Commanded,
     ) -> None:
-        """Add the mean velocity's error to the sums. In m/s."""
+        """Observe the disturbance; arguments as in `Placement.touchdown`."""
         c = self.config
         now = commanded.vx, commanded.vy
         before, earlier = self._commanded or (now, now)
         self._commanded = now, before
         # The velocity's mean is of two steps: so is the command's, or each change would add up.
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
-        # What it lacks while it is told to go faster would be too much once it is there.
-        steady = max(0.0, 1.0 - abs(now[0] - earlier[0]) / _STEADY)
         law = self._law
-        law.sum_x = _summed(law.sum_x, steady * c.integral_x, mean_velocity[0] - vx, c)
-        law.sum_y = _summed(law.sum_y, c.integral_y, mean_velocity[1] - vy, c)
+        law.offset_x = _observed(law.offset_x, mean_velocity[0] - vx, c)
+        law.offset_y = _observed(law.offset_y, mean_velocity[1] - vy, c)
 
     def swing_end(
         self,
@@ -144,7 +142,8 @@ def _lead(c: WalkConfig, speed: float) -> float:
     return c.contact_lead + c.contact_lead_speed * min(_LEAD_SPEED, abs(speed))
 
 
-def _summed(total: float, gain: float, error: float, c: WalkConfig) -> float:
-    """A sum, in m, with the error of a step's mean speed (m/s) added."""
-    error = max(-_SUM_SPEED, min(_SUM_SPEED, error))
-    return max(-c.integral_limit, min(c.integral_limit, total + gain * error))
+def _observed(offset: float, error: float, c: WalkConfig) -> float:
+    """The observer's offset, in m, after a step whose mean speed was off by `error` (m/s)."""
+    error = max(-c.observer_error, min(c.observer_error, error))
+    offset += c.observer_gain * error
+    return max(-_FARTHEST, min(_FARTHEST, offset))

@@ -14,11 +14,8 @@ from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, 
 from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.plan import Commanded, StepAhead
 from cassie_gaits.compiled import compiled
-from cassie_gaits.records import FloatArray, Record, Records
+from cassie_gaits.records import Record, Records
 from cassie_gaits.robot import GRAVITY
-
-LEAST_GAIN = 0.3
-"""Share of a gain that is left at any speed."""
 
 
 class Aim(NamedTuple):
@@ -27,20 +24,18 @@ class Aim(NamedTuple):
     Attributes:
         ux, uy: Of the swing foot from the CoM in steady walking.
         vx, vy: Velocity at touchdown in steady walking.
-        gain_forward, gain_backward, gain_y: Of the error of that velocity, in place. In s.
-        speed: Low-passed, ahead.
-        fade: Share by which sagittal gains fall with speed. In 1/(m/s).
+        gain_x, gain_y: Of the error of that velocity, in place. In s.
+        loss_x, loss_y: What the gains lose with the velocity ahead. In s/m.
     """
 
     ux: float
     uy: float
     vx: float
     vy: float
-    gain_forward: float
-    gain_backward: float
+    gain_x: float
     gain_y: float
-    speed: float
-    fade: float
+    loss_x: float
+    loss_y: float
 
 
 class Reach(NamedTuple):
@@ -52,11 +47,7 @@ class Reach(NamedTuple):
         far: Greatest distance from the hip fore and aft.
         inward, outward: Greatest distance from the hip sideways.
         apart: Least sideways distance from the stance foot.
-        easy: Distance from the CoM outward from which a step is rather made quicker.
-        slippery: The same from which the ground may not bear a foot.
-        far_share: Of the way beyond that, how much a foot still goes.
-        far_most: By which it is held back at most; held back more, a speed to the side would grow
-            from step to step.
+        cone: Distance from the CoM outward up to which every ground bears a foot.
     """
 
     side: float
@@ -66,10 +57,7 @@ class Reach(NamedTuple):
     inward: float
     outward: float
     apart: float
-    easy: float
-    slippery: float
-    far_share: float
-    far_most: float
+    cone: float
 
 
 @compiled
@@ -79,118 +67,57 @@ def foot(
     """Where the foot goes for a CoM that touches down as `end` says, kept within reach.
 
     Returns:
-        u_x, u_y, and how far out of easy reach the law wanted it. In m.
+        u_x, u_y, and how far from there the law wanted it, or how far outside of the friction cone
+        it is, whichever is more. In m.
     """
     _, y_end, vx, vy = end
-    side, hip_x, hip_y, far, inward, outward, apart, easy, slippery, far_share, far_most = reach
-    wanted_x = aim.ux + _sagittal_gain(aim, vx) * (vx - aim.vx)
-    wanted_y = aim.uy + aim.gain_y * (vy - aim.vy)
-    ux = hip_x + min(far, max(-far, wanted_x - hip_x))
-    out = side * hip_y + min(outward, max(-inward, side * (wanted_y - hip_y)))
-    held = out - min(far_most, (1.0 - far_share) * max(0.0, out - slippery))
+    side = reach.side
+    wanted_x = aim.ux + _gain(aim.gain_x, aim.loss_x, vx) * (vx - aim.vx)
+    wanted_y = aim.uy + _gain(aim.gain_y, aim.loss_y, vx) * (vy - aim.vy)
+    ux = reach.hip_x + min(reach.far, max(-reach.far, wanted_x - reach.hip_x))
+    out = min(reach.outward, max(-reach.inward, side * (wanted_y - reach.hip_y)))
     # Feet that would meet are worse than a foot out of the hip's reach.
-    nearest = apart - side * y_end
-    out = max(out, nearest)
-    # The sooner a foot lands to catch a fall, the nearer: that needs less friction.
-    missed = max(math.hypot(wanted_x - ux, wanted_y - side * out), out - easy)
-    return ux, side * max(held, nearest), missed
+    out = max(side * reach.hip_y + out, reach.apart - side * y_end)
+    missed = math.hypot(wanted_x - ux, wanted_y - side * out)
+    return ux, side * out, max(missed, out - reach.cone)
 
 
 @compiled
-def _sagittal_gain(aim: Aim, vx: float) -> float:
-    """Of the error of the velocity at touchdown, `vx`: less of it, the faster. In s."""
-    forward = max(LEAST_GAIN, 1.0 - aim.fade * max(0.0, aim.speed, vx))
-    # Walking backward steadily asks for no less; a push does.
-    backward = max(LEAST_GAIN, 1.0 - aim.fade * max(0.0, min(0.0, aim.speed) - vx))
-    back = backward * aim.gain_backward
-    # From backward to forward gain over a stretch of velocity, so that the law is continuous.
-    return back + min(1.0, max(0.0, 0.5 + vx / 0.4)) * (forward * aim.gain_forward - back)
+def _gain(in_place: float, loss: float, vx: float) -> float:
+    """a / b of the step-to-step map for a CoM that touches down at `vx`. In s."""
+    return in_place / (1.0 + loss * abs(vx))
 
 
 class Law(Record):
-    """What foot placement takes of `config.WalkConfig`, by the same names, and its sums.
+    """What foot placement takes of `config.WalkConfig`, by the same names; the observer's state.
 
     Attributes:
-        sum_x, sum_y: Sums of the errors of steps' mean speeds. In m.
+        offset_x, offset_y: Of the foot, from the disturbance observer. In m.
     """
 
     double_support: float
     slowest_step: float
     foot_spread: float
-    pendulum_gain_x: float
-    pendulum_gain_back: float
-    pendulum_gain_y: float
-    pendulum_fade_x: float
-    pendulum_fade_y: float
-    pendulum_gain_still: float
-    still_speed: float
-    sidestep: float
-    step_ahead: float
-    step_ahead_fast: float
+    map_gain_x: float
+    map_gain_y: float
+    map_loss_x: float
+    map_loss_y: float
     reach_inward: float
     reach_outward: float
     least_foot_distance: float
+    friction: float
     level: float
     landing_depth: float
-    easy_lean: float
-    far_lean: float
-    far_share: float
-    far_most: float
-    sum_x: float
-    sum_y: float
+    offset_x: float
+    offset_y: float
 
 
 _LONGEST = 0.95  # m, of a leg that is aimed
 _SHORTEST = 0.5
-_FAST_LEAN = 0.1  # s/m, by which both leans grow beyond 1 m/s, where feet land farther out
-_SIDE_LEAN = 1.0  # s/m, by which `far_lean` grows beyond 0.1 m/s asked for to a side
-_UNDER_WAY = 0.2  # m/s ahead or back that is asked for, from which `far_share` counts in full
 _SHORTEST_SINGLE = 0.1  # s, of a step on one foot
-_TIMES = 9  # touchdown times that are compared
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
 _LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
-
-
-class Now(NamedTuple):
-    """What `landing` takes of the present.
-
-    Attributes:
-        com_x, com_y, com_z: CoM from the pelvis origin.
-        ankle_x, ankle_y, ankle_z: Stance toe joint from there.
-        velocity_x, velocity_y: Of the CoM, from the angular momentum about the stance toe joint.
-        pitch: Of the torso. In rad.
-        side: Of the swing leg.
-        elapsed, remaining, earliest, step_time, speed, yaw, rise, slope_x, slope_y: `StepAhead`.
-        lead: Time from the swing foot's first contact to the end of the step.
-        commanded_vx, commanded_vy, spread, roll_trim: `Commanded`.
-        sum_x, sum_y: Sums of the errors of steps' mean speeds.
-    """
-
-    com_x: float
-    com_y: float
-    com_z: float
-    ankle_x: float
-    ankle_y: float
-    ankle_z: float
-    velocity_x: float
-    velocity_y: float
-    pitch: float
-    side: float
-    elapsed: float
-    remaining: float
-    earliest: float
-    step_time: float
-    speed: float
-    yaw: float
-    rise: float
-    slope_x: float
-    slope_y: float
-    lead: float
-    commanded_vx: float
-    commanded_vy: float
-    spread: float
-    roll_trim: float
-    sum_x: float
-    sum_y: float
 
 
 class Fall(NamedTuple):
@@ -230,21 +157,29 @@ def fallen(fall: Fall, remaining: float) -> tuple[float, float, float, float]:
 def touchdown_time(
     fall: Fall, aim: Aim, reach: Reach, planned: float, earliest: float, latest: float
 ) -> float:
-    """Time to touchdown at which the foot that the law wants is nearest to within easy reach.
+    """Time to touchdown at which the foot that the law wants is nearest to within reach.
 
     Args:
         planned: Time to the gait's own touchdown, which is kept where it serves as well.
         earliest, latest: Bounds of the result.
     """
-    best, least = planned, _cost(fall, aim, reach, planned, 0.0)
-    if least < 1e-4 * _LATENESS:
+    if _cost(fall, aim, reach, planned, 0.0) < 1e-4 * _LATENESS:
         return planned
-    for i in range(_TIMES):
-        time = earliest + (latest - earliest) * i / (_TIMES - 1)
-        cost = _cost(fall, aim, reach, time, time - planned)
-        if cost < least:
-            best, least = time, cost
-    return best
+    # Golden section: the cost is the square of a distance to a box, and that of a delay.
+    low, high = earliest, latest
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    cost_left = _cost(fall, aim, reach, left, left - planned)
+    cost_right = _cost(fall, aim, reach, right, right - planned)
+    while high - low > _TIME_TOLERANCE:
+        if cost_left < cost_right:
+            high, right, cost_right = right, left, cost_left
+            left = high - _GOLDEN * (high - low)
+            cost_left = _cost(fall, aim, reach, left, left - planned)
+        else:
+            low, left, cost_left = left, right, cost_right
+            right = low + _GOLDEN * (high - low)
+            cost_right = _cost(fall, aim, reach, right, right - planned)
+    return 0.5 * (low + high)
 
 
 @compiled
@@ -274,70 +209,34 @@ def landing(
         Roll and pitch in rad, length in m, time to touchdown in s.
     """
     law, robot, ahead, commanded = laws[0], robots[0], aheads[0], commands[0]
-    com, ankle = robot.com, robot.ankle[1 - swing]
-    velocity = momentum_velocity(robots, 1 - swing, momenta)
-    now = Now(
-        com[0],
-        com[1],
-        com[2],
-        ankle[0],
-        ankle[1],
-        ankle[2],
-        velocity[0],
-        velocity[1],
-        robot.pitch,
-        1.0 - 2.0 * swing,
-        ahead.elapsed,
-        ahead.remaining,
-        ahead.earliest,
-        ahead.step_time,
-        ahead.velocity[0],
-        ahead.yaw,
-        ahead.rise,
-        ahead.slope[0],
-        ahead.slope[1],
-        lead,
-        commanded.vx,
-        commanded.vy,
-        commanded.spread,
-        commanded.roll_trim,
-        law.sum_x,
-        law.sum_y,
-    )
-    return _land(law, now, robot.tilt)
-
-
-@compiled
-def _land(law: Law, now: Now, tilt: FloatArray) -> tuple[float, float, float, float]:
-    """See `landing`; `tilt` (3, 3) leads from the pelvis to the heading frame."""
-    side, lead = now.side, now.lead
-    fall, above = _falling(law, now)
+    side, tilt, com = 1.0 - 2.0 * swing, robot.tilt, robot.com
+    fall = _falling(law, robot, 1 - swing, momentum_velocity(robots, 1 - swing, momenta), ahead)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
-    down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y - now.ankle_z + now.rise
-    faster = _FAST_LEAN * max(0.0, abs(now.speed) - 1.0)
-    aside = _SIDE_LEAN * max(0.0, abs(now.commanded_vy) - 0.1)
+    down = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y
+    down = down - robot.ankle[1 - swing, 2] + ahead.rise
     reach = Reach(
         side,
-        hip_x - HIP_BACK - now.com_x,
-        hip_y - now.com_y,
+        hip_x - HIP_BACK - com[0],
+        hip_y - com[1],
         math.sqrt(max(0.01, (_LONGEST + HIP_DOWN) ** 2 - down * down)),
         law.reach_inward,
         law.reach_outward,
         law.least_foot_distance,
-        above * (law.easy_lean + faster),
-        above * (law.far_lean + faster + aside),
-        1.0 - (1.0 - law.far_share) * min(1.0, abs(now.commanded_vx) / _UNDER_WAY),
-        law.far_most,
+        law.friction * GRAVITY / (fall.rate * fall.rate),
     )
-    aim = _steady(law, now, fall.rate, math.sin(now.roll_trim) * down)
-    latest = max(now.remaining, law.slowest_step * now.step_time - now.elapsed)
+    aim = _steady(law, ahead.step_time - lead, commanded, side, fall.rate)
+    trim = math.sin(commanded.roll_trim) * down
+    aim = Aim(
+        aim.ux, aim.uy + trim, aim.vx, aim.vy, aim.gain_x, aim.gain_y, aim.loss_x, aim.loss_y
+    )
+    latest = max(ahead.remaining, law.slowest_step * ahead.step_time - ahead.elapsed)
     time = touchdown_time(
         fall,
         aim,
         reach,
-        max(0.0, now.remaining - lead),
-        max(0.0, now.earliest - lead),
+        max(0.0, ahead.remaining - lead),
+        max(0.0, ahead.earliest - lead),
         max(0.0, latest - lead),
     )
     end = fallen(fall, time)
@@ -345,60 +244,52 @@ def _land(law: Law, now: Now, tilt: FloatArray) -> tuple[float, float, float, fl
     # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
     spent = end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2
     sinking = (1.0 - law.level) * spent / (2.0 * down)
-    rise = now.slope_x * (fall.x + ux) + now.slope_y * (fall.y + uy)
+    rise = ahead.slope[0] * (fall.x + ux) + ahead.slope[1] * (fall.y + uy)
     roll, pitch, length = aim_leg(
-        now.com_x + ux - hip_x,
-        now.com_y + uy - hip_y,
+        com[0] + ux - hip_x,
+        com[1] + uy - hip_y,
         down - max(-0.1, min(0.1, sinking)) - rise,
-        now.yaw,
-        now.pitch,
+        ahead.yaw,
+        robot.pitch,
     )
     return roll, pitch, max(_SHORTEST, min(_LONGEST, length + law.landing_depth)), lead + time
 
 
 @compiled
-def _falling(law: Law, now: Now) -> tuple[Fall, float]:
-    """The pendulum as it is, and its CoM's height above the foot along the slope (m)."""
-    x, y, height = now.com_x - now.ankle_x, now.com_y - now.ankle_y, now.com_z - now.ankle_z
+def _falling(
+    law: Law, robot: Robot, stance: int, velocity: tuple[float, float], ahead: StepAhead
+) -> Fall:
+    """The pendulum as it is, its height above the foot along the slope."""
+    x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
+    height = robot.com[2] - robot.ankle[stance, 2]
     # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
-    above = max(0.4, height - now.slope_x * x - now.slope_y * y)
+    above = max(0.4, height - ahead.slope[0] * x - ahead.slope[1] * y)
     faster = max(0.4, height) / above
-    coasts = max(0.0, law.double_support - now.elapsed)
-    rate = math.sqrt(GRAVITY / above)
-    return Fall(x, y, faster * now.velocity_x, faster * now.velocity_y, rate, coasts), above
+    coasts = max(0.0, law.double_support - ahead.elapsed)
+    return Fall(
+        x, y, faster * velocity[0], faster * velocity[1], math.sqrt(GRAVITY / above), coasts
+    )
 
 
 @compiled
-def _steady(law: Law, now: Now, w: float, trim: float) -> Aim:
-    """Steady walking as commanded, w the pendulum's rate (1/s), feet shifted sideways by `trim`."""
-    coast = law.double_support
-    duration = max(0.2, now.step_time - now.lead)
+def _steady(law: Law, duration: float, commanded: Commanded, side: float, w: float) -> Aim:
+    """Steady walking as commanded, with steps of a duration (s); w is the pendulum's rate (1/s)."""
+    coast, duration = law.double_support, max(0.2, duration)
     single = max(_SHORTEST_SINGLE, duration - coast)
     tanh_half = math.tanh(0.5 * w * single) / w
     coth_half = 1.0 / (w * w * tanh_half)
     slope = coast + 1.0 / (w * math.tanh(w * single))
-    width = now.side * 2.0 * (HIP_Y + law.foot_spread + now.spread)
+    width = side * 2.0 * (HIP_Y + law.foot_spread + commanded.spread)
     travel = duration / (coast + 2.0 * tanh_half)
-    vx, vy = now.commanded_vx * travel, now.commanded_vy * travel
+    vx, vy = commanded.vx * travel, commanded.vy * travel
     sway = width / (coast + 2.0 * coth_half)
-    asked = math.hypot(now.commanded_vx, now.commanded_vy) / law.still_speed
-    moving = abs(now.velocity_x) / law.still_speed
-    more_y = law.pendulum_gain_still * max(0.0, 1.0 - asked)
-    more_x = min(more_y, law.pendulum_gain_still * max(0.0, 1.0 - moving))
-    share_y = max(LEAST_GAIN, 1.0 - law.pendulum_fade_y * max(0.0, now.speed))
-    ahead = law.step_ahead - law.step_ahead_fast * abs(now.commanded_vx)
     return Aim(
-        vx * (coast + tanh_half) + ahead * now.commanded_vx + now.sum_x,
-        vy * (coast + tanh_half)
-        + law.sidestep * now.commanded_vy
-        + sway * (coast + coth_half)
-        + now.sum_y
-        + trim,
+        vx * (coast + tanh_half) + law.offset_x,
+        vy * (coast + tanh_half) + sway * (coast + coth_half) + law.offset_y,
         vx,
         vy + sway,
-        (law.pendulum_gain_x + more_x) * slope,
-        (law.pendulum_gain_back + more_x) * slope,
-        share_y * (law.pendulum_gain_y + more_y) * slope,
-        now.speed,
-        law.pendulum_fade_x,
+        law.map_gain_x * slope,
+        law.map_gain_y * slope,
+        law.map_loss_x,
+        law.map_loss_y,
     )

@@ -20,7 +20,7 @@ JOINT_GAINS = ("walk.joints.*", "walk.k[pd]_torso_*")
 """Gains of the drives and of the torso through the stance hip."""
 
 LEG_ANGLE_GAINS = {
-    "pendulum": ("walk.pendulum_gain_*", "walk.integral_[xy]"),
+    "pendulum": ("walk.map_*", "walk.observer_gain"),
     "paper": ("walk.paper_k[pd]_*",),
 }
 """Gains of the foot placement by law."""
