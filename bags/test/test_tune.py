@@ -235,7 +235,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
     ("words", "reason"),
     [
         (["walk.joint.*"], "unknown parameter walk.joint.*"),
-        (["walk.gravity"], "two or more are needed"),
+        (["walk.hold_gain"], "two or more are needed"),
         (["--factor", "1"], "1 is not 1.01 .. 100"),
         (["--population", "1"], "1 is not 0 (auto), or 2 or more"),
         (["--resume"], "cannot resume from"),

@@ -151,7 +151,6 @@ class StandConfig:
         0.1,
         "Distance of the capture point inside the toes at which the legs push up",
     )
-    gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +180,6 @@ class SegwayConfig:
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
     )
-    fast_roll_give: float = tunable(1.0, "", 0.0, 1.0, "roll_give at 3 m/s and faster")
     fast_kd_com_y: float = tunable(
         150.0, "Ns/m", 0.0, 1000.0, "kd_com_y at 3 m/s and faster, where bumps come fast"
     )
@@ -296,8 +294,6 @@ class LateGains:
         0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
-    thigh_angle: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_angle` with late drives")
-    thigh_rate: float = tunable(1.0, "", 0.0, 1.0, "`walk.thigh_rate` with late drives")
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
     roll_rate_length: float = tunable(
         0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
@@ -367,14 +363,8 @@ class WalkConfig:
     late_speed: float = tunable(
         1.0, "m/s", 0.05, 2.0, "How fast the swing leg grows while the ground is late"
     )
-    level: float = tunable(
-        1.0, "", 0.0, 1.0, "From the gait's stance leg length, 0, to a hip that travels level, 1"
-    )
     level_back: float = tunable(
-        0.5, "", 0.0, 1.0, "Share of `level` that counts while walking backward"
-    )
-    swing_inertia: float = tunable(
-        1.0, "", 0.0, 1.5, "Share of the swing leg's inertia carried by feed-forward"
+        0.5, "", 0.0, 1.0, "Walking backward: from the gait's leg length, 0, to a level hip, 1"
     )
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
@@ -450,7 +440,6 @@ class WalkConfig:
     )
     heading_gain: float = tunable(0.5, "", 0.0, 2.0, "Swing hip yaw by heading error")
     yaw_limit: float = tunable(0.25, "rad", 0.0, 0.39, "Bound of swing hip yaw")
-    gravity: float = tunable(1.0, "", 0.0, 1.5, "Share of the weight carried by feed-forward")
     bounce_damping: float = tunable(
         75.0, "Ns/m", 0.0, 300.0, "Force added to the carried weight by downward CoM velocity"
     )
@@ -462,14 +451,14 @@ class WalkConfig:
         "",
         0.0,
         1.0,
-        "Share of the followed leg in the torso's angle set-points; 0: the leg as measured",
+        "Share of the followed leg in the torso's angle set-points; all of it with late drives",
     )
     thigh_rate: float = tunable(
         0.25,
         "",
         0.0,
         1.0,
-        "Share of it in their rates; more bears late set-points, but not late torques",
+        "Share of it in their rates, which bears late torques; all of it with late set-points",
     )
 
     @property

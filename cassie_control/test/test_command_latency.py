@@ -114,11 +114,11 @@ def test_gains_go_over_with_the_latency_and_not_below_it():
     usual = figures(CONFIG, 0.002)
     assert figures(CONFIG, 0.002, late.walking_from).records == usual.records
     half = figures(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)
-    assert half.thigh_rate == pytest.approx(0.5 * (CONFIG.thigh_rate + late.thigh_rate))
+    assert half.thigh_rate == pytest.approx(0.5 * (CONFIG.thigh_rate + 1.0))
     assert half.latency == late.walking_from + 0.5 * late.latency_span
     whole = figures(CONFIG, 0.002, 0.05)
     assert whole.thigh_track == late.thigh_track
-    assert whole.thigh_rate == late.thigh_rate
+    assert whole.thigh_rate == 1.0
 
 
 def test_the_papers_law_stays_as_it_is():

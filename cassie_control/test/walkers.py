@@ -34,9 +34,15 @@ def walking(
     period: float = 0.002,
     config: WalkConfig = CONFIG,
     state: RobotState | None = None,
+    without: str = "",
 ) -> WalkingController:
-    """A walking controller that begins a step, from standing unless a state is given."""
+    """A walking controller that begins a step, from standing unless a state is given.
+
+    `without` names a part of the law that is switched off.
+    """
     core = WalkingController(config, LIBRARY, period)
+    if without:
+        setattr(core._figures, without, 0.0)
     core.start(readings_of(state or state_of(leg_joints(), leg_joints())), stance)
     return core
 

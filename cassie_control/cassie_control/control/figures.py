@@ -9,7 +9,6 @@ from cassie_control.control.robot import HIP_X, HIP_Z
 from cassie_gaits import bezier, robot
 from cassie_gaits.names import LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, array
-from cassie_gaits.robot import WEIGHT
 
 
 class Figures(Record):
@@ -21,7 +20,8 @@ class Figures(Record):
     Attributes:
         straight: 1 where the swing leg's angles go the way of least effort.
         share_force: 1 where legs carry the weight by their forces, 0 by their loads.
-        weight: That is fed forward. In N.
+        level: 1 where the stance hip travels level, 0 where its leg has the gait's length.
+        swing_inertia: 1 where torques accelerate the swing leg ahead of its tracking.
         mass: Of the robot. In kg.
         period: Of control. In s.
         latency: Of the drives, that is allowed for. In s.
@@ -38,16 +38,15 @@ class Figures(Record):
     kd_torso_pitch: float
     late_reach: float
     late_speed: float
-    level: float
     level_back: float
-    swing_inertia: float
     bounce_damping: float
     heading_gain: float
     yaw_limit: float
     quickest_step: float
     straight: float
     share_force: float
-    weight: float
+    level: float
+    swing_inertia: float
     mass: float
     thigh_track: float
     thigh_angle: float
@@ -86,10 +85,8 @@ def _least_effort() -> FloatArray:
 
 
 _LEAST_EFFORT = _least_effort()
-_BESIDE_THE_PAPER = (
-    *("straight", "share_force", "level", "swing_inertia"),
-    *("bounce_damping", "thigh_angle", "thigh_rate"),
-)
+_SWITCHES = ("straight", "share_force", "level", "swing_inertia")
+_BESIDE_THE_PAPER = (*_SWITCHES, "bounce_damping", "thigh_angle", "thigh_rate")
 
 
 def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
@@ -102,7 +99,8 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
     for name in Figures.TYPE.names or ():
         if hasattr(config, name):
             setattr(result, name, getattr(config, name))
-    result.straight = result.share_force = 1.0
+    for name in _SWITCHES:
+        setattr(result, name, 1.0)
     result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
     if config.as_in_paper:
@@ -111,7 +109,7 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
     else:
         _allow_for(result, config, latency)
     result.period = period
-    result.weight, result.mass = config.gravity * WEIGHT, robot.total_mass()
+    result.mass = robot.total_mass()
     result.hip_x, result.hip_z = HIP_X, HIP_Z
     result.inertia[:], result.least_effort[:] = INERTIA, _LEAST_EFFORT
     return result
@@ -123,6 +121,11 @@ def _allow_for(result: Figures, config: WalkConfig, latency: float) -> None:
     if share == 0.0:
         return
     result.latency, result.handover = latency, late.handover
-    for name in ("thigh_track", "thigh_angle", "thigh_rate"):
+    # What comes late must not shake the set-points: they follow the track of the leg alone.
+    for name, goal in (
+        ("thigh_track", late.thigh_track),
+        ("thigh_angle", 1.0),
+        ("thigh_rate", 1.0),
+    ):
         usual = getattr(result, name)
-        setattr(result, name, usual + share * (getattr(late, name) - usual))
+        setattr(result, name, usual + share * (goal - usual))

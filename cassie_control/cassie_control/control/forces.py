@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray
-from cassie_gaits.robot import GRAVITY
+from cassie_gaits.robot import GRAVITY, WEIGHT
 
 if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.figures import Figures
@@ -36,7 +36,7 @@ def damped_weight(figure: Figures, robot: Robot, step: Step) -> float:
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
     acceleration = (robot.force[0] + robot.force[1]) / figure.mass - GRAVITY
     speed = robot.com_velocity[2] - rise + figure.latency * acceleration
-    weight: float = figure.weight - figure.bounce_damping * speed
+    weight: float = WEIGHT - figure.bounce_damping * speed
     return max(0.0, weight)
 
 
@@ -50,7 +50,7 @@ def carried_share(figure: Figures, robot: Robot, step: Step, i: int) -> float:
     if figure.share_force > 0.0:
         force = max(0.0, robot.force[i] - _BRUSHED)
         other = max(0.0, robot.force[1 - i] - _BRUSHED)
-        share = force / max(1.0, 0.5 * figure.weight, force + other)
+        share = force / max(0.5 * WEIGHT, force + other)
     else:
         share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
     return share

@@ -179,7 +179,7 @@ class MovingBalance(Balance):
         return self._with_speed(super()._damping_y(settled), self.riding.fast_kd_com_y)
 
     def _roll_give(self) -> float:
-        return self._with_speed(self.riding.roll_give, self.riding.fast_roll_give)
+        return self._with_speed(self.riding.roll_give, 1.0)
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.

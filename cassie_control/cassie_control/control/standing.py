@@ -295,7 +295,7 @@ class StandingController:
         command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
         command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = leg.weight_torques(
-            readings.tilt, c.gravity * self._weight * share, *balance.lean
+            readings.tilt, self._weight * share, *balance.lean
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso(readings, float(mode.pitch), ground)

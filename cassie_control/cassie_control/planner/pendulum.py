@@ -106,7 +106,6 @@ class Law(Record):
     reach_outward: float
     least_foot_distance: float
     friction: float
-    level: float
     landing_depth: float
     offset_x: float
     offset_y: float
@@ -227,9 +226,7 @@ def landing(
     )
     aim = _steady(law, ahead.step_time - lead, commanded, side, fall.rate)
     trim = math.sin(commanded.roll_trim) * down
-    aim = Aim(
-        aim.ux, aim.uy + trim, aim.vx, aim.vy, aim.gain_x, aim.gain_y, aim.loss_x, aim.loss_y
-    )
+    aim = Aim(aim.ux, aim.uy + trim, aim.vx, aim.vy, aim.gain_x, aim.gain_y, aim.loss_x, aim.loss_y)
     latest = max(ahead.remaining, law.slowest_step * ahead.step_time - ahead.elapsed)
     time = touchdown_time(
         fall,
@@ -241,14 +238,11 @@ def landing(
     )
     end = fallen(fall, time)
     ux, uy, _ = foot(aim, reach, end)
-    # The stance leg tilts: the hip sinks as the CoM leaves the foot behind.
-    spent = end[0] ** 2 + end[1] ** 2 - fall.x**2 - fall.y**2
-    sinking = (1.0 - law.level) * spent / (2.0 * down)
     rise = ahead.slope[0] * (fall.x + ux) + ahead.slope[1] * (fall.y + uy)
     roll, pitch, length = aim_leg(
         com[0] + ux - hip_x,
         com[1] + uy - hip_y,
-        down - max(-0.1, min(0.1, sinking)) - rise,
+        down - rise,
         ahead.yaw,
         robot.pitch,
     )
