@@ -1,4 +1,4 @@
-"""Figures of standing against known answers."""
+"""Measures of standing against known answers."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from cassie_bags.studies.sweep.random_commands import radio_commands
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
 from cassie_bags.studies.trial import (
-    Figures,
+    Measures,
     Trial,
     _slip,
     _velocity_off,
@@ -47,7 +47,7 @@ def row(levels=(1.0, 2.0, 3.0, 4.0, 5.0), **changes) -> Row:
 def strong(limit: float, weak_seeds: int = 0):
     """A robot that falls beyond a limit, and always for the first few seeds."""
 
-    def run(trial: Trial) -> Figures:
+    def run(trial: Trial) -> Measures:
         fell = trial.content["level"] > limit or trial.seed <= weak_seeds
         return {"fell": float(fell), "vx": trial.content["level"] - 0.01 * trial.seed}
 
@@ -90,7 +90,7 @@ def test_a_level_names_the_robots_that_missed_it():
 def test_rows_that_look_at_the_same_runs_share_them():
     runs, pool = [], CachedWorkers(ThisProcess())
 
-    def counted(trial: Trial) -> Figures:
+    def counted(trial: Trial) -> Measures:
         runs.append(trial)
         return strong(9.0)(trial)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cassie_control.control.drives import inertia_torques
-from cassie_control.control.figures import INERTIA
+from cassie_control.control.gains import INERTIA
 from cassie_gaits import virtual_leg
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 

@@ -95,7 +95,7 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     state.v[3] = 0.3  # as commanded
     library = replace(LIBRARY, gaits=(LIBRARY.gaits[4],))
     core, command = WalkingController(config, library, period), MotorCommand()
-    core._figures.level *= level
+    core._gains.level *= level
     core.start(readings_of(on_a_fixed_foot(stance, seed=8)), stance)
     core.timing.phase = phase
     core._placement.swing_end = lambda *given: SwingEnd(0.3, -0.05, 0.8, given[-1].remaining, lead)

@@ -42,7 +42,7 @@ def walking(
     """
     core = WalkingController(config, LIBRARY, period)
     if without:
-        setattr(core._figures, without, 0.0)
+        setattr(core._gains, without, 0.0)
     core.start(readings_of(state or state_of(leg_joints(), leg_joints())), stance)
     return core
 

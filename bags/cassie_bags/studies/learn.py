@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cassie_bags.run.cores import connect, make_cores, tick_count
 from cassie_bags.studies.sweep.course import Budget, steady, walk
-from cassie_bags.studies.trial import TRACKING, Figures, Trial, experiment_of, has_fallen
+from cassie_bags.studies.trial import TRACKING, Measures, Trial, experiment_of, has_fallen
 from cassie_control.learning.torques import LearnedTorques
 
 FloatArray = npt.NDArray[np.float64]
@@ -117,11 +117,11 @@ def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]
     return Trial(trial.content, seed, window, None, trial.changes, (NONE,))
 
 
-def left_over(figures: Figures, name: str = "tracking") -> float:
+def left_over(measures: Measures, name: str = "tracking") -> float:
     """Tracking error with learned torques by that without; NaN if one of the runs fell."""
-    if figures["fell"] or figures["beside_fell"]:
+    if measures["fell"] or measures["beside_fell"]:
         return math.nan
-    return figures[name] / figures[f"beside_{name}"]
+    return measures[name] / measures[f"beside_{name}"]
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Comparison:
     runs: int
 
 
-def compared(speed: float, results: Sequence[Figures]) -> Comparison:
+def compared(speed: float, results: Sequence[Measures]) -> Comparison:
     """Results of `comparison` at one speed, put together."""
     both = [r for r in results if not (r["fell"] or r["beside_fell"])]
 

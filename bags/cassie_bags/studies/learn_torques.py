@@ -133,8 +133,8 @@ def _compare(
     trials = comparisons(learned, seeds, arguments.measured, changes)
     results = {}
     with tqdm(total=len(trials), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
-        for index, figures in pool.results(run_trial, trials):
-            results[index] = figures
+        for index, measures in pool.results(run_trial, trials):
+            results[index] = measures
             bar.update()
     count = len(seeds)
     return [

@@ -1,4 +1,4 @@
-"""One run of a sweep or of tuning: in process, ended as soon as it is decided, in figures.
+"""One run of a sweep or of tuning: in process, ended as soon as it is decided, and measured.
 
 A trial draws its robot from a seed but keeps the written times. So events meet the phase of the
 step that they were written for.
@@ -34,7 +34,7 @@ from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
 
 FloatArray = npt.NDArray[np.float64]
-Figures = dict[str, float]
+Measures = dict[str, float]
 
 _MEANS = ("vx", "vy", "yaw_rate")
 _RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
@@ -100,25 +100,25 @@ def experiment_of(trial: Trial) -> Experiment:
     return experiment
 
 
-def run_trial(trial: Trial) -> Figures:
+def run_trial(trial: Trial) -> Measures:
     """Run a trial until its end, a fall, or `ahead`, and then the one beside it.
 
     Returns:
-        Figures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
+        Measures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
         Those of the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
         the run did not get there. The same of the second run have "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
-    figures = _figures_of(trial)
+    measures = _measures_of(trial)
     if trial.beside is not None:
         changed = dataclasses.replace(trial, changes=(*trial.changes, *trial.beside), beside=None)
-        figures |= {f"beside_{name}": value for name, value in _figures_of(changed).items()}
-    return figures
+        measures |= {f"beside_{name}": value for name, value in _measures_of(changed).items()}
+    return measures
 
 
-def _figures_of(trial: Trial) -> Figures:
+def _measures_of(trial: Trial) -> Measures:
     experiment = experiment_of(trial)
     cores = make_cores(experiment)
     store = Store() if trial.kept is None else RecentStore(trial.kept)
@@ -134,19 +134,19 @@ def _figures_of(trial: Trial) -> Figures:
     fell = fell or has_fallen(cores.plant)
     recording = store.recording(0.0)
     track = make_track(recording)
-    figures = {
+    measures = {
         "fell": float(fell),
         "end": float(track.time[-1]),
         "ahead": _ahead(cores.plant, start),
         "end_speed": _end_speed(track),
         "standing": float(track.mode[-1] == RobotMode.STAND),
     }
-    figures |= measure_window(
+    measures |= measure_window(
         track, recording.rows(RobotState), recording.rows(ControllerStatus), trial.window
     )
     mass = float(cores.plant.model.body("pelvis").subtreemass[0])
-    figures |= measure_effort(track, trial.window, mass)
-    return figures | measure_ride(recording, experiment.rider, trial.window)
+    measures |= measure_effort(track, trial.window, mass)
+    return measures | measure_ride(recording, experiment.rider, trial.window)
 
 
 def has_fallen(plant: Plant) -> bool:
@@ -160,8 +160,10 @@ def has_fallen(plant: Plant) -> bool:
     return bool(position[2] - lowest_sole(plant.model, plant.data) < FALLEN_HEIGHT)
 
 
-def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float, float]) -> Figures:
-    """A part of a run in figures, NaN if it did not get to its end.
+def measure_window(
+    track: Track, state: Rows, status: Rows, window: tuple[float, float]
+) -> Measures:
+    """Measures of a part of a run, NaN if it did not get to its end.
 
     Args:
         track: Signals of the run.
@@ -170,7 +172,7 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
         window: From and to. In s.
 
     Returns:
-        Figures by name, also those of `measure_standing`. "Over two steps" is a moving mean, which
+        Measures by name, also those of `measure_standing`. "Over two steps" is a moving mean, which
         leaves out the sway.
 
         - vx, vy (m/s): means in the heading frame.
@@ -192,24 +194,24 @@ def measure_window(track: Track, state: Rows, status: Rows, window: tuple[float,
     if track.time[-1] < t1 - 1.5 * tick:
         return dict.fromkeys(WINDOW_FIGURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
-    figures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
+    measures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
     two_steps = round(AVERAGED_OVER / tick)
-    figures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
-    figures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
-    figures["velocity_off"] = _velocity_off(track, inside, two_steps)
-    figures["drift"] = float(np.linalg.norm(away, axis=1).max())
-    figures["drift_of_steps"] = _drift_of_steps(away, two_steps)
-    figures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
-    figures["sole_pitch"] = sole_pitch(track, inside)
-    figures |= _estimate(track, state, inside)
-    figures |= measure_standing(track, state, status, inside)
+    measures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
+    measures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
+    measures["velocity_off"] = _velocity_off(track, inside, two_steps)
+    measures["drift"] = float(np.linalg.norm(away, axis=1).max())
+    measures["drift_of_steps"] = _drift_of_steps(away, two_steps)
+    measures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
+    measures["sole_pitch"] = sole_pitch(track, inside)
+    measures |= _estimate(track, state, inside)
+    measures |= measure_standing(track, state, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
-    figures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
+    measures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
     squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)
-    figures["tracking"] = float(np.sqrt(squares.mean()))
-    figures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
-    return figures
+    measures["tracking"] = float(np.sqrt(squares.mean()))
+    measures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
+    return measures
 
 
 def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
@@ -247,7 +249,7 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
     return float(np.linalg.norm(means - means[0], axis=1).max())
 
 
-def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Figures:
+def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Measures:
     """Errors of the estimated velocity and displacement against the truth."""
     state = first_occurrences(state)
     rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
@@ -259,9 +261,9 @@ def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Figur
     moved = [_displacement(track.position[inside], track.angles[inside, 0])]
     moved.append(_displacement(rows["q"][:, :3], rows["q"][:, 3]))
     length = float(np.linalg.norm(moved[0]))
-    figures = dict(zip(_RMSE, rmse.tolist(), strict=True))
-    figures["odometry"] = float(np.linalg.norm(moved[1] - moved[0])) / max(length, 0.1)
-    return figures
+    measures = dict(zip(_RMSE, rmse.tolist(), strict=True))
+    measures["odometry"] = float(np.linalg.norm(moved[1] - moved[0])) / max(length, 0.1)
+    return measures
 
 
 def _in_heading(velocity: FloatArray, yaw: FloatArray) -> FloatArray:

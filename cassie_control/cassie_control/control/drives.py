@@ -31,8 +31,8 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.control.figures import Figures
 from cassie_control.control.forces import carried_share, damped_weight, holding_torques
+from cassie_control.control.gains import Gains
 from cassie_control.control.outputs import Step, adjust
 from cassie_control.control.robot import Robot
 from cassie_control.planner.terrain import GroundSlope
@@ -54,9 +54,9 @@ def _thigh(robot: Robot, i: int, axis: int) -> tuple[float, float]:
 
 
 @compiled
-def track_thighs(figure: Figures, robot: Robot, step: Step) -> None:
+def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
     """Bring the tracks of both legs up to date; the first ones begin as measured."""
-    w, dt = 2.0 * math.pi * figure.thigh_track, figure.period
+    w, dt = 2.0 * math.pi * gain.thigh_track, gain.period
     for i in range(2):
         for axis in range(2):
             angle, rate = _thigh(robot, i, axis)
@@ -70,13 +70,13 @@ def track_thighs(figure: Figures, robot: Robot, step: Step) -> None:
 
 
 @compiled
-def steady_hip(figure: Figures, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
+def steady_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
     """Hip roll (`axis` 0) or pitch (1) of a leg, with its share of the track. In rad, rad/s."""
     angle, rate = _thigh(robot, i, axis)
     joint = 2 * axis
     return (
-        robot.joints[i, joint] + figure.thigh_angle * (step.thigh[i, axis] - angle),
-        robot.rates[i, joint] + figure.thigh_rate * (step.thigh_rates[i, axis] - rate),
+        robot.joints[i, joint] + gain.thigh_angle * (step.thigh[i, axis] - angle),
+        robot.rates[i, joint] + gain.thigh_rate * (step.thigh_rates[i, axis] - rate),
     )
 
 
@@ -88,7 +88,7 @@ _LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and u
 
 @compiled
 def drive(
-    figures: Records[Figures],
+    gains: Records[Gains],
     robots: Records[Robot],
     pairs: Records[LegPair],
     timings: Records[StepTiming],
@@ -105,7 +105,7 @@ def drive(
     """Desired outputs, adjusted, as set-points of the drives.
 
     Args:
-        figures, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
+        gains, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
         pairs: Kinematics of both legs. Shape (1,).
         timings: Phase, whose rate follows `remaining`. Shape (1,).
         modes: `Mode.record`, with the torso's angles. Shape (1,).
@@ -116,35 +116,35 @@ def drive(
     Source:
         eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
     """
-    figure, robot, step, command = figures[0], robots[0], steps[0], commands[0]
+    gain, robot, step, command = gains[0], robots[0], steps[0], commands[0]
     timing, slope, mode = timings[0], slopes[0], modes[0]
     plan(timing, remaining)
     step.new_rate, step.speed = timing.rate, timing.velocity[0]
     step.pitch, step.roll, step.length, step.lead = pitch, roll, length, lead
     step.torso_roll, step.torso_pitch = mode.roll + mode.trims[3], mode.pitch + mode.trims[2]
     step.slope_ahead, step.slope_left = slope.ahead, slope.left
-    adjust(figure, robot, step)
+    adjust(gain, robot, step)
     stance = step.stance
-    track_thighs(figure, robot, step)
-    _drive_stance(figure, robot, stance, step, command)
-    _drive_swing(figure, robot, 1 - stance, step, command)
-    weight = damped_weight(figure, robot, step)
+    track_thighs(gain, robot, step)
+    _drive_stance(gain, robot, stance, step, command)
+    _drive_swing(gain, robot, 1 - stance, step, command)
+    weight = damped_weight(gain, robot, step)
     for i in range(2):
-        share = carried_share(figure, robot, step, i)
+        share = carried_share(gain, robot, step, i)
         _hold_weight(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
-    _push_swing(figure, robot, 1 - stance, step, command)
+    _push_swing(gain, robot, 1 - stance, step, command)
 
 
 @compiled
-def _drive_stance(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
+def _drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Torso roll and pitch act through the hip, in proportion to the load on the leg.
 
     q_hip + (desired - measured torso angle) is its set-point, with q_hip of `steady_hip`. The toe
     gives no torque.
     """
     q, v, load, at = robot.joints[i], robot.rates[i], robot.load[i], 5 * i
-    hip_roll, roll_rate = steady_hip(figure, robot, i, 0, step)
-    hip_pitch, pitch_rate = steady_hip(figure, robot, i, 1, step)
+    hip_roll, roll_rate = steady_hip(gain, robot, i, 0, step)
+    hip_pitch, pitch_rate = steady_hip(gain, robot, i, 1, step)
     desired, rates = step.desired, step.desired_rates
     knee, knee_rate = _knee(desired[LENGTH_ST], rates[LENGTH_ST])
     command.position[at] = hip_roll - load * (desired[ROLL] - robot.roll)
@@ -160,14 +160,14 @@ def _drive_stance(figure: Figures, robot: Robot, i: int, step: Step, command: Mo
     command.velocity[at + 3] = knee_rate
     command.velocity[at + 4] = v[6]
     for k in range(4):
-        command.kp[at + k], command.kd[at + k] = figure.kp[k], figure.kd[k]
-    command.kp[at], command.kd[at] = figure.kp_torso_roll, figure.kd_torso_roll
-    command.kp[at + 2], command.kd[at + 2] = figure.kp_torso_pitch, figure.kd_torso_pitch
+        command.kp[at + k], command.kd[at + k] = gain.kp[k], gain.kd[k]
+    command.kp[at], command.kd[at] = gain.kp_torso_roll, gain.kd_torso_roll
+    command.kp[at + 2], command.kd[at + 2] = gain.kp_torso_pitch, gain.kd_torso_pitch
     command.kp[at + 4] = command.kd[at + 4] = 0.0
 
 
 @compiled
-def _drive_swing(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
+def _drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Every joint tracks, the toe as far as the foot is unloaded.
 
     As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
@@ -190,17 +190,17 @@ def _drive_swing(figure: Figures, robot: Robot, i: int, step: Step, command: Mot
     command.velocity[at + 3] = knee_rate
     command.velocity[at + 4] = rates[FOOT_SW] + robot.pitch_rate - v[2]
     for k in range(5):
-        command.kp[at + k], command.kd[at + k] = figure.kp[k], figure.kd[k]
+        command.kp[at + k], command.kd[at + k] = gain.kp[k], gain.kd[k]
     command.kp[at + 4] *= 1.0 - robot.load[i]
     command.kd[at + 4] *= 1.0 - robot.load[i]
     own = 1.0 - min(1.0, max(0.0, (robot.force[i] - _LIFTED) / _LIFTING))
     held = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
-    hip, rate = steady_hip(figure, robot, i, 0, step)
-    law = (figure.kp_torso_roll, hip - desired[ROLL] + robot.roll)
-    _share(command, at, own, held, law, (figure.kd_torso_roll, rate + robot.roll_rate))
-    hip, rate = steady_hip(figure, robot, i, 1, step)
-    law = (figure.kp_torso_pitch, hip + desired[PITCH] - robot.pitch)
-    _share(command, at + 2, own, held, law, (figure.kd_torso_pitch, rate - robot.pitch_rate))
+    hip, rate = steady_hip(gain, robot, i, 0, step)
+    law = (gain.kp_torso_roll, hip - desired[ROLL] + robot.roll)
+    _share(command, at, own, held, law, (gain.kd_torso_roll, rate + robot.roll_rate))
+    hip, rate = steady_hip(gain, robot, i, 1, step)
+    law = (gain.kp_torso_pitch, hip + desired[PITCH] - robot.pitch)
+    _share(command, at + 2, own, held, law, (gain.kd_torso_pitch, rate - robot.pitch_rate))
 
 
 @compiled
@@ -251,19 +251,19 @@ def _hold_weight(
 
 
 @compiled
-def _push_swing(figure: Figures, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
+def _push_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Add the torques that accelerate the swing leg, as far as it is off the ground.
 
     The stance hip takes what they do to the torso to the ground.
     """
-    share = figure.swing_inertia * (1.0 - robot.load[i])
+    share = gain.swing_inertia * (1.0 - robot.load[i])
     length = min(_LONGEST_SWING, max(_SHORTEST_SWING, step.desired[LENGTH_SW]))
     v, a = step.desired_rates, step.accelerations
     roll, pitch, knee = inertia_torques(
         (v[ROLL_SW], v[PITCH_SW], v[LENGTH_SW]),
         (a[ROLL_SW], a[PITCH_SW], a[LENGTH_SW]),
         nearest_knee_angle(length),
-        figure.inertia,
+        gain.inertia,
     )
     command.torque[5 * i] += share * roll
     command.torque[5 * i + 2] += share * pitch
@@ -286,7 +286,7 @@ def inertia_torques(
         rates: Desired rates of leg roll, leg pitch and leg length. In rad/s and m/s.
         accelerations: The same for accelerations. In rad/s^2 and m/s^2.
         knee: Angle that gives the desired leg length. In rad.
-        inertia: See `figures.INERTIA`. Shape (4, 4), in kg m^2.
+        inertia: See `gains.INERTIA`. Shape (4, 4), in kg m^2.
 
     Returns:
         In Nm.

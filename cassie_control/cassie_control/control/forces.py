@@ -19,7 +19,7 @@ from cassie_gaits.records import FloatArray
 from cassie_gaits.robot import GRAVITY, WEIGHT
 
 if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
-    from cassie_control.control.figures import Figures
+    from cassie_control.control.gains import Gains
     from cassie_control.control.outputs import Step
     from cassie_control.control.robot import Robot
 
@@ -27,27 +27,27 @@ _BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have me
 
 
 @compiled
-def damped_weight(figure: Figures, robot: Robot, step: Step) -> float:
+def damped_weight(gain: Gains, robot: Robot, step: Step) -> float:
     """What the legs press with: the weight, less while the CoM rises off the ground's slope.
 
     The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
     the legs. Where the drives act late, the feet's force tells how fast the CoM will rise by then.
     """
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
-    acceleration = (robot.force[0] + robot.force[1]) / figure.mass - GRAVITY
-    speed = robot.com_velocity[2] - rise + figure.latency * acceleration
-    weight: float = WEIGHT - figure.bounce_damping * speed
+    acceleration = (robot.force[0] + robot.force[1]) / gain.mass - GRAVITY
+    speed = robot.com_velocity[2] - rise + gain.latency * acceleration
+    weight: float = WEIGHT - gain.bounce_damping * speed
     return max(0.0, weight)
 
 
 @compiled
-def carried_share(figure: Figures, robot: Robot, step: Step, i: int) -> float:
+def carried_share(gain: Gains, robot: Robot, step: Step, i: int) -> float:
     """Share of the weight that is fed forward to a leg."""
     share: float
-    if figure.latency > 0.0:
-        share = _due(figure, step)
+    if gain.latency > 0.0:
+        share = _due(gain, step)
         return share if i == step.stance else 1.0 - share
-    if figure.share_force > 0.0:
+    if gain.share_force > 0.0:
         force = max(0.0, robot.force[i] - _BRUSHED)
         other = max(0.0, robot.force[1 - i] - _BRUSHED)
         share = force / max(0.5 * WEIGHT, force + other)
@@ -57,15 +57,15 @@ def carried_share(figure: Figures, robot: Robot, step: Step, i: int) -> float:
 
 
 @compiled
-def _due(figure: Figures, step: Step) -> float:
+def _due(gain: Gains, step: Step) -> float:
     """Share that the stance leg will carry when the drives act on this command.
 
     Until the foot of the swing leg carries, its touchdown is taken to come at the end of the step.
     """
-    since = step.phase / step.rate + figure.latency
-    until = (1.0 - step.phase) / step.rate - figure.latency
-    taken = min(1.0, max(0.0, since / figure.handover))
-    left = min(1.0, max(0.0, 1.0 + until / figure.handover))
+    since = step.phase / step.rate + gain.latency
+    until = (1.0 - step.phase) / step.rate - gain.latency
+    taken = min(1.0, max(0.0, since / gain.handover))
+    left = min(1.0, max(0.0, 1.0 + until / gain.handover))
     share: float = taken * left
     return share
 

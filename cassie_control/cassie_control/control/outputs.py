@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cassie_control.control.figures import Figures
+from cassie_control.control.gains import Gains
 from cassie_control.control.robot import Robot
 from cassie_control.planner.timing import StepTiming
 from cassie_gaits import virtual_leg
@@ -154,7 +154,7 @@ _LIFTED, _LIFTING = 30.0, 100.0  # beginning at this force, until as much beyond
 
 @compiled
 def desire(
-    figures: Records[Figures],
+    gains: Records[Gains],
     robots: Records[Robot],
     timings: Records[StepTiming],
     axes: FloatArray,
@@ -166,14 +166,14 @@ def desire(
     """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
 
     Args:
-        figures: Constants of the law. Shape (1,).
+        gains: Constants of the law. Shape (1,).
         robots: The robot now. Shape (1,).
         timings: Phase; gets the gait's step time. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
         yaw_rate: At which the gait is read, as commanded. In rad/s.
         steps: The step; changed in place. Shape (1,).
     """
-    figure, robot, timing, step = figures[0], robots[0], timings[0], steps[0]
+    gain, robot, timing, step = gains[0], robots[0], timings[0], steps[0]
     row = np.empty(rows.shape[1])
     read_row(axes, lengths, rows, timing.velocity[0], step.sideways, yaw_rate, row)
     step.stance, step.phase, step.rate = timing.stance, timing.phase, timing.rate
@@ -181,7 +181,7 @@ def desire(
     step.yaw_rate = yaw_rate
     gait, stance = step.gait, step.stance
     # The row has the gait in right stance, then that in left stance.
-    _begin(figure, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
+    _begin(gain, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
     basis = np.empty((6, 3))
     _basis(min(1.0, step.phase), basis)
     for i in range(9):
@@ -194,15 +194,15 @@ def desire(
         step.desired_rates[i] = rate * step.rate
         step.accelerations[i] = acceleration * step.rate**2
     step.turn = 0.5 * step.yaw_rate * step.step_time
-    yaw = step.turn + figure.heading_gain * (step.heading - robot.yaw)
-    step.yaw = max(-figure.yaw_limit, min(figure.yaw_limit, yaw))
+    yaw = step.turn + gain.heading_gain * (step.heading - robot.yaw)
+    step.yaw = max(-gain.yaw_limit, min(gain.yaw_limit, yaw))
     step.rise = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
     step.gait_pitch, step.gait_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
     step.gait_length = gait[LENGTH_SW, 5]
 
 
 @compiled
-def _begin(figure: Figures, library_gait: FloatArray, step: Step) -> None:
+def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
     """The gait, begun where the legs were at touchdown; the torso's own is continuous."""
     gait = step.gait
     for i in range(9):
@@ -211,20 +211,20 @@ def _begin(figure: Figures, library_gait: FloatArray, step: Step) -> None:
         if i not in (ROLL, PITCH):
             gait[i, 0] = step.start[i]
             gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
-    if figure.straight > 0.0:
+    if gain.straight > 0.0:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):
-                a, b = figure.least_effort[k, 0], figure.least_effort[k, 1]
-                c, d = figure.least_effort[k, 2], figure.least_effort[k, 3]
+                a, b = gain.least_effort[k, 0], gain.least_effort[k, 1]
+                c, d = gain.least_effort[k, 2], gain.least_effort[k, 3]
                 gait[i, 2 + k] = a * gait[i, 0] + b * gait[i, 1] + c * gait[i, 4] + d * gait[i, 5]
 
 
 @compiled
-def adjust(figure: Figures, robot: Robot, step: Step) -> None:
+def adjust(gain: Gains, robot: Robot, step: Step) -> None:
     """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
 
     Args:
-        figure: Constants of the law.
+        gain: Constants of the law.
         robot: The robot now.
         step: The step, with what adjustment answered; changed in place.
     """
@@ -238,7 +238,7 @@ def adjust(figure: Figures, robot: Robot, step: Step) -> None:
         for k in range(6):
             landing_pitch += gait[PITCH_SW, k] * basis[k, 0]
             landing_roll += gait[ROLL_SW, k] * basis[k, 0]
-    _level_hips(figure, robot, step, phase)
+    _level_hips(gain, robot, step, phase)
     _fade_in(step, PITCH_SW, step.pitch - landing_pitch, phase, rate)
     _fade_in(step, ROLL_SW, step.roll - landing_roll, phase, rate)
     _fade_in(step, LENGTH_SW, step.length - gait[LENGTH_SW, 5], phase, rate)
@@ -247,7 +247,7 @@ def adjust(figure: Figures, robot: Robot, step: Step) -> None:
     _turn_body(step, phase, rate)
     _lift(robot, step, phase)
     if step.phase > 1.0:
-        _reach_down(figure, step, rate)
+        _reach_down(gain, step, rate)
     step.desired[ROLL] += step.torso_roll
     step.desired[PITCH] += step.torso_pitch
 
@@ -275,16 +275,16 @@ def _turn_body(step: Step, phase: float, rate: float) -> None:
 
 
 @compiled
-def _level_hips(figure: Figures, robot: Robot, step: Step, phase: float) -> None:
+def _level_hips(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
     """Let the stance leg grow and shrink so that its hip travels level, as far as wanted.
 
     On a slope the hip travels along it, at the height it has where the CoM is above the foot.
     """
     back = max(0.0, min(1.0, -3.0 * step.speed))
-    share = figure.level * _fade(phase)
-    share *= 1.0 + back * (figure.level_back - 1.0)
+    share = gain.level * _fade(phase)
+    share *= 1.0 + back * (gain.level_back - 1.0)
     height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
-    x = robot.tilt[0, 0] * figure.hip_x + robot.tilt[0, 2] * figure.hip_z
+    x = robot.tilt[0, 0] * gain.hip_x + robot.tilt[0, 2] * gain.hip_z
     i = step.stance
     x -= robot.ankle[i, 0]
     height += step.slope_ahead * x + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
@@ -303,14 +303,14 @@ def _lift(robot: Robot, step: Step, phase: float) -> None:
 
 
 @compiled
-def _reach_down(figure: Figures, step: Step, rate: float) -> None:
+def _reach_down(gain: Gains, step: Step, rate: float) -> None:
     """The ground is later than planned: the swing leg grows until it finds it."""
     for i in range(9):
         step.desired_rates[i] = step.accelerations[i] = 0.0
-    grown = figure.late_speed * (step.phase - 1.0) / rate
-    step.desired[LENGTH_SW] += min(figure.late_reach, grown)
-    if grown < figure.late_reach:
-        step.desired_rates[LENGTH_SW] = figure.late_speed
+    grown = gain.late_speed * (step.phase - 1.0) / rate
+    step.desired[LENGTH_SW] += min(gain.late_reach, grown)
+    if grown < gain.late_reach:
+        step.desired_rates[LENGTH_SW] = gain.late_speed
 
 
 @compiled

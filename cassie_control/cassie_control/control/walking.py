@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive
-from cassie_control.control.figures import Figures, figures
+from cassie_control.control.gains import Gains, gains_of
 from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, measure
 from cassie_control.control.robot import Readings, Robot
 from cassie_control.planner.footstep import placement
@@ -53,7 +53,7 @@ def go_on(
 
 @compiled
 def look_ahead(
-    figures: Records[Figures],
+    gains: Records[Gains],
     robots: Records[Robot],
     modes: RecordArray,
     timings: Records[StepTiming],
@@ -67,7 +67,7 @@ def look_ahead(
     """Desired outputs at this phase as the gait has them, and the rest of the step.
 
     Args:
-        figures, robots: Constants of the law and the robot now. Shape (1,).
+        gains, robots: Constants of the law and the robot now. Shape (1,).
         modes: `Mode.record`. Shape (1,).
         timings, slopes, steps: Changed in place. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
@@ -75,10 +75,10 @@ def look_ahead(
     """
     timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
     stand_on(slopes, robots, timing.stance, timing.phase)
-    desire(figures, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
+    desire(gains, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
     left = max(0.0, 1.0 - timing.phase)
     ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
-    ahead.remaining, ahead.earliest = left * timing.step_time, left * figures[0].quickest_step
+    ahead.remaining, ahead.earliest = left * timing.step_time, left * gains[0].quickest_step
     ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
     ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
     ahead.rise, ahead.yaw = step.rise - slope.sunk, step.yaw
@@ -161,7 +161,7 @@ class WalkingController:
         """Take over how late the drives act on commands, beyond their own delay. In s."""
         self._latency = latency
         self._placement.config = self.config
-        self._figures = figures(self.config, self._period, latency)
+        self._gains = gains_of(self.config, self._period, latency)
 
     def _practise(self) -> None:
         """Walk for one tick: the first calls load the compiled functions, or make them.
@@ -220,7 +220,7 @@ class WalkingController:
         if ended:
             self._end_step(readings)
         look_ahead(
-            self._figures.records,
+            self._gains.records,
             readings.records,
             mode.record,
             timing,
@@ -284,7 +284,7 @@ class WalkingController:
             readings, legs[stance], legs[1 - stance], self._commanded, self._ahead
         )
         drive(
-            self._figures.records,
+            self._gains.records,
             readings.records,
             readings.pair,
             self.timing.records,

@@ -213,7 +213,7 @@ def _turning(name: str, title: str, speed: float) -> Row:
         8.0,
         [2.0, 4.0, 6.0, 8.0, 10.0, 12.0],
         robots(trial),
-        holds=lambda figures, _: abs(figures["yaw_rate"]) >= 0.9 * TURN_RATE,
+        holds=lambda measures, _: abs(measures["yaw_rate"]) >= 0.9 * TURN_RATE,
     )
 
 

@@ -22,7 +22,7 @@ from cassie_bags.studies.sweep.course import (
 from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.sweep.standing_rows import SETTLED, stand
 from cassie_bags.studies.sweep.walking_rows import SLIP, pushed, top_speed, turning
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Measures, Trial
 
 ANGLES = range(0, 360, 30)
 """Directions of pushes from ahead, to the left. In deg."""
@@ -89,8 +89,8 @@ def _far() -> Row:
         53.0,
         (FAR_SPEED,),
         robots(trial),
-        holds=lambda figures, _: figures["ahead"] >= FIVE_KILOMETRES,
-        figure=lambda figures, _: figures["end"] / 60.0,
+        holds=lambda measures, _: measures["ahead"] >= FIVE_KILOMETRES,
+        figure=lambda measures, _: measures["end"] / 60.0,
         at_least=False,
     )
 
@@ -104,8 +104,10 @@ def _quarter_turn() -> Row:
         4.0,
         levels,
         turning(0.0),
-        holds=lambda figures, _: figures["vy_slip"] <= SLIP,
-        figure=lambda figures, _: 0.5 * math.pi * figures["step_rate"] / abs(figures["yaw_rate"]),
+        holds=lambda measures, _: measures["vy_slip"] <= SLIP,
+        figure=lambda measures, _: (
+            0.5 * math.pi * measures["step_rate"] / abs(measures["yaw_rate"])
+        ),
         at_least=False,
         start=levels.index(1.1),
     )
@@ -118,8 +120,8 @@ def _everything() -> Row:
         vy, yaw_rate = sideways * EVERYTHING["vy"], turn * EVERYTHING["yaw_rate"]
         return walk(budget, seed, window, vx=EVERYTHING["vx"], vy=vy, yaw_rate=yaw_rate)
 
-    def missed(figures: Figures, _: float) -> float:
-        errors = [abs(abs(figures[name]) / value - 1.0) for name, value in EVERYTHING.items()]
+    def missed(measures: Measures, _: float) -> float:
+        errors = [abs(abs(measures[name]) / value - 1.0) for name, value in EVERYTHING.items()]
         return 100.0 * max(errors)
 
     return Row(
@@ -143,7 +145,7 @@ def _force(name: str, title: str, trials: Trials) -> Row:
         22.0,
         [6.0, 10.0, 14.0, 18.0, 22.0, 26.0, 30.0, 36.0, 42.0],
         trials,
-        holds=lambda figures, _: figures["velocity_off"] <= BACK_TO,
+        holds=lambda measures, _: measures["velocity_off"] <= BACK_TO,
     )
 
 
@@ -189,7 +191,7 @@ def _payload(name: str, title: str, speed: float) -> Row:
         8.0,
         [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0],
         robots(trial),
-        holds=lambda figures, _: abs(figures["vx"] - speed) <= SPEED_ERROR,
+        holds=lambda measures, _: abs(measures["vx"] - speed) <= SPEED_ERROR,
     )
 
 

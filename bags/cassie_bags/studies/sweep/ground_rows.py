@@ -8,7 +8,7 @@ from typing import Any
 
 from cassie_bags.studies.sweep.course import COMMAND_AT, Budget, robots, steady, walk
 from cassie_bags.studies.sweep.row import Row
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Measures, Trial
 
 SPEED = 0.3
 """At which slopes and soft ground are walked. In m/s."""
@@ -64,10 +64,10 @@ def crossing(
     )
 
 
-def got_across(figures: Figures, distance: float = DISTANCE, speed: float = SPEED) -> bool:
+def got_across(measures: Measures, distance: float = DISTANCE, speed: float = SPEED) -> bool:
     """Whether a robot went all the way, and did not run away on it."""
     ahead = LEVEL_PART + distance
-    return figures["ahead"] >= ahead and figures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
+    return measures["ahead"] >= ahead and measures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
 
 
 def crossed(
@@ -105,8 +105,8 @@ def crossed(
         ground = parameters(level, seed, budget)
         return crossing(budget, seed, scene, ground, *way(level), kept=kept, **(sections or {}))
 
-    def holds(figures: Figures, level: float) -> bool:
-        return got_across(figures, *way(level))
+    def holds(measures: Measures, level: float) -> bool:
+        return got_across(measures, *way(level))
 
     return Row(name, title, unit, target, levels, robots(trial), holds, **more)
 

@@ -50,7 +50,7 @@ def _delay(
         target,
         levels or [float(n) for n in range(5, 75, 5)],
         robots(trial),
-        holds=lambda figures, _: figures["vx"] > 0.2 * SPEED,
+        holds=lambda measures, _: measures["vx"] > 0.2 * SPEED,
     )
 
 
@@ -65,8 +65,8 @@ def _tracking(speed: float) -> Row:
         70.0,
         (speed,),
         robots(trial),
-        holds=lambda figures, _: not figures["beside_fell"],
-        figure=lambda figures, _: 100.0 * left_over(figures),
+        holds=lambda measures, _: not measures["beside_fell"],
+        figure=lambda measures, _: 100.0 * left_over(measures),
         at_least=False,
     )
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from cassie_bags.run.provenance import Origin
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.trial import Figures, Trial, run_trial
+from cassie_bags.studies.trial import Measures, Trial, run_trial
 from cassie_bags.studies.workers import Workers
 
-Figure = str | Callable[[Figures, float], float]
-"""Figure of a trial: its name, or what makes it of the figures of a trial and the level."""
+Figure = str | Callable[[Measures, float], float]
+"""Figure of a trial: its name, or what makes it of the measures of a trial and the level."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Row:
     target: float
     levels: Sequence[float]
     trials: Callable[[Budget, float], list[Trial]]
-    holds: Callable[[Figures, float], bool] = lambda figures, level: True
+    holds: Callable[[Measures, float], bool] = lambda measures, level: True
     figure: Figure | None = None
     share: float = 1.0
     at_least: bool = True
@@ -133,7 +133,7 @@ def measure_row(
     budget: Budget,
     workers: Workers,
     progress: Progress,
-    run: Callable[[Trial], Figures] = run_trial,
+    run: Callable[[Trial], Measures] = run_trial,
 ) -> RowResult:
     """Measure a row.
 
@@ -173,7 +173,7 @@ def measure_level(
     budget: Budget,
     workers: Workers,
     progress: Progress,
-    run: Callable[[Trial], Figures],
+    run: Callable[[Trial], Measures],
 ) -> Level:
     """Run the trials of a level, until it is decided unless each of them counts."""
     trials = row.trials(budget, level)
@@ -205,9 +205,9 @@ def measure_level(
     return Level(level, len(trials), done, held, fell, worst, mean, passed, missed, speeds)
 
 
-def value(figure: Figure, figures: Figures, level: float) -> float:
+def value(figure: Figure, measures: Measures, level: float) -> float:
     """A figure of a trial."""
-    return figures[figure] if isinstance(figure, str) else figure(figures, level)
+    return measures[figure] if isinstance(figure, str) else figure(measures, level)
 
 
 def _meets(row: Row, figure: float) -> bool:

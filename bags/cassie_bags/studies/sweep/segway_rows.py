@@ -9,7 +9,7 @@ from typing import Any
 from cassie_bags.studies.sweep.course import Budget, Trials, mirrored, push, robots
 from cassie_bags.studies.sweep.random_commands import riding_commands
 from cassie_bags.studies.sweep.row import Figure, Row
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Measures, Trial
 from cassie_gaits.robot import WEIGHT
 
 LET_GO = 10.0
@@ -96,7 +96,7 @@ def segway_rows() -> list[Row]:
             TOP,
             [2.0, 2.5, 3.0, 3.5, TOP],
             _held("grass"),
-            holds=lambda figures, speed: _off(figures, speed) <= STEADY,
+            holds=lambda measures, speed: _off(measures, speed) <= STEADY,
         ),
         _row("brake", f"time to rest from {TOP:g} m/s", "s", 6.0, TOP, _brakes, "stop_time"),
         _row("still", f"way in {HELD:g} s of standing on it", "m", 0.5, 0.0, _rests, "ride_drift"),
@@ -107,8 +107,8 @@ def segway_rows() -> list[Row]:
             0.8,
             (_TURN,),
             robots(_turns),
-            holds=lambda figures, _: abs(figures["vx"] - 1.0) <= 0.2,
-            figure=lambda figures, _: abs(figures["yaw_rate"]),
+            holds=lambda measures, _: abs(measures["vx"] - 1.0) <= 0.2,
+            figure=lambda measures, _: abs(measures["yaw_rate"]),
         ),
         _row(
             "slalom",
@@ -126,7 +126,7 @@ def segway_rows() -> list[Row]:
             8.0,
             [4.0, 6.0, 8.0, 10.0, 12.0],
             robots(_pushed),
-            holds=lambda figures, _: abs(figures["vx"] - 2.0) <= 0.5,
+            holds=lambda measures, _: abs(measures["vx"] - 2.0) <= 0.5,
         ),
         _row(
             "alone",
@@ -174,8 +174,8 @@ def _held(surface: str) -> Trials:
     )
 
 
-def _off(figures: Figures, speed: float) -> float:
-    return max(figures["ride_max"] - speed, speed - figures["ride_min"])
+def _off(measures: Measures, speed: float) -> float:
+    return max(measures["ride_max"] - speed, speed - measures["ride_min"])
 
 
 def _brakes(budget: Budget, seed: int, speed: float) -> Trial:
@@ -234,7 +234,7 @@ def shaking_rows() -> list[Row]:
                 1.0,
                 [0.45, 0.6, 0.8, 1.0],
                 robots(_shaken(law, softness)),
-                holds=lambda figures, _: figures["platform_rms"] <= QUIET,
+                holds=lambda measures, _: measures["platform_rms"] <= QUIET,
             )
             for law in ("standing", "riding")
         ]

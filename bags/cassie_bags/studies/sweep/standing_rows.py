@@ -9,7 +9,7 @@ from typing import Any
 from cassie_bags.studies.sweep.course import Budget, push, robots
 from cassie_bags.studies.sweep.random_commands import standing_commands
 from cassie_bags.studies.sweep.row import Row
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Measures, Trial
 
 HEIGHT = 0.9
 """Pelvis height at which it stands unless a row is about another. In m."""
@@ -54,9 +54,9 @@ def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: 
     return Trial(content, seed, (end - seconds, end), None, budget.changes)
 
 
-def rests(figures: Figures, _: float) -> bool:
+def rests(measures: Measures, _: float) -> bool:
     """Whether a robot stands still in the end, on the feet that it stood on."""
-    return figures["standing"] > 0.0 and figures["end_speed"] < _STILL and not figures["stepped"]
+    return measures["standing"] > 0.0 and measures["end_speed"] < _STILL and not measures["stepped"]
 
 
 def standing_rows() -> list[Row]:
@@ -239,7 +239,7 @@ def _counted(
     name: str,
     title: str,
     trial: Callable[[Budget, int, float], Trial],
-    holds: Callable[[Figures, float], bool] = rests,
+    holds: Callable[[Measures, float], bool] = rests,
 ) -> Row:
     """A row of one level, of which the robots that hold it count."""
     return Row(name, title, "%", 100.0, (0.0,), robots(trial), holds, counts=True)
@@ -263,7 +263,7 @@ def _late() -> Row:
         lambda budget, seed, _: stand(
             budget, seed, SETTLED + _AFTER, delays=_LATE, pushes=[push(SETTLED, 5.0, 45.0)]
         ),
-        lambda figures, level: rests(figures, level) and figures["shaking"] < _SHAKES,
+        lambda measures, level: rests(measures, level) and measures["shaking"] < _SHAKES,
     )
 
 

@@ -80,7 +80,7 @@ def _speed(speed: float) -> Row:
         0.03,
         (speed,),
         robots(lambda budget, seed, vx: walk(budget, seed, steady(budget, vx), vx=vx)),
-        figure=lambda figures, vx: abs(figures["vx"] - vx),
+        figure=lambda measures, vx: abs(measures["vx"] - vx),
         at_least=False,
         achieved="vx",
     )
@@ -99,8 +99,8 @@ def top_speed(name: str, title: str, sign: float, levels: list[float], target: f
         target,
         levels,
         robots(trial),
-        figure=lambda figures, _: sign * figures["vx"],
-        achieved=lambda figures, _: sign * figures["vx"],
+        figure=lambda measures, _: sign * measures["vx"],
+        achieved=lambda measures, _: sign * measures["vx"],
     )
 
 
@@ -115,7 +115,7 @@ def _sideways(name: str, speed: float) -> Row:
         0.05,
         (speed,),
         robots(trial),
-        figure=lambda figures, vy: abs(figures["vy"] - vy),
+        figure=lambda measures, vy: abs(measures["vy"] - vy),
         at_least=False,
         achieved="vy",
     )
@@ -129,8 +129,8 @@ def _turn(name: str, title: str, speed: float, target: float) -> Row:
         target,
         tenths(1, 12),
         turning(speed),
-        holds=lambda figures, _: figures["vy_slip"] <= SLIP,
-        figure=lambda figures, _: abs(figures["yaw_rate"]),
+        holds=lambda measures, _: measures["vy_slip"] <= SLIP,
+        figure=lambda measures, _: abs(measures["yaw_rate"]),
     )
 
 
@@ -178,7 +178,7 @@ def _stop(speed: float) -> Row:
         100.0,
         (speed,),
         trials,
-        holds=lambda figures, _: figures["standing"] > 0.0 and figures["end_speed"] < 0.02,
+        holds=lambda measures, _: measures["standing"] > 0.0 and measures["end_speed"] < 0.02,
         counts=True,
     )
 

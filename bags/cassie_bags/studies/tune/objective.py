@@ -13,7 +13,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.seed import Stream
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_bags.studies.sweep.course import Budget, push, reached_at, step_time, walk
-from cassie_bags.studies.trial import Figures, Trial
+from cassie_bags.studies.trial import Measures, Trial
 from cassie_msgs.experiment.scenario import Delays, ModelScale
 from cassie_msgs.structured import refuse_unknown, structure
 from cassie_msgs.tunables import ParameterError, as_mapping, check_value, names, tunable
@@ -107,15 +107,15 @@ class Objective:
         window = (begin, begin + course.seconds)
         return walk(Budget(changes=words), seed, window, **commanded, **sections)
 
-    def cost_of(self, trial: Trial, figures: Figures) -> float:
+    def cost_of(self, trial: Trial, measures: Measures) -> float:
         """Points of one run; a fall is dearer the earlier it comes."""
-        if figures["fell"]:
-            early = 1.0 - min(1.0, figures["end"] / float(trial.content["duration"]))
+        if measures["fell"]:
+            early = 1.0 - min(1.0, measures["end"] / float(trial.content["duration"]))
             return self.cost.fall * (1.0 + early)
         commanded = trial.content["operator"][-1]
-        points = figures["tracking"] / self.cost.tracking
+        points = measures["tracking"] / self.cost.tracking
         for name in ("vx", "vy", "yaw_rate"):
-            points += abs(figures[name] - commanded[name]) / getattr(self.cost, name)
+            points += abs(measures[name] - commanded[name]) / getattr(self.cost, name)
         return float(points) if math.isfinite(points) else self.cost.fall
 
 

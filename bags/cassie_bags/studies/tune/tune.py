@@ -164,9 +164,9 @@ def score(
         owners += [index] * len(some)
     costs: list[list[float]] = [[] for _ in candidates]
     fell = [0] * len(candidates)
-    for index, figures in pool.results(run_trial, trials):
-        costs[owners[index]].append(task.objective.cost_of(trials[index], figures))
-        fell[owners[index]] += int(figures["fell"])
+    for index, measures in pool.results(run_trial, trials):
+        costs[owners[index]].append(task.objective.cost_of(trials[index], measures))
+        fell[owners[index]] += int(measures["fell"])
         bar.update()
     return [
         Score(float(np.mean(np.sort(cost))), falls, len(cost))

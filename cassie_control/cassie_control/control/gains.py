@@ -11,8 +11,8 @@ from cassie_gaits.names import LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, array
 
 
-class Figures(Record):
-    """Figures of the walking law.
+class Gains(Record):
+    """Gains of the walking law, and what else it takes for granted.
 
     Those with the name of a field of `config.WalkConfig` come from there, and are 0 where the
     paper's law leaves them out.
@@ -89,14 +89,14 @@ _SWITCHES = ("straight", "share_force", "level", "swing_inertia")
 _BESIDE_THE_PAPER = (*_SWITCHES, "bounce_damping", "thigh_angle", "thigh_rate")
 
 
-def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
-    """Figures of a configuration, of the control period (s), of the robot, and of its drives.
+def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
+    """Gains of a configuration, of the control period (s), of the robot, and of its drives.
 
     What the walking law has beside the paper's is left out under the paper's own. As far as the
     drives act late on commands (`latency`, in s), gains go over to those for late ones.
     """
-    result = Figures()
-    for name in Figures.TYPE.names or ():
+    result = Gains()
+    for name in Gains.TYPE.names or ():
         if hasattr(config, name):
             setattr(result, name, getattr(config, name))
     for name in _SWITCHES:
@@ -115,7 +115,7 @@ def figures(config: WalkConfig, period: float, latency: float = 0.0) -> Figures:
     return result
 
 
-def _allow_for(result: Figures, config: WalkConfig, latency: float) -> None:
+def _allow_for(result: Gains, config: WalkConfig, latency: float) -> None:
     """Gains for drives that act late."""
     late, share = config.late, config.late.walking_share(latency)
     if share == 0.0:
