@@ -244,7 +244,9 @@ class SegwayConfig:
     top_speed: float = tunable(
         5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
     )
-    back_speed: float = tunable(1.0, "m/s", 0.0, 5.0, "The same backward")
+    back_speed: float = tunable(
+        1.0, "m/s", 0.0, 5.0, "Speed backward, as it estimates it, beyond which no lean adds"
+    )
 
     def standing(self, stand: StandConfig) -> StandConfig:
         """Gains of standing with those of the same name that riding has.
@@ -463,7 +465,7 @@ class WalkConfig:
 
     @property
     def as_in_paper(self) -> bool:
-        """Whether walking has only what the paper has; all that stands beside it is left out."""
+        """Whether walking has only what the paper has; all additions to it are left out."""
         return self.law == "paper"
 
 

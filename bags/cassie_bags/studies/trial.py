@@ -101,12 +101,12 @@ def experiment_of(trial: Trial) -> Experiment:
 
 
 def run_trial(trial: Trial) -> Measures:
-    """Run a trial until its end, a fall, or `ahead`, and then the one beside it.
+    """Run a trial until its end, a fall, or `ahead`, and then a second run if it has one.
 
     Returns:
         Measures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
         Those of the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
-        the run did not get there. The same of the second run have "beside_" in front.
+        the run did not get there. Measures of the second run have "beside_" in front.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.

@@ -265,7 +265,7 @@ def _turn_body(step: Step, phase: float, rate: float) -> None:
     """Stance hip yaw from where the foot landed to the end of this step's turn.
 
     The commanded turn goes at an even rate, so that the foot need not accelerate the body, for
-    which a line of contact has little friction: only what the foot landed beside it is faded out.
+    which a line of contact has little friction. Only the error with which the foot landed fades.
     """
     r = 1.0 - phase
     _fade_in(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)

@@ -29,10 +29,14 @@ SETTLING = 3.0
 class Cost:
     """Points for what goes wrong."""
 
-    fall: float = tunable(20.0, "", 0.0, 1e6, "Of a fall; once more as much if it comes at once")
-    vx: float = tunable(0.05, "m/s", 1e-4, 10.0, "Error of the mean that is one point")
-    vy: float = tunable(0.05, "m/s", 1e-4, 10.0, "The same sideways")
-    yaw_rate: float = tunable(0.1, "rad/s", 1e-4, 10.0, "The same of the turn rate")
+    fall: float = tunable(20.0, "", 0.0, 1e6, "Points of a fall; twice as many if it comes at once")
+    vx: float = tunable(0.05, "m/s", 1e-4, 10.0, "Error of the mean speed ahead that is one point")
+    vy: float = tunable(
+        0.05, "m/s", 1e-4, 10.0, "Error of the mean speed sideways that is one point"
+    )
+    yaw_rate: float = tunable(
+        0.1, "rad/s", 1e-4, 10.0, "Error of the mean turn rate that is one point"
+    )
     tracking: float = tunable(0.05, "", 1e-4, 10.0, "RMS error of the outputs that is one point")
 
 
