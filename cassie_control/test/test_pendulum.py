@@ -12,7 +12,7 @@ RATE = 3.5
 LEFT_SWINGS = Reach(
     side=1.0, hip_x=0.0, hip_y=0.135, far=0.4, inward=0.2, outward=0.3, apart=0.12, cone=1.0
 )
-IN_PLACE = Aim(ux=0.0, uy=0.13, vx=0.0, vy=0.23, gain_x=0.35, gain_y=0.3, loss_x=0.5, loss_y=0.2)
+IN_PLACE = Aim(ux=0.0, uy=0.13, vx=0.0, vy=0.23, gain_x=0.3, gain_y=0.35, loss_x=0.5, loss_y=0.2)
 
 
 def test_the_fall_is_that_of_an_inverted_pendulum():
@@ -41,7 +41,7 @@ def test_the_foot_stays_within_reach_and_apart(seed):
     assert end[1] + uy >= 0.12 - 1e-9
     assert missed >= 0.0
     if missed == 0.0:
-        gain = 0.3 / (1.0 + 0.2 * abs(end[2]))
+        gain = 0.35 / (1.0 + 0.2 * abs(end[2]))
         assert uy == pytest.approx(0.13 + gain * (end[3] - 0.23))
 
 
@@ -50,8 +50,8 @@ def test_the_gains_are_those_of_the_map_at_the_velocity_of_the_touchdown(way):
     """Of both axes, fore and aft alike."""
     for vx in (0.0, 0.4, 0.8):
         ux, uy, _ = foot(IN_PLACE, LEFT_SWINGS, (0.0, 0.1, way * vx, 0.33))
-        assert ux == pytest.approx(way * vx * 0.35 / (1.0 + 0.5 * vx))
-        assert uy == pytest.approx(0.13 + 0.1 * 0.3 / (1.0 + 0.2 * vx))
+        assert ux == pytest.approx(way * vx * 0.3 / (1.0 + 0.5 * vx))
+        assert uy == pytest.approx(0.13 + 0.1 * 0.35 / (1.0 + 0.2 * vx))
 
 
 def test_a_step_that_can_be_made_keeps_its_time():
