@@ -460,7 +460,7 @@ class WalkConfig:
         "",
         0.0,
         1.0,
-        "Share of it in their rates, which bears late torques; all of it with late set-points",
+        "Share of the followed leg in the torso's rate set-points; all of it with late drives",
     )
 
     @property
