@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 
 from cassie_msgs.ros import diagnostics, parameters, process
-from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.tunables import ParameterError, tunable
 
 
@@ -31,7 +31,7 @@ class Picked(Node):
         self.diagnostics.set("loop", diagnostics.OK, "running", rate=self.config.control_rate)
         if "--break" in sys.argv:
             self.create_timer(0.01, self.fail)
-        self.scheduling = Scheduling(self.get_logger().warning, beside=True)
+        self.scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         for word in sys.argv:
             if word in ("--lockstep", "--realtime"):
                 self.scheduling.follow(word == "--realtime")

@@ -101,6 +101,11 @@ class Picture:
         """Whether the drives have power, as far as the state says."""
         return float(self.state.sample.power) > 0.5
 
+    @property
+    def wall_paced(self) -> bool:
+        """Whether robot time follows the wall clock, as the state says."""
+        return bool(self.state.sample.wall_paced)
+
     def figures(self, now: float, robot: RobotDescription | None) -> dict[str, Any]:
         """Everything that changes with each frame, for JSON; None stands for unknown."""
         state, controller = self.state.sample, self.controller.sample

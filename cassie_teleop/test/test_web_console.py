@@ -1,17 +1,20 @@
 """The console as a process, with a stand-in for the robot and pages without a browser."""
 
+import os
 import re
 import signal
 import subprocess
 import sys
 import time
 import urllib.request
+from pathlib import Path
 
 import pytest
 from console_peers import CODE, Page, Robot, WebConsole
 
 from cassie_msgs.layout import RobotMode
 from cassie_msgs.operators import sender_of
+from cassie_msgs.ros.scheduling import OPERATOR_PRIORITY
 
 
 @pytest.fixture
@@ -131,6 +134,34 @@ def test_without_a_page_it_subscribes_to_nothing_and_says_nothing(robot, console
         robot.until(lambda: len(subscribed()) >= 5)
     robot.until(lambda: subscribed() == [])
     assert not robot.commands
+
+
+def permitted():
+    """Whether this user may ask for real-time scheduling."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except OSError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+@pytest.mark.skipif(not permitted(), reason="needs the permission for real-time scheduling")
+def test_in_wall_time_it_runs_before_browsers_but_its_recorder_does_not(robot, tmp_path):
+    with WebConsole("-p", f"bags:={tmp_path}") as console, Page(console.address) as page:
+        main = console.process.pid
+        robot.until(lambda: page.status.get("robot"))
+        assert os.sched_getscheduler(main) == os.SCHED_OTHER
+        robot.state.wall_paced[...] = 1
+        robot.until(lambda: os.sched_getparam(main).sched_priority == OPERATOR_PRIORITY)
+        assert os.sched_getscheduler(main) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        page.press("record")
+        robot.until(lambda: page.status["recording"])
+        children = f"/proc/{main}/task/{main}/children"
+        (recorder,) = map(int, Path(children).read_text(encoding="ascii").split())
+        assert os.sched_getscheduler(recorder) == os.SCHED_OTHER
+        page.press("record")
+        robot.until(lambda: page.status["recording"] == "")
 
 
 def test_a_page_is_told_that_nobody_listens(node, console):

@@ -28,7 +28,7 @@ from cassie_msgs.ros.fast_lane import (
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
-from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import tunable
 
@@ -56,7 +56,7 @@ class ModeSupervisorNode(Node):
         on_change(self, lambda: self._changed or self._config, self._set_config)
         self._events = NodeEvents(self, (self._lane, self._config))
         self._told_lost = False
-        self._scheduling = Scheduling(self.get_logger().warning, beside=True)
+        self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)

@@ -23,7 +23,7 @@ from cassie_msgs.ros.fast_lane import (
     WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
-from cassie_msgs.ros.scheduling import Scheduling
+from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
@@ -60,7 +60,7 @@ class ScriptedOperatorNode(Node):
         script = read_experiment(Path(config.script).expanduser(), needs=("operator",))
         self._operator = ScriptedOperator(script.operator, script.rider)
         self._stop = stop
-        self._scheduling = Scheduling(self.get_logger().warning, beside=True)
+        self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         estimator = OneWriter(RobotState)
         self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
         self._commands = LanePublisher(self, OperatorCommand)

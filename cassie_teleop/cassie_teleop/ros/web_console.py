@@ -19,6 +19,7 @@ from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.request import Request
 from cassie_msgs.ros import parameters, process
 from cassie_msgs.ros.about import About
+from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.console import LINK_AGE, Console, Reach
 from cassie_teleop.page_messages import RECORD, Beat, Press, Slide
@@ -57,7 +58,8 @@ class Config:
 class WebConsole(Node):
     """Pages on one side, topics on the other; without a page it subscribes to nothing.
 
-    Pages and topics are served in turns on the main thread.
+    Pages and topics are served in turns on the main thread. Where robot time follows the wall clock
+    it runs before the browsers on the same computer, whose pictures are not to delay the sticks.
     """
 
     def __init__(self, stop: process.Stop) -> None:
@@ -71,6 +73,7 @@ class WebConsole(Node):
         self._config = parameters.declare(self, Config())
         self._stop = stop
         self._sender = Sender(self)
+        self._scheduling = Scheduling(self.get_logger().info, Place.OPERATOR)
         self._console = Console(self._sender.name, self._config.reach)
         parameters.on_change(self, lambda: self._config, self._configure)
         self._simulator = SimulatorServices(self, self._tell)
@@ -223,6 +226,7 @@ class WebConsole(Node):
         if robot is not None:
             console.follow_lease(topics.holder, now)
         if picture.state.fresh(now):
+            self._scheduling.follow(picture.wall_paced)
             console.follow_power(picture.powered)
         if topics.description is not self._description:
             self._description, self._described = topics.description, self._described + 1

@@ -8,6 +8,8 @@ disk. Both take a permission, which two lines of limits.conf give.
 In lock-step, robot time waits for whoever is late. There, nodes beside the chain from sample to
 command give way: one state goes to several nodes, and the one in the chain must not get it last.
 
+A console that a person drives with stands behind both, but before the browser that draws its page.
+
 Source:
     Linux, sched(7) and mlock(2).
 """
@@ -18,6 +20,7 @@ import contextlib
 import ctypes
 import os
 from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
 
 CHAIN_PRIORITY = 50
@@ -25,6 +28,9 @@ CHAIN_PRIORITY = 50
 
 BESIDE_PRIORITY = 30
 """That of nodes beside the chain, which have several ticks for their answers."""
+
+OPERATOR_PRIORITY = 20
+"""That of a console, which has the time that a person takes for an answer."""
 
 BESIDE_NICENESS = 10
 """Niceness of nodes beside the chain, in lock-step."""
@@ -36,17 +42,27 @@ _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
+class Place(Enum):
+    """Where a node stands on the control lane."""
+
+    CHAIN = CHAIN_PRIORITY
+    BESIDE = BESIDE_PRIORITY
+    OPERATOR = OPERATOR_PRIORITY
+
+
 class Scheduling:
     """Has a process run as its place on the control lane wants it.
 
+    What an operator's console starts, such as a recorder, runs as an ordinary process.
+
     Args:
         say: Gets one line, once, where the system does not permit real-time scheduling.
-        beside: Whether the node stands beside the chain from sample to command.
+        place: Of the node.
     """
 
-    def __init__(self, say: Callable[[str], None], *, beside: bool = False) -> None:
+    def __init__(self, say: Callable[[str], None], place: Place = Place.CHAIN) -> None:
         self._say = say
-        self._beside = beside
+        self._place = place
         self._wall_paced: bool | None = None
         self._told = False
 
@@ -56,7 +72,7 @@ class Scheduling:
             return
         before, self._wall_paced = self._wall_paced, wall_paced
         if wall_paced:
-            problem = _run_before_all(BESIDE_PRIORITY if self._beside else CHAIN_PRIORITY)
+            problem = _run_before_all(self._place)
             if problem and not self._told:
                 self._told = True
                 self._say(
@@ -66,13 +82,14 @@ class Scheduling:
             return
         if before:
             _schedule(os.SCHED_OTHER, 0)
-        if self._beside:
+        if self._place is Place.BESIDE:
             _give_way(BESIDE_NICENESS)
 
 
-def _run_before_all(priority: int) -> str:
+def _run_before_all(place: Place) -> str:
     """Run all threads before ordinary processes, in locked memory; says what prevents it."""
-    if problem := _schedule(os.SCHED_FIFO, priority):
+    heirs = os.SCHED_RESET_ON_FORK if place is Place.OPERATOR else 0
+    if problem := _schedule(os.SCHED_FIFO | heirs, place.value):
         return problem
     if _libc.mlockall(_CURRENT | _FUTURE | _ON_FAULT) == 0:
         return ""
