@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.cores import connect, make_cores
+from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.signals.effort import measure_effort
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
@@ -26,9 +28,11 @@ from cassie_bags.studies.trial import (
     _without_sway,
     experiment_of,
     run_trial,
+    unbelieved_channels,
 )
 from cassie_bags.studies.workers import CachedWorkers, LocalProcesses, ThisProcess
 from cassie_gaits.robot import GRAVITY
+from cassie_msgs.layout import RobotState
 
 BUDGET = Budget(seeds=4, phases=10)
 
@@ -49,7 +53,8 @@ def strong(limit: float, weak_seeds: int = 0):
 
     def run(trial: Trial) -> Measures:
         fell = trial.content["level"] > limit or trial.seed <= weak_seeds
-        return {"fell": float(fell), "vx": trial.content["level"] - 0.01 * trial.seed}
+        vx = trial.content["level"] - 0.01 * trial.seed
+        return {"fell": float(fell), "vx": vx, "end": 36.0, "false_alarms": 0.0}
 
     return run
 
@@ -85,6 +90,38 @@ def test_a_level_whose_figure_is_a_hair_short_of_the_target_is_not_yet_the_last(
 def test_a_level_names_the_robots_that_missed_it():
     (level,) = measure(row((1.0,), start=0, share=0.5), strong(9.0, weak_seeds=2)).levels
     assert level.missed == [1, 2]
+
+
+def test_false_alarms_stand_beside_the_falls_and_under_the_table():
+    def alarmed(trial: Trial) -> Measures:
+        return strong(9.0)(trial) | {"false_alarms": 2.0 * (trial.seed in (3, 5))}
+
+    shown = row((1.0,), start=0)
+    result = measure(shown, alarmed)
+    assert result.levels[0].alarmed == 2
+    text = table([shown], {"measured": {shown.name: result}})
+    assert "(0 of 10 fell, 2 with a false alarm)" in text
+    assert text.endswith("measured: healthy sensors not believed in 2 of 10 runs, 0.1 h")
+    calm = measure(shown, strong(9.0))
+    assert "false alarm" not in table([shown], {"measured": {shown.name: calm}})
+
+
+STUCK = {"channel": "joint_position.0", "kind": "stuck", "t": 2.5, "duration": 1.0}
+
+
+def test_channels_that_are_not_believed_are_counted_as_false_where_nothing_was_put_in():
+    trial = walk(Budget(seconds=1.0), 1, (2.0, 3.0))
+    trial = dataclasses.replace(trial, content={**trial.content, "duration": 3.0})
+    assert run_trial(trial)["false_alarms"] == 0.0
+    faulty = dataclasses.replace(trial, content={**trial.content, "faults": [STUCK]})
+    assert run_trial(faulty)["false_alarms"] == 0.0
+    cores, store = make_cores(experiment_of(faulty)), Store()
+    loop = connect(cores, store)
+    for _ in range(1500):
+        loop.tick()
+    states = store.recording(0.0).rows(RobotState)
+    assert unbelieved_channels(states, 2.5) == 0
+    assert unbelieved_channels(states, 3.0) >= 1
 
 
 def test_rows_that_look_at_the_same_runs_share_them():

@@ -60,6 +60,7 @@ WINDOW_FIGURES = (
 
 _LOOKS = 25  # ticks between looks at whether the run is decided
 _AT_REST = 1.0  # time over which the last speed is taken, in s
+_FALLING = 1.0  # time before the end of a fall in which alarms do not count, in s
 
 
 @dataclass(frozen=True)
@@ -104,8 +105,9 @@ def run_trial(trial: Trial) -> Measures:
     """Run a trial until its end, a fall, or `ahead`, and then a second run if it has one.
 
     Returns:
-        Measures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode.
-        Those of the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
+        Measures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode, and
+        false_alarms: how many channels of healthy sensors were not believed at any time. Those of
+        the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
         the run did not get there. Measures of the second run have "beside_" in front.
 
     Raises:
@@ -141,12 +143,20 @@ def _measures_of(trial: Trial) -> Measures:
         "end_speed": _end_speed(track),
         "standing": float(track.mode[-1] == RobotMode.STAND),
     }
-    measures |= measure_window(
-        track, recording.rows(RobotState), recording.rows(ControllerStatus), trial.window
-    )
+    states = recording.rows(RobotState)
+    healthy = not experiment.scenario.faults
+    until = float(track.time[-1]) - _FALLING * fell
+    measures["false_alarms"] = float(unbelieved_channels(states, until)) if healthy else 0.0
+    measures |= measure_window(track, states, recording.rows(ControllerStatus), trial.window)
     mass = float(cores.plant.model.body("pelvis").subtreemass[0])
     measures |= measure_effort(track, trial.window, mass)
     return measures | measure_ride(recording, experiment.rider, trial.window)
+
+
+def unbelieved_channels(states: Rows, until: float) -> int:
+    """How many channels of the sensors were not believed at any time before `until` (s)."""
+    masks = states["sensor_faults"][stamps(states) < until]
+    return int(np.bitwise_or.reduce(masks, axis=None, initial=0)).bit_count()
 
 
 def has_fallen(plant: Plant) -> bool:

@@ -84,6 +84,8 @@ class Level:
         missed: Seeds of the trials that did not hold, in the order they ended.
         achieved: Speed of each trial that did not fall, in the order of the trials; None if the
             level commands no speed. In m/s.
+        alarmed: Trials in which a healthy sensor was not believed, of those run.
+        seconds: Robot time of those run. In s.
     """
 
     level: float
@@ -96,6 +98,8 @@ class Level:
     passed: bool
     missed: Sequence[int] = ()
     achieved: Sequence[float] | None = None
+    alarmed: int = 0
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +182,8 @@ def measure_level(
     """Run the trials of a level, until it is decided unless each of them counts."""
     trials = row.trials(budget, level)
     needed = math.ceil(row.share * len(trials) - 1e-9)
-    done = held = fell = 0
+    done = held = fell = alarmed = 0
+    seconds = 0.0
     figures: list[float] = []
     missed: list[int] = []
     achieved: dict[int, float] = {}
@@ -188,6 +193,8 @@ def measure_level(
         fallen = result["fell"] > 0.0
         good = not fallen and row.holds(result, level)
         held, fell = held + good, fell + fallen
+        alarmed += result["false_alarms"] > 0.0
+        seconds += result["end"]
         missed += [] if good else [trials[index].seed]
         if row.figure is not None and not fallen:
             figure = value(row.figure, result, level)
@@ -202,7 +209,8 @@ def measure_level(
     mean = sum(figures) / len(figures) if figures else math.nan
     passed = held >= needed
     speeds = None if row.achieved is None else [achieved[index] for index in sorted(achieved)]
-    return Level(level, len(trials), done, held, fell, worst, mean, passed, missed, speeds)
+    counted = len(trials), done, held, fell, worst, mean, passed, missed, speeds, alarmed, seconds
+    return Level(level, *counted)
 
 
 def value(figure: Figure, measures: Measures, level: float) -> float:

@@ -69,7 +69,7 @@ def chosen_rows(names: Sequence[str]) -> list[Row]:
 
 
 def table(rows: Sequence[Row], results: Results) -> str:
-    """The results as text: target, then what each variant reached, with falls."""
+    """The results as text: target, what each variant reached, with falls; then false alarms."""
     lines = [["capability", "target", *results]]
     for row in rows:
         bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
@@ -77,6 +77,13 @@ def table(rows: Sequence[Row], results: Results) -> str:
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
     text.insert(1, "-" * max(map(len, text)))
+    for name, found in results.items():
+        levels = [level for row in rows if row.name in found for level in found[row.name].levels]
+        alarmed, run = sum(level.alarmed for level in levels), sum(level.run for level in levels)
+        hours = sum(level.seconds for level in levels) / 3600.0
+        text.append(
+            f"{name}: healthy sensors not believed in {alarmed} of {run} runs, {hours:.1f} h"
+        )
     return "\n".join(text)
 
 
@@ -91,14 +98,16 @@ def cell(result: RowResult | None) -> str:
 
 
 def reached(result: RowResult) -> tuple[str, str]:
-    """The figure of a row and its falls; or why it could not be measured, and nothing."""
+    """The figure of a row, its falls and false alarms; or why it has none, and nothing."""
     if result.problem:
         return result.problem, ""
     tried = {level.level: level for level in result.levels}
     fell = sum(level.fell for level in tried.values())
     runs = sum(level.run for level in tried.values())
     value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
-    return value, f"({fell} of {runs} fell)"
+    alarmed = sum(level.alarmed for level in tried.values())
+    alarms = f", {alarmed} with a false alarm" if alarmed else ""
+    return value, f"({fell} of {runs} fell{alarms})"
 
 
 def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
