@@ -18,6 +18,7 @@ from cassie_control.estimator.acceleration import (
     AccelerometerLimits,
     expect_acceleration,
     look_at_acceleration,
+    push_of_legs,
 )
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
@@ -120,7 +121,7 @@ def inspect(
     samples: RecordArray,
     watches: Records[Watch],
     limits: Records[Limits],
-    expected: FloatArray,
+    push: FloatArray,
     force: float,
 ) -> int:
     """Take in a sample; afterwards `bad` and `trusted` are those of this sample.
@@ -129,7 +130,7 @@ def inspect(
         samples: `Sensors.record`. Shape (1,).
         watches: Changed in place. Shape (1,).
         limits: What is normal. Shape (1,).
-        expected: Acceleration of the last sample after `expect_acceleration`. Shape (3,), in m/s^2.
+        push: Acceleration of the last sample after `push_of_legs`. Shape (3,), in m/s^2.
         force: Of both feet at the last sample. In N.
 
     Returns:
@@ -151,7 +152,9 @@ def inspect(
     for pair in watch.pairs:
         believed = believed and pair.bad.max() <= 0.0
     axes = watch.accelerometer
-    look_at_acceleration(axes, limit.accelerometer, watch.ticks, expected, force, believed)
+    _take_in_velocities(watch)
+    expect_acceleration(axes, push, limit.period)
+    look_at_acceleration(axes, limit.accelerometer, watch.ticks, force, believed)
     watch.ticks += 1
     found = BELIEVED if believed and axes.bad.max() <= 0.0 else 0
     if watch.moved > 0 and watch.rest >= REST_TIME:
@@ -174,6 +177,18 @@ def _take_in(sample: Sensors, watch: Watch) -> None:
         acceleration[2, k] = acceleration[1, k]
         acceleration[1, k] = acceleration[0, k]
         acceleration[0, k] = sample.linear_acceleration[k]
+
+
+@compiled
+def _take_in_velocities(watch: Watch) -> None:
+    """Those that are believed, of drives and gyro, for what they do to the pelvis."""
+    v = watch.accelerometer.velocities
+    for j in range(13):
+        pair = watch.pairs[j if j < 10 else FIRST_AXIS + j - 10]
+        now = pair.trusted[V] if math.isfinite(pair.trusted[V]) else v[0, j]
+        v[2, j] = v[1, j] if watch.ticks > 0 else now
+        v[1, j] = v[0, j] if watch.ticks > 0 else now
+        v[0, j] = now
 
 
 @compiled
@@ -285,13 +300,14 @@ class SensorMonitor:
     - A value that is no number or that the robot cannot have, such as a torque beyond the drive's
       limit, a position that jumps: at once. Of a torque this is all.
     - A channel whose bits stay the same while its partner moves: stuck, or off.
-    - A velocity of one tick off its neighbours' curve, an acceleration off their line: spikes.
+    - A velocity of one tick off its neighbours' curve, an acceleration off their line: spikes. A
+      pillar at the hip, a harness that chatters shakes all axes of the accelerometer, and is none.
     - Position and integrated velocity do not go together: the one that moves now as the other did
       20 to 100 ms ago is late. With other delays they grow apart, and the sign of their difference
       by the velocity tells which of them it is. What the velocity filters of drives and joints
       answer is expected. The IMU's orientation and gyro are such a pair.
-    - The accelerometer follows what the legs' forces and drives' torques gave the pelvis 20, 30 or
-      40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
+    - The accelerometer follows what forces, torques and the legs' own motion gave the pelvis 20, 30
+      or 40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
       not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
       give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is
       compared.
@@ -357,7 +373,7 @@ class SensorMonitor:
         self,
         sensors: Sensors,
         rotation: FloatArray,
-        expected: FloatArray,
+        push: FloatArray,
         force: float,
     ) -> Sensors:
         """The sample to go on with: the same, or one in which bad channels are replaced.
@@ -365,14 +381,14 @@ class SensorMonitor:
         Args:
             sensors: One sample.
             rotation: Pelvis to world, last known. Shape (3, 3).
-            expected: Acceleration of the last sample as forces have it. Shape (3,), in m/s^2.
+            push: What the legs' forces gave the pelvis at the last sample. Shape (3,), in m/s^2.
             force: Of both feet at the last sample. In N.
         """
         seq = int(sensors.seq)
         if seq != self._seq + 1:
             self._start_over()
         self._seq = seq
-        found = inspect(sensors.record, self._watch.records, self._limits.records, expected, force)
+        found = inspect(sensors.record, self._watch.records, self._limits.records, push, force)
         if found & RESTED:
             self.rested = True
         if found & BELIEVED:
@@ -443,7 +459,7 @@ class MonitoredEstimator:
         """How often it has begun anew since the reset."""
         self._names: tuple[str, ...] = ()
         self._named = 0
-        self._expected, self._force = np.zeros(3), 0.0
+        self._push, self._force = np.zeros(3), 0.0
         self._monitor = SensorMonitor(
             period, core.config.filter.attitude_delay, core.config.distrust_time
         )
@@ -468,7 +484,7 @@ class MonitoredEstimator:
     def reset(self) -> None:
         """Start afresh."""
         self._monitor.reset()
-        self._expected[:], self._force = 0.0, 0.0
+        self._push[:], self._force = 0.0, 0.0
         self._unanswered = self.starts = 0
         self.core.reset()
 
@@ -482,7 +498,7 @@ class MonitoredEstimator:
             SensorError: if channels fail that nothing can replace; the message names them.
         """
         monitor, core = self._monitor, self.core
-        sample = monitor.step(sensors, core.rotation, self._expected, self._force)
+        sample = monitor.step(sensors, core.rotation, self._push, self._force)
         self._unanswered += 1
         if monitor.lost:
             raise SensorError(channels.no_estimate(monitor.lost), monitor.lost)
@@ -493,7 +509,7 @@ class MonitoredEstimator:
         core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
         state = core.step(sample)
         self._unanswered = 0
-        expect_acceleration(sample.drive_torque, state.foot_force, core.feet, self._expected)
+        push_of_legs(sample.drive_torque, state.foot_force, core.feet, self._push)
         left, right = state.foot_force.tolist()
         self._force = left + right
         state.sensor_faults[...] = monitor.mask
