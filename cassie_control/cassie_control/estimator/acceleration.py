@@ -23,8 +23,8 @@ _UNSURE, _NOISE = 0.5, 0.3  # share of the expected power, and (m/s^2)^2, that c
 _NORMAL = 0.1  # of a misfit, by which being late must fit better
 _LARGEST = 2.0  # of what is needed
 _NEAREST = 0.005  # s, between the delays of which a blow fits none
-# Of the expected power: walking, late by up to 40 ms or not, stays below 5, a push of 200 N for
-# 40 ms gives 26. And for how long, in s, the legs' answer to it may look like a delay.
+# What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may look
+# like a delay.
 _BLOW, _BLOW_TIME = 16.0, 0.1
 
 # Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead and
