@@ -23,12 +23,12 @@ _UNSURE, _NOISE = 0.5, 0.3  # share of the expected power, and (m/s^2)^2, that c
 _NORMAL = 0.1  # of a misfit, by which being late must fit better
 _LARGEST = 2.0  # of what is needed
 _NEAREST = 0.005  # s, between the delays of which a blow fits none
-# What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may look
-# like a delay.
+# What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may
+# look like a delay.
 _BLOW, _BLOW_TIME = 16.0, 0.1
 
-# Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead and
-# aside, the force itself (1/kg), the torques of hip pitch and knee (1/(kg m)), ...
+# Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead
+# and aside, the force itself (1/kg), the torques of hip pitch and knee (1/(kg m)), ...
 _FORCES = (
     (0.0411, 0.0, 0.0082, 0.0, -0.0254),
     (0.0, 0.0342, 0.0, 0.0, 0.0),

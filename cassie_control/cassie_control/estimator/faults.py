@@ -307,8 +307,8 @@ class SensorMonitor:
       by the velocity tells which of them it is. What the velocity filters of drives and joints
       answer is expected. The IMU's orientation and gyro are such a pair.
     - The accelerometer follows what forces, torques and the legs' own motion gave the pelvis 20, 30
-      or 40 ms ago, for longer than it follows what they give now: it is late. A push from outside is
-      not among these forces; it fits neither. After a blow, which fits no delay at all, the legs
+      or 40 ms ago, for longer than what they give now: it is late. A push from outside is not among
+      these forces; it fits neither. After a blow, which fits no delay at all, the legs
       give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is
       compared.
 
