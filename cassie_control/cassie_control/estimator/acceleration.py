@@ -19,13 +19,14 @@ _FROZEN = 0.016  # s, after which what carries noise does not keep its bits; a d
 _FAST, _SLOW = 0.003, 0.02  # s, between which a signal must change to be compared
 _POWER_TIME = 0.2  # s
 _CARRIED, _CARRIED_TIME, _CARRIED_SHARE = 0.5, 0.3, 0.75  # of the weight; s; of that time
-_UNSURE, _NOISE = 0.5, 0.3  # share of the expected power, and (m/s^2)^2, that count as a misfit
+_UNSURE, _NOISE = 0.5, 0.4  # share of the expected power, and (m/s^2)^2, that count as a misfit
 _NORMAL = 0.1  # of a misfit, by which being late must fit better
+_DOUBT = 2.0  # weight of what a delay leaves unexplained itself: neither fits what pushes the robot
 _LARGEST = 2.0  # of what is needed
 _NEAREST = 0.005  # s, between the delays of which a blow fits none
 # What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may
 # look like a delay.
-_BLOW, _BLOW_TIME = 16.0, 0.1
+_BLOW, _BLOW_TIME = 4.0, 0.1
 
 # Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead
 # and aside, the force itself (1/kg), the torques of hip pitch and knee (1/(kg m)), ...
@@ -93,7 +94,7 @@ class AccelerometerLimits(Record):
 
     def __init__(self, period: float, hold: float) -> None:
         """Of the nominal robot, at a period between samples in s and a hold in s."""
-        limits = {"largest": 300.0, "spike": 6.0, "late": 0.022}
+        limits = {"largest": 300.0, "spike": 6.0, "late": 0.019}
         super().__init__(period, hold, weight=robot.WEIGHT, **limits)
 
 
@@ -229,7 +230,7 @@ def _late(
     for j in range(len(DELAYS)):
         count = int(DELAYS[j] / dt + 0.5)
         before = axes.expected[(ticks - count) % _KEPT, k] if ticks >= count else now
-        gain = misfit - min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
+        gain = misfit - _DOUBT * min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
         if axes.blow > 0.0:
             gain = min(0.0, gain)
         total = max(0.0, axes.late[j, k] + dt * gain)
