@@ -33,6 +33,17 @@ def node() -> Iterator[Node]:
     rclpy.try_shutdown(context=context)
 
 
+@pytest.fixture(scope="session")
+def real_time() -> bool:
+    """Whether this user may ask for real-time scheduling."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except OSError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """A Chromium of this computer, which gives way to the nodes that are tested."""

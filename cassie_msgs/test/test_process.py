@@ -88,37 +88,26 @@ def test_a_node_beside_the_loop_gives_way_as_a_session_too():
         process.wait(timeout=10)
 
 
-def permitted():
-    """Whether this user may ask for real-time scheduling."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-    except OSError:
-        return False
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    return True
-
-
 def policies(pid):
     threads = [int(entry.name) for entry in Path(f"/proc/{pid}/task").iterdir()]
     return {(os.sched_getscheduler(t), os.sched_getparam(t).sched_priority) for t in threads}
 
 
-def test_paced_by_the_wall_clock_every_thread_is_real_time_or_the_node_says_what_to_do():
+def test_paced_by_the_wall_clock_every_thread_is_real_time_or_the_node_says_what_to_do(real_time):
     process = start("pick_node.py", "--realtime", "--realtime")
     try:
         assert process.stdout.readline().startswith("ready")
-        if permitted():
+        if real_time:
             assert policies(process.pid) == {(os.SCHED_FIFO, BESIDE_PRIORITY)}
     finally:
         process.terminate()
         _, err = process.communicate(timeout=10)
-    assert err.count("no real-time scheduling") <= (0 if permitted() else 1)
+    assert err.count("no real-time scheduling") <= (0 if real_time else 1)
 
 
-@pytest.mark.skipif(
-    not permitted() or shutil.which("setpriv") is None, reason="has no permission to take away"
-)
-def test_without_permission_the_node_runs_on_and_says_once_what_to_do():
+def test_without_permission_the_node_runs_on_and_says_once_what_to_do(real_time):
+    if not real_time or shutil.which("setpriv") is None:
+        pytest.skip("has no permission to take away")
     process = subprocess.Popen(
         [
             *("setpriv", "--inh-caps=-sys_nice", "--bounding-set=-sys_nice", sys.executable),

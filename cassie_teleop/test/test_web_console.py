@@ -136,18 +136,9 @@ def test_without_a_page_it_subscribes_to_nothing_and_says_nothing(robot, console
     assert not robot.commands
 
 
-def permitted():
-    """Whether this user may ask for real-time scheduling."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-    except OSError:
-        return False
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    return True
-
-
-@pytest.mark.skipif(not permitted(), reason="needs the permission for real-time scheduling")
-def test_in_wall_time_it_runs_before_browsers_but_its_recorder_does_not(robot, tmp_path):
+def test_in_wall_time_it_runs_before_browsers_but_its_recorder_does_not(robot, tmp_path, real_time):
+    if not real_time:
+        pytest.skip("needs the permission for real-time scheduling")
     with WebConsole("-p", f"bags:={tmp_path}") as console, Page(console.address) as page:
         main = console.process.pid
         robot.until(lambda: page.status.get("robot"))

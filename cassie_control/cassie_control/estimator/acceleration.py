@@ -132,9 +132,10 @@ def expect_acceleration(axes: Accelerometer, push: FloatArray, period: float) ->
 
     Newton's law: what the legs' forces give the pelvis (`push_of_legs`), less what speeds up the
     legs, and what the pelvis's own turning gives the IMU beside its middle. The factors were
-    fitted to walks; they hold for changes within a step (8 to 50 Hz). Of these they explain 85 to
-    98 % of the variance ahead, 94 to 98 % aside and 91 to 99 % upwards on robots, gaits and random
-    sticks that they were not fitted to, up to falls. Constant parts are not in it.
+    fitted to walks; they hold for changes within a step (8 to 50 Hz). Of these they explain 84 to
+    95 % of the variance ahead, 96 to 97 % aside and 93 to 99 % upwards in four walks that they were
+    not fitted to: a slow one, and random sticks with two libraries, up to a fall. Constant parts
+    are not in it.
 
     Args:
         axes: `velocities` are of this sample and of two before; `now` is the result.
