@@ -11,6 +11,7 @@ from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import HIP_TO_PELVIS, HIP_X, HIP_Y
 from cassie_control.planner.footstep import PendulumPlacement, placement
+from cassie_control.planner.pendulum import ahead_of_pendulum
 from cassie_control.planner.plan import Commanded, StepAhead
 from cassie_gaits.robot import GRAVITY
 
@@ -68,6 +69,7 @@ class Pendulum:
             x = self.position[k] + self.velocity[k] * self.coast
             self.position[k] = x * cosh + self.velocity[k] / self.w * sinh
             self.velocity[k] = self.w * x * sinh + self.velocity[k] * cosh
+        self._turn(-self.commanded.turn_rate * STEP_TIME)
         self._place()
         return self.velocity[0], self.velocity[1]
 
@@ -81,8 +83,14 @@ class Pendulum:
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
         end = self.law.swing_end(readings, stance, swing, self.commanded, ahead)
         foot = foot_from_com(readings, swing, end)
-        self.position = [-foot[0], -foot[1]]
+        self.position = [ahead_of_pendulum(self.commanded.vx) - foot[0], -foot[1]]
         self.stance = 1 - self.stance
+
+    def _turn(self, angle: float) -> None:
+        """See foot and velocity in a heading that has turned."""
+        c, s = math.cos(angle), math.sin(angle)
+        for vector in (self.position, self.velocity):
+            vector[:] = c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
 
 
 @pytest.mark.parametrize("speed", [-0.4, 0.0, 0.5, 1.0])
@@ -98,6 +106,27 @@ def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
     x = before + steady * CONFIG.double_support
     end = x * math.cosh(walker.w * single) + steady / walker.w * math.sinh(walker.w * single)
     assert (end - before) / STEP_TIME == pytest.approx(speed, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [-0.65, 0.5, 0.85])
+@pytest.mark.parametrize("rate", [-0.4, 0.4])
+def test_a_turn_does_not_carry_it_to_the_side(speed, rate):
+    config = replace(CONFIG, least_foot_distance=0.05)
+    walker = Pendulum(config, Commanded(vx=speed, turn_rate=rate), (speed, 0.3))
+    for _ in range(6):
+        walker.step()
+    steps = [walker.step() for _ in range(2)]
+    straight = Pendulum(CONFIG, Commanded(vx=speed), (speed, 0.3))
+    for _ in range(6):
+        straight.step()
+    wanted = [straight.step() for _ in range(2)]
+    # Of the 0.1 m/s by which the heading turns away from the velocity in every step.
+    assert sum(vy for _, vy in steps) / 2 == pytest.approx(
+        sum(vy for _, vy in wanted) / 2, abs=0.02
+    )
+    assert sum(vx for vx, _ in steps) / 2 == pytest.approx(
+        sum(vx for vx, _ in wanted) / 2, abs=0.04
+    )
 
 
 @pytest.mark.parametrize("speed", [-0.15, 0.0, 0.2])
@@ -229,7 +258,7 @@ def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
 
 
 def test_a_robot_that_keeps_up_with_a_changing_command_shows_no_disturbance():
-    """The mean velocity is that of two steps, so it follows a ramp by one of them."""
+    """A foot acts one step later, and the mean is of two steps: it follows a ramp by two steps."""
     law, readings = PendulumPlacement(CONFIG), pose()
     ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
 
@@ -239,6 +268,6 @@ def test_a_robot_that_keeps_up_with_a_changing_command_shows_no_disturbance():
 
     start = foot()
     for k in range(8):
-        before = 0.1 * max(0.0, k - 1.0) if k != 1 else 0.025
+        before = 0.1 * max(0.0, k - 2.0) if k != 2 else 0.025
         law.touchdown((before, 0.5 * before), (0.0, 0.0), Commanded(vx=0.1 * k, vy=0.05 * k))
     assert foot() == pytest.approx(start, abs=1e-9)

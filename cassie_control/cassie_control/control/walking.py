@@ -213,7 +213,7 @@ class WalkingController:
             vx, vy = self._hold.velocity(self.config, readings)
         else:
             self._hold.release()
-        commanded.vx, commanded.vy = vx, vy
+        commanded.vx, commanded.vy, commanded.turn_rate = vx, vy, yaw_rate
         ended = go_on(readings.records, timing, yaw_rate, self._step.records)
         commanded.spread = spread
         commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()

@@ -57,8 +57,16 @@ class PendulumPlacement:
 
         u = u_steady + a / b (v_end - v_steady) + d.
 
+    While the heading turns at a rate r, that velocity is wanted in the next touchdown's heading. It
+    differs from v_steady turned by r T', the whole step's turn, by
+
+        dv = r T' (-(v_steady,y less the sway), v_steady,x),    and    u -= dv / b.
+
+    In steady walking the robot's own foot lies ahead of the pendulum's, by a cubic in the speed
+    (`pendulum._AHEAD`); at 1.8 m/s it is 6 cm behind it.
+
     d is the offset of a disturbance observer. By the map, the mean speed of two steps is the mean
-    of the commands that they began with. What it differs by is the map's error, and
+    of the commands that their feet were set down for. What it differs by is the map's error, and
 
         d <- d + observer_gain (mean speed - mean command).
 
@@ -96,7 +104,7 @@ class PendulumPlacement:
     def reset(self) -> None:
         """Forget the disturbances."""
         self._law.offset_x = self._law.offset_y = 0.0
-        self._commanded: tuple[tuple[float, float], tuple[float, float]] | None = None
+        self._commanded: list[tuple[float, float]] = []
 
     def touchdown(
         self,
@@ -106,11 +114,11 @@ class PendulumPlacement:
     ) -> None:
         """Observe the disturbance; arguments as in `Placement.touchdown`."""
         c = self.config
+        # A foot acts one step later: the mean of two steps is due to the commands of three before.
         now = commanded.vx, commanded.vy
-        before, earlier = self._commanded or (now, now)
-        self._commanded = now, before
-        # The velocity's mean is of two steps: so is the command's, or each change would add up.
-        vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(now, before, earlier, strict=True))
+        earlier = self._commanded or 3 * [now]
+        vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(*earlier, strict=True))
+        self._commanded = [*earlier[1:], now]
         law = self._law
         law.offset_x = _observed(law.offset_x, mean_velocity[0] - vx, c)
         law.offset_y = _observed(law.offset_y, mean_velocity[1] - vy, c)

@@ -15,12 +15,14 @@ class Commanded(Record):
 
     Attributes:
         vx, vy: Velocity, forward and to the left. In m/s.
+        turn_rate: Of the heading, to the left. In rad/s.
         pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
         spread: How far each foot lands outside its usual place. In m.
     """
 
     vx: float
     vy: float
+    turn_rate: float
     pitch_trim: float
     roll_trim: float
     spread: float
