@@ -413,7 +413,11 @@ class WalkConfig:
         0.045, "m/(m/s)", 0.0, 0.2, "Disturbance observer: foot offset by a step's speed error"
     )
     observer_error: float = tunable(
-        0.1, "m/s", 0.0, 0.5, "Disturbance observer: largest error of a step's speed that counts"
+        0.05,
+        "m/s",
+        0.0,
+        0.5,
+        "Disturbance observer: speed error of a step by which it grows at most",
     )
     slope_time: float = tunable(
         0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"

@@ -254,7 +254,17 @@ def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
 
     start = foot()
     law.touchdown((-1.0, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(-CONFIG.observer_gain * CONFIG.observer_error)
+    learned = CONFIG.observer_gain * CONFIG.observer_error
+    assert foot() - start == pytest.approx(-learned)
+    for _ in range(4):
+        law.touchdown((-1.0, 0.0), (0.0, 0.0), commanded)
+    assert foot() - start == pytest.approx(-5.0 * learned)
+    # It has given way: that is forgotten by the whole error, but not turned into the opposite.
+    error = 2.5 * CONFIG.observer_error
+    law.touchdown((0.3 + error, 0.0), (0.0, 0.0), commanded)
+    assert foot() - start == pytest.approx(-2.5 * learned)
+    law.touchdown((1.0, 0.0), (0.0, 0.0), commanded)
+    assert foot() - start == pytest.approx(learned)
 
 
 def test_a_robot_that_keeps_up_with_a_changing_command_shows_no_disturbance():

@@ -70,8 +70,9 @@ class PendulumPlacement:
 
         d <- d + observer_gain (mean speed - mean command).
 
-    An error counts up to `observer_error`: what holds the robot back by more, or pushes it, is no
-    error of the map and ends at once, when a foot that leans against it would throw the robot.
+    d grows by an error of up to `observer_error`: what holds the robot back by more, or pushes it,
+    is no error of the map and ends at once, when a foot that leans against it would throw the
+    robot. What such a thing has left behind is forgotten by the whole error.
 
     Constraints: the foot stays within the swing leg's reach (a box about the hip) and apart from
     the stance foot. Where the law's foot lies outside, the step ends sooner or later, within
@@ -152,6 +153,7 @@ def _lead(c: WalkConfig, speed: float) -> float:
 
 def _observed(offset: float, error: float, c: WalkConfig) -> float:
     """The observer's offset, in m, after a step whose mean speed was off by `error` (m/s)."""
-    error = max(-c.observer_error, min(c.observer_error, error))
-    offset += c.observer_gain * error
-    return max(-_FARTHEST, min(_FARTHEST, offset))
+    growth = c.observer_gain * c.observer_error
+    least = max(-_FARTHEST, min(offset, 0.0) - growth)
+    most = min(_FARTHEST, max(offset, 0.0) + growth)
+    return max(least, min(most, offset + c.observer_gain * error))

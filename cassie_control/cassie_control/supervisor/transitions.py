@@ -59,7 +59,7 @@ def _has_controller(now: Moment) -> str:
 
 
 def _has_not_fallen(now: Moment) -> str:
-    return "Cassie fell: hang it up or set its upright" if now.posture.fallen else ""
+    return "Cassie fell: hang it up or set it upright" if now.posture.fallen else ""
 
 
 def _is_high(now: Moment) -> str:
