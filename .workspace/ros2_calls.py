@@ -32,19 +32,20 @@ from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from cassie_msgs.ros.transport import use_loopback
+from cassie_msgs.ros.transport import use_loopback, wait_for_discovery
 
 RCLError = rclpy_implementation.RCLError
 
 TIMEOUT = 10.0
 """Wall time in which a node must be found, and then answer. In s."""
 
-QUIET = 0.5
-"""The graph is complete once nothing was found for this long. In s."""
-
 LONGEST = 128
 """Elements of an array that are shown; an ellipsis stands for the rest."""
 
+_KINDS = {"boolean": bool, "float": float, "double": float, "string": str, "wstring": str}
+_BYTES = {"octet": "uint8", "char": "uint8"}
+_PLURAL = {"float": "numbers", "double": "numbers", "string": "strings", "boolean": "booleans"}
+_LIST = re.compile(r"sequence<(?P<bounded>.+?)(, (?P<most>\d+))?>|(?P<element>.+)\[(?P<size>\d+)\]")
 _PRIMITIVE = re.compile(r"(bool|byte|char|float32|float64|u?int(8|16|32|64)|w?string(<=\d+)?)\b")
 _DURABLE, _RELIABLE = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
 
@@ -296,13 +297,12 @@ def _node_names(node: Node) -> list[str]:
 
 def _settle(node: Node) -> None:
     """Wait until discovery finds nothing new."""
-    begin = changed = time.monotonic()
-    before: object = None
-    while time.monotonic() - changed < QUIET and time.monotonic() - begin < TIMEOUT:
-        now = node.get_node_names(), node.get_topic_names_and_types()
-        if now != before:
-            before, changed = now, time.monotonic()
-        time.sleep(0.05)
+
+    def found() -> list[object]:
+        names = _node_names(node)
+        return [*names, *node.get_topic_names_and_types()] if names else []  # its own are there
+
+    wait_for_discovery(found)
 
 
 def _hint(name: str, known: Iterable[str]) -> str:
@@ -492,6 +492,7 @@ def call_service(service: str, type_name: str, text: str) -> Any:
 
 
 def _fill(message: Any, content: Any) -> None:
+    """Set fields of a message; those that are messages keep what is left out."""
     if not isinstance(content, Mapping):
         raise CallError(f"{content!r} is no mapping of fields to values")
     fields = message.get_fields_and_field_types()
@@ -501,30 +502,38 @@ def _fill(message: Any, content: Any) -> None:
         present = getattr(message, name)
         if hasattr(present, "get_fields_and_field_types"):
             _fill(present, value)
-            continue
-        setattr(message, name, _converted(value, present, name, fields[name]))
+        else:
+            setattr(message, name, _converted(value, name, fields[name]))
 
 
-def _converted(value: Any, present: Any, name: str, type_name: str) -> Any:
-    """A value in the type of what is there; the messages themselves do not look."""
+def _converted(value: Any, name: str, type_name: str) -> Any:
+    """A value in the type of a field; the messages themselves do not look at all of it."""
     what = f"{name} ({type_name})"
-    if isinstance(present, np.ndarray):
-        try:
-            array = np.array(value, dtype=present.dtype)
-        except (TypeError, ValueError):
-            raise CallError(f"{what}: {value!r} is no list of numbers") from None
-        if array.shape != present.shape:
-            raise CallError(f"{what}: {value!r} does not have {present.size} numbers")
-        return array
-    kind = type(present)
+    listed = _LIST.fullmatch(type_name)
+    if listed:
+        element = listed["bounded"] or listed["element"]
+        if not isinstance(value, list):
+            raise CallError(f"{what}: {value!r} is no list of {_PLURAL.get(element, element)}")
+        if listed["size"] and len(value) != int(listed["size"]):
+            raise CallError(f"{what}: {value!r} does not have {listed['size']} elements")
+        if listed["most"] and len(value) > int(listed["most"]):
+            raise CallError(f"{what}: {value!r} has more than {listed['most']} elements")
+        return [_converted(each, f"{name}[{i}]", element) for i, each in enumerate(value)]
+    if "/" in type_name:
+        message = _interface(type_name, "msg")()
+        _fill(message, value)
+        return message
+    kind = _KINDS.get(type_name.partition("<")[0], int)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not kind:
         raise CallError(f"{what}: {value!r} is no {kind.__name__}")
     if kind is int:
-        bounds = np.iinfo(type_name)
+        bounds = np.iinfo(_BYTES.get(type_name, type_name))
         if not bounds.min <= value <= bounds.max:
             raise CallError(f"{what}: {value} is outside {bounds.min} .. {bounds.max}")
+        if type_name == "octet":
+            return bytes([value])
     return value
 
 

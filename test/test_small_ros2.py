@@ -13,12 +13,16 @@ from pathlib import Path
 import pytest
 import yaml
 from bringup import Robot
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import Joy
+from std_msgs.msg import ByteMultiArray
 
 from cassie_bags.ros.processes import environment
 
 ROS2 = Path(__file__).resolve().parents[1] / ".workspace" / "bin" / "ros2"
+STATUS = DiagnosticStatus(name="x", level=b"\x01")
 GANTRY = ("service", "call", "/cassie/gantry", "cassie_msgs/srv/Gantry")
 
 
@@ -73,6 +77,7 @@ def test_parameters_are_set_and_services_called(tmp_path: Path) -> None:
     [
         (("cassie_msgs/srv/Pus", "{}"), "no service type cassie_msgs/srv/Pus"),
         (("cassie_msgs/srv/Push", "{force: [1, 2]}"), "force (double[3]): [1, 2] does not have 3"),
+        (("cassie_msgs/srv/Push", "{force: [1, x, 2]}"), "force[1] (double): 'x' is no float"),
         (("cassie_msgs/srv/Push", "{force: up}"), "'up' is no list of numbers"),
         (("cassie_msgs/srv/Push", "{body: 3}"), "body (string): 3 is no str"),
         (("cassie_msgs/srv/Push", "{forc: 3}"), "unknown field forc: known: body, force"),
@@ -167,6 +172,28 @@ def test_a_topic_is_published_and_its_rate_measured(node) -> None:
         executor.shutdown()
 
 
+@pytest.mark.parametrize(
+    ("kind", "values", "field", "expected"),
+    [
+        (Joy, "{axes: [0.0, 0.5, 1], buttons: [1, 0]}", "axes", [0.0, 0.5, 1.0]),
+        (DiagnosticArray, "{status: [{name: x, level: 1}]}", "status", [STATUS]),
+        (ByteMultiArray, "{data: [1, 255]}", "data", [b"\x01", b"\xff"]),
+    ],
+)
+def test_arrays_and_lists_of_messages_are_published(node, kind, values, field, expected) -> None:
+    seen: list[object] = []
+    node.create_subscription(kind, "/told", seen.append, 10)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    package, name = kind.__module__.split(".")[0], kind.__name__
+    domain = node.context.get_domain_id()
+    code, said = ros2(domain, "topic", "pub", "--once", "/told", f"{package}/msg/{name}", values)
+    assert code == 0, said
+    executor.spin_once(timeout_sec=5.0)
+    executor.shutdown()
+    assert list(getattr(seen[0], field)) == expected
+
+
 def test_an_interface_is_shown_with_what_it_is_made_of() -> None:
     code, said = ros2(0, "interface", "show", "geometry_msgs/msg/TwistStamped")
     assert code == 0
@@ -192,20 +219,23 @@ def test_another_verb_goes_to_a_real_ros2_where_one_is_installed(tmp_path: Path)
     code, said = ros2(0, "bags", "list")
     assert code == 2
     assert "not in this small ros2" in said
+    code, said = ros2(0, "topic", "bw", "/tf")
+    assert (code, said[:47]) == (2, "ros2 topic bw: not in this small ros2, which ha")
     (tmp_path / "bin").mkdir()
     real = tmp_path / "bin" / "ros2"
     real.write_text('#!/bin/sh\necho "real $MADE_READY $LD_LIBRARY_PATH:" "$@"\n')
     real.chmod(0o755)
     (tmp_path / "setup.bash").write_text("export MADE_READY=yes\n")
     path = f"{ROS2.parent}:{tmp_path / 'bin'}:{os.environ['PATH']}"
-    done = subprocess.run(
-        [sys.executable, ROS2, "bag", "info", "a b"],
-        capture_output=True,
-        text=True,
-        env=environment(0) | {"PATH": path},
-        check=False,
-    )
-    assert done.stdout == "real yes : bag info a b\n"
+    for words in (("bag", "info", "a b"), ("topic", "bw", "/tf")):
+        done = subprocess.run(
+            [sys.executable, ROS2, *words],
+            capture_output=True,
+            text=True,
+            env=environment(0) | {"PATH": path},
+            check=False,
+        )
+        assert done.stdout == f"real yes : {' '.join(words)}\n"
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from itertools import chain, repeat
 
 import pytest
 
-from cassie_msgs.ros.transport import PROFILE, use_loopback
+from cassie_msgs.ros import transport
+from cassie_msgs.ros.transport import ALONE, PROFILE, QUIET, use_loopback, wait_for_discovery
 
 LOCAL = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -35,6 +37,29 @@ def test_another_choice_stays_as_it_is(asked: dict[str, str]) -> None:
     environment = dict(asked)
     assert not use_loopback(environment)
     assert environment == asked
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Time that passes by sleeping alone. In s."""
+    now = [0.0]
+    monkeypatch.setattr(transport.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(transport.time, "sleep", lambda s: now.append(now.pop() + s))
+    return now
+
+
+def test_who_answers_late_on_a_busy_machine_is_waited_for(clock: list[float]) -> None:
+    """The small ros2 and the doctor had seen nobody, as the first answer took 0.6 s."""
+    late = chain(repeat((), 30), [("a",)], repeat(("a", "b")))
+    wait_for_discovery(lambda: next(late))
+    assert clock[0] == pytest.approx(31 * 0.05 + QUIET, abs=0.1)
+
+
+def test_discovery_ends_where_nobody_is_and_where_it_never_rests(clock: list[float]) -> None:
+    wait_for_discovery(tuple)
+    assert clock[0] == pytest.approx(ALONE, abs=0.1)
+    wait_for_discovery(lambda: (clock[0],))
+    assert clock[0] == pytest.approx(ALONE + transport.LONGEST, abs=0.2)
 
 
 _TALK = """

@@ -30,7 +30,7 @@ from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.claim import held_domains
 from cassie_msgs.ros.fast_lane import NEWEST, message_type
 from cassie_msgs.ros.parameters import default_of
-from cassie_msgs.ros.transport import PROFILE, use_loopback
+from cassie_msgs.ros.transport import PROFILE, use_loopback, wait_for_discovery
 from cassie_teleop.doctor import LANE, End, Facts, as_json, exit_code, findings, report
 
 RCLError = rclpy_implementation.RCLError
@@ -39,8 +39,6 @@ _TOPICS = ("/clock", "/joy", "/cmd_vel", "/cassie/operator_command", "/cassie/su
 _TICKS = {"/cassie/sensors": Sensors, "/cassie/state": RobotState}
 _TICKS |= {"/cassie/motor_command": MotorCommand}
 _HEAD = struct.Struct("<4xiII4xQ")  # CDR: stamp, episode, seq
-_QUIET = 0.5  # s without anything new, after which discovery is over
-_LONGEST = 8.0  # s that discovery may take
 _ANSWER = 3.0  # s for a node to tell its parameters
 _NODES = ("simulator", *list(LANE.values())[1:])
 _RELIABLE, _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
@@ -109,13 +107,7 @@ class Doctor(Node):
 
     def settle(self) -> None:
         """Wait until discovery finds nothing new."""
-        begin = changed = time.monotonic()
-        before: object = None
-        while time.monotonic() - changed < _QUIET and time.monotonic() - begin < _LONGEST:
-            now = self._names(), sorted(map(str, self._ends()))
-            if now != before:
-                before, changed = now, time.monotonic()
-            time.sleep(0.05)
+        wait_for_discovery(lambda: [*self._names(), *sorted(map(str, self._ends()))])
 
     def _taker(self, topic: str) -> Any:
         taken = self._heads.setdefault(topic, [])

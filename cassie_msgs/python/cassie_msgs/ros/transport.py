@@ -10,10 +10,21 @@ are closer together, nodes find each other in tenths of a second instead of seco
 from __future__ import annotations
 
 import os
-from collections.abc import MutableMapping
+import time
+from collections.abc import Callable, Collection, MutableMapping
 from pathlib import Path
 
 PROFILE = Path(__file__).parent / "loopback.xml"
+
+QUIET = 0.5
+"""Discovery is over once nothing was found for this long. In s."""
+
+ALONE = 2.0
+"""The same while nobody was found at all: on a busy machine the first answers take longer. In s."""
+
+LONGEST = 10.0
+"""That discovery may take. In s."""
+
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
@@ -41,3 +52,20 @@ def use_loopback(environment: MutableMapping[str, str] = os.environ) -> bool:
     # LOCALHOST would add shared memory to whatever the profile says.
     environment[_RANGE] = "SYSTEM_DEFAULT"
     return True
+
+
+def wait_for_discovery(look: Callable[[], Collection[object]]) -> None:
+    """Wait until discovery finds nothing new.
+
+    Args:
+        look: What was found so far, without oneself.
+    """
+    begin = changed = time.monotonic()
+    found: Collection[object] = ()
+    while time.monotonic() - changed < (QUIET if found else ALONE):
+        now = look()
+        if now != found:
+            found, changed = now, time.monotonic()
+        if time.monotonic() - begin > LONGEST:
+            return
+        time.sleep(0.05)
