@@ -10,6 +10,9 @@ from cassie_sim.errors import SimulationError
 from cassie_sim.gantry import SPEED
 from cassie_sim.plant import Plant
 
+CAUGHT = 0.5
+"""Fastest Segway that somebody takes by its bar: it stops at once. In m/s."""
+
 
 def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> str:
     """Push a body from the next tick on.
@@ -40,11 +43,17 @@ def hold_bar(plant: Plant, held: bool) -> str:
         What happens, in words.
 
     Raises:
-        SimulationError: if there is no Segway.
+        SimulationError: if there is no Segway, or it rolls too fast for somebody to take its bar.
     """
     vehicle = plant.vehicle
     if vehicle is None:
         raise SimulationError(f"there is no Segway in scene {plant.scenario.scene}")
+    speed = vehicle.speed(plant.data)
+    if held and speed > CAUGHT:
+        raise SimulationError(
+            f"the Segway rolls at {speed:.1f} m/s: its bar can be taken up to {CAUGHT:g} m/s; "
+            "lean back to brake"
+        )
     vehicle.hold_bar(held)
     return "somebody holds the bar" if held else "nobody holds the bar any more"
 

@@ -70,6 +70,12 @@ class SegwayDrive:
         """Have somebody take the bar, or let go of it, from now on in this episode."""
         self._told = held
 
+    @staticmethod
+    def speed(data: mujoco.MjData) -> float:
+        """Over the ground. In m/s."""
+        vx, vy = data.joint("segway").qvel[:2].tolist()
+        return math.hypot(vx, vy)
+
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, time: float) -> None:
         """Set the motors' torques.
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from cassie_sim.orders import move_gantry, push
+from cassie_msgs.experiment.scenario import Scenario
+from cassie_sim.errors import SimulationError
+from cassie_sim.orders import CAUGHT, hold_bar, move_gantry, push
 from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
 
@@ -83,3 +85,20 @@ def test_a_wrong_gantry_move_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         move_gantry(plant, action, height, 0.1)
+
+
+def test_nobody_takes_the_bar_of_a_segway_that_rolls_fast() -> None:
+    """It stopped at once, and the robot fell over the bar at 1.3 m/s."""
+    plant = Plant(PlantConfig(), Scenario(scene="segway"))
+    _run(plant, 10)
+    hold_bar(plant, False)
+    velocity = plant.data.joint("segway").qvel
+    velocity[0] = 1.3
+    with pytest.raises(
+        SimulationError, match=r"rolls at 1\.3 m/s: its bar can be taken up to 0\.5"
+    ):
+        hold_bar(plant, True)
+    velocity[0] = 0.9 * CAUGHT
+    assert hold_bar(plant, True) == "somebody holds the bar"
+    velocity[0] = 1.3  # whoever has it may let go at any speed
+    assert hold_bar(plant, False) == "nobody holds the bar any more"
