@@ -116,7 +116,7 @@ def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
     rng, loud, late, wrong = np.random.default_rng(4), 0, [], []
     channels = [f"{part}_{what}.{i}" for part, count in PAIRS.items() for i in range(count)]
     for kind, channel in itertools.product(["spike", 10, 13, 25, 50], channels):
-        for skip in (1100 + rng.integers(0, 1000, 8)).tolist():
+        for skip in (1100 + rng.integers(0, 1000, 16)).tolist():
             rows = samples(ahead, skip)[:420]
             bad = spoil(rows, channel, kind, 250)
             try:
@@ -129,7 +129,7 @@ def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
                 loud += 1
                 if first.get(channel, 10**6) > bad[0] + IN_TIME:
                     late.append((channel, kind, skip, first))
-    assert loud > 400
+    assert loud > 780
     assert len(late) <= 0.02 * loud, late
     assert len(wrong) <= 0.03 * loud, wrong
 

@@ -208,7 +208,7 @@ def test_a_fall_damps_until_it_has_been_upright_for_a_while(walking, index, valu
     walking.state.q[index] = 0.0
     walking.run(0.9 * CONFIG.upright_time)
     assert walking.mode is DAMP
-    assert walking.readiness == "Cassie fell: hang it up or set its upright"
+    assert walking.readiness == "Cassie fell: hang it up or set it upright"
     walking.run(0.2 * CONFIG.upright_time)
     assert walking.mode is STAND
     assert not walking.core.status.fallen

@@ -274,16 +274,20 @@ def _time(facts: Facts) -> Iterator[Finding]:
             yield Finding(WARNING, "clocks", problem, advice)
 
 
+_OPERATOR_GONE = ("operator lost", "no operator commands")
+
+
 def _words(facts: Facts) -> Iterator[Finding]:
     """What the nodes say themselves."""
     nobody = not facts.writers("/cassie/operator_command")
     for fault in facts.faults:
-        if nobody and fault.startswith("operator lost"):
+        if nobody and fault.startswith(_OPERATOR_GONE):
             continue  # it never was there, or has ended: `_operators` says so
         advice = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
         yield Finding(ERROR, "fault", fault, advice)
     for level, name, message in facts.diagnostics:
-        if level > 0 and message not in facts.faults:
+        known = message in facts.faults or (nobody and message.startswith(_OPERATOR_GONE))
+        if level > 0 and not known:
             node = name.partition(":")[0]
             yield Finding(
                 WARNING if level == 1 else ERROR,

@@ -63,7 +63,10 @@ def test_a_healthy_robot_has_no_findings():
             replace(
                 without("/cassie/operator_command"),
                 faults=("operator lost: stopping and standing",),
-                diagnostics=((2, "mode_supervisor: o", "operator lost: stopping and standing"),),
+                diagnostics=(
+                    (2, "mode_supervisor: o", "operator lost: stopping and standing"),
+                    (2, "mode_supervisor: operator", "no operator commands any more"),
+                ),
             ),
             NOTE,
             "nobody drives",

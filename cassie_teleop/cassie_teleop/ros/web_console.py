@@ -51,7 +51,7 @@ class Config:
     )
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
     frame_rate: float = tunable(25.0, "Hz", 5, 60, "Rate of updates of the page", live=False)
-    bags: str = tunable("bags", description="Folder for recordings", live=False)
+    bags: str = tunable("recordings", description="Folder for recordings", live=False)
     reach: Reach = field(default_factory=Reach)
 
 
