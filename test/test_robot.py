@@ -117,6 +117,22 @@ def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int
     }
 
 
+def test_a_second_one_does_not_take_the_first_one_for_itself(tmp_path: Path, domain: int) -> None:
+    """It had heard the first one's supervisor, said that it was ready, and then ended."""
+    with Starter(tmp_path / "first", domain) as first:
+        first.ready()
+        with Starter(tmp_path / "second", domain) as second:
+            said, errors = second.process.communicate(timeout=TIMEOUT)
+        assert (second.process.returncode, said) == (2, "")
+        assert (
+            f"another gait_controller, mode_supervisor, simulator, state_estimator runs in ROS domain {domain}"
+            in errors
+        )
+        assert "start this one with ROS_DOMAIN_ID=" in errors
+        assert first.process.poll() is None
+        assert first.end() == (0, "")
+
+
 def test_parameters_are_for_the_nodes_alone(tmp_path: Path, domain: int) -> None:
     with Starter(tmp_path, domain, "-p", "simulator:start:=standing") as starter:
         assert "on its feet" in starter.ready()

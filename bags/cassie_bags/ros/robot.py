@@ -19,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, executable
 from cassie_msgs.msg import SupervisorStatus
+from cassie_msgs.ros.claim import free_domain, held_roles
 from cassie_msgs.ros.transport import use_loopback
 from cassie_sim.scenes import SCENES
 
@@ -53,6 +54,7 @@ def main() -> int:
     logs = arguments.logs or _log_folder()
     try:
         commands = node_commands(arguments)
+        _refuse_second(arguments)
         with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
             for name, command in commands.items():
                 processes.start(name, command)
@@ -98,6 +100,26 @@ def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
             )
         own.setdefault(owner, []).append(word if owner == "stack" else assignment)
     return {name: _command(package, name, own.get(name, [])) for name, package in programs.items()}
+
+
+def _refuse_second(arguments: argparse.Namespace) -> None:
+    """The supervisor of another robot in the domain would say that this one is ready.
+
+    Raises:
+        ValueError: if a node that is to be started runs in the domain.
+    """
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+    running = sorted(
+        role
+        for role in held_roles(domain) & set(NODES)
+        if f"{role}:allow_second:=true" not in arguments.parameter
+    )
+    if running:
+        raise ValueError(
+            f"another {', '.join(running)} runs in ROS domain {domain}: stop it, or start this one "
+            f"with ROS_DOMAIN_ID={free_domain()}, which is free "
+            f"(-p {running[0]}:allow_second:=true starts it here)"
+        )
 
 
 def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]:

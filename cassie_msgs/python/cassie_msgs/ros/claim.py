@@ -93,6 +93,11 @@ def held_domains() -> set[int]:
     return {domain for domain in DOMAINS if any(map(_is_held, _files(domain)))}
 
 
+def held_roles(domain: int) -> set[str]:
+    """Kinds of the nodes that run once and are running in a domain on this machine."""
+    return {path.name.split(".")[1] for path in _files(domain) if _is_held(path)}
+
+
 @contextlib.contextmanager
 def run_domain() -> Iterator[int]:
     """A domain that no other run on this machine uses at the same time.
