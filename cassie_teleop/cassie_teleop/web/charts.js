@@ -23,9 +23,9 @@ class Strip {
     this.chart.setOption({
       animation: false,
       textStyle: { color: "#98a4b0" },
-      grid: { left: 40, right: 8, top: 22 + 16 * (rows - 1), bottom: 18 },
+      grid: { left: 40, right: 8, top: 25 + 16 * (rows - 1), bottom: 18 },
       legend: {
-        top: 0, left: 0, right: 0, itemWidth: 14, itemHeight: 2, itemGap: 7, icon: "rect", padding: [0, 4],
+        top: 0, left: 0, right: 0, itemWidth: 14, itemHeight: 2, itemGap: 7, icon: "rect", padding: [3, 4, 0, 4],
         textStyle: { color: "#98a4b0", fontSize: 10 }, data: [...new Set(lines.map((line) => line.name))],
       },
       xAxis: {
