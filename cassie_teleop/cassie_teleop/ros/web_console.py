@@ -86,12 +86,15 @@ class WebConsole(Node):
         self._ending = False
         self._last: Request | None = None
         token = _token(self._config)
-        self._server = PageServer(self._config.host, self._config.port, token, self)
-        address = _address(self._config.host, self._server.port, token)
-        print(f"web_console: open {address}", flush=True)
+        try:
+            self._server = PageServer(self._config.host, self._config.port, token, self)
+        except OSError as error:
+            raise OSError(f"{error}; -p port:=NUMBER takes another port") from None
+        self._address = _address(self._config.host, self._server.port, token)
 
     def loop(self) -> None:
         """Serve until stopped."""
+        print(f"web_console: open {self._address}", flush=True)
         asyncio.run(self._serve())
 
     def close(self) -> None:
