@@ -1,7 +1,7 @@
 # Cassie for ROS 2. `make demo` and `make test` work from a fresh clone.
 SHELL := /bin/bash
 .DEFAULT_GOAL := build
-.PHONY: build test demo bench experiments sweeps results lint format dist clean distclean help
+.PHONY: build test demo drive bench experiments sweeps results lint format dist clean distclean help
 
 build: ## environment and workspace; does nothing where nothing changed
 	@python=$$(.workspace/pick_python.sh) && $$python .workspace/build.py
@@ -11,6 +11,9 @@ test: build ## lint, unit tests of each package, bring-up tests
 
 demo: build ## stand up, walk, turn, squat: each node a process; results in build/demo
 	@. ./env.sh && ros2 run cassie_bags experiment bags/experiments/demo.yaml --out build/demo
+
+drive: build ## the robot and a browser page that drives it, until Ctrl-C; ROBOT="--scene grass" for more
+	@. ./env.sh && exec ros2 run cassie_bags robot --console $(ROBOT)
 
 bench: build ## speed of the loop, side by side; also in build/bench.json
 	@. ./env.sh && python3 -m cassie_bags.ros.bench --out build/bench.json
