@@ -124,10 +124,8 @@ def test_a_second_one_does_not_take_the_first_one_for_itself(tmp_path: Path, dom
         with Starter(tmp_path / "second", domain) as second:
             said, errors = second.process.communicate(timeout=TIMEOUT)
         assert (second.process.returncode, said) == (2, "")
-        assert (
-            f"another gait_controller, mode_supervisor, simulator, state_estimator runs in ROS domain {domain}"
-            in errors
-        )
+        nodes = "gait_controller, mode_supervisor, simulator, state_estimator"
+        assert f"another {nodes} runs in ROS domain {domain}" in errors
         assert "start this one with ROS_DOMAIN_ID=" in errors
         assert first.process.poll() is None
         assert first.end() == (0, "")
