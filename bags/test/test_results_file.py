@@ -182,10 +182,15 @@ def test_a_revision_tells_of_changes_and_of_sources_that_git_does_not_track(tmp_
     assert revision(source) == "unknown"
     git("init")
     assert revision(source) == "unknown"
-    git("add", "module.py")
+    (tmp_path / "folder").mkdir()
+    results = tmp_path / "folder" / "RESULTS.md"
+    results.write_text("none\n")
+    git("add", ".")
     git("commit", "-m", "one")
     commit = git("rev-parse", "HEAD")
     assert commit.startswith(revision(source))
+    assert len(revision(source)) == 10
+    results.write_text("one\n")  # a second study of the same sources
     assert len(revision(source)) == 10
     source.write_text("a = 2\n")
     assert revision(source) == f"{commit[:10]} with changes"

@@ -58,11 +58,14 @@ def origin(command: str, seeds: str, now: datetime.datetime) -> Origin:
     return Origin(command, now.date().isoformat(), revision(), machine(), named, seeds)
 
 
+_RUNS = ":/", ":(top,exclude)*.md"  # git's words for all files but texts
+
+
 def revision(source: Path = Path(__file__)) -> str:
     """Git revision of the sources that run, shortened, or "unknown".
 
-    Where tracked files of the working tree differ from it, "with changes" follows. A revision is
-    unknown where git does not track `source`, as in an installed package.
+    Where tracked files of the working tree differ from it, "with changes" follows; texts, such as
+    the results themselves, do not count. A revision is unknown where git does not track `source`, as in an installed package.
 
     Args:
         source: A file of these sources.
@@ -76,7 +79,7 @@ def revision(source: Path = Path(__file__)) -> str:
     try:
         git("ls-files", "--error-unmatch", source.name)
         commit = git("rev-parse", "--short=10", "HEAD")
-        changed = git("status", "--porcelain", "--untracked-files=no", ":/")
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", *_RUNS)
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
     return f"{commit} with changes" if changed else commit
