@@ -65,7 +65,8 @@ def revision(source: Path = Path(__file__)) -> str:
     """Git revision of the sources that run, shortened, or "unknown".
 
     Where tracked files of the working tree differ from it, "with changes" follows; texts, such as
-    the results themselves, do not count. A revision is unknown where git does not track `source`, as in an installed package.
+    the results themselves, do not count. A revision is unknown where git does not track `source`,
+    as in an installed package.
 
     Args:
         source: A file of these sources.
