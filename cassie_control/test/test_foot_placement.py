@@ -259,7 +259,7 @@ def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
     for _ in range(4):
         law.touchdown((-1.0, 0.0), (0.0, 0.0), commanded)
     assert foot() - start == pytest.approx(-5.0 * learned)
-    # It has given way: that is forgotten by the whole error, but not turned into the opposite.
+    # It has given way: forgotten by the whole error, which learns the opposite as slowly as ever.
     error = 2.5 * CONFIG.observer_error
     law.touchdown((0.3 + error, 0.0), (0.0, 0.0), commanded)
     assert foot() - start == pytest.approx(-2.5 * learned)

@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, executable
 from cassie_msgs.msg import SupervisorStatus
-from cassie_msgs.ros.claim import free_domain, held_roles
+from cassie_msgs.ros.claim import held_roles, second
 from cassie_msgs.ros.transport import use_loopback
 from cassie_sim.scenes import SCENES
 
@@ -106,7 +106,7 @@ def _refuse_second(arguments: argparse.Namespace) -> None:
     """The supervisor of another robot in the domain would say that this one is ready.
 
     Raises:
-        ValueError: if a node that is to be started runs in the domain.
+        SecondNodeError: if a node that is to be started runs in the domain.
     """
     domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
     running = sorted(
@@ -115,11 +115,7 @@ def _refuse_second(arguments: argparse.Namespace) -> None:
         if f"{role}:allow_second:=true" not in arguments.parameter
     )
     if running:
-        raise ValueError(
-            f"another {', '.join(running)} runs in ROS domain {domain}: stop it, or start this one "
-            f"with ROS_DOMAIN_ID={free_domain()}, which is free "
-            f"(-p {running[0]}:allow_second:=true starts it here)"
-        )
+        raise second(", ".join(running), domain, f"{running[0]}:allow_second:=true")
 
 
 def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]:

@@ -69,11 +69,21 @@ class Claim:
         """
         if self._allow_second or _lock(self._domain, self._role) is not None:
             return
-        raise SecondNodeError(
-            f"another {self._role} runs in ROS domain {self._domain}: stop it, or start this one "
-            f"with ROS_DOMAIN_ID={free_domain()}, which is free (-p allow_second:=true starts it "
-            "here)"
-        )
+        raise second(self._role, self._domain, "allow_second:=true")
+
+
+def second(roles: str, domain: int, permission: str) -> SecondNodeError:
+    """The refusal of a second node; it names a domain that is free.
+
+    Args:
+        roles: What runs already.
+        domain: Where it runs.
+        permission: Parameter that starts another one beside it.
+    """
+    return SecondNodeError(
+        f"another {roles} runs in ROS domain {domain}: stop it, or start this one with "
+        f"ROS_DOMAIN_ID={free_domain()}, which is free (-p {permission} starts it here)"
+    )
 
 
 def free_domain() -> int:
