@@ -317,6 +317,7 @@ def test_a_second_stack_in_the_domain_refuses_to_start_and_the_first_walks_on(
 ) -> None:
     with robot_that("walk", "lockstep", tmp_path) as robot:
         bring_up(robot, "walk")
+        eyes, episode = robot.eyes, robot.eyes.episode
         second = {
             "simulator": "cassie_sim",
             "state_estimator": "cassie_control",
@@ -326,12 +327,16 @@ def test_a_second_stack_in_the_domain_refuses_to_start_and_the_first_walks_on(
         for name, package in second.items():
             robot.processes.start(f"second_{name}", [executable(package, name)])
         for name in second:
-            robot.eyes.wait_for(
+            eyes.wait_for(
                 lambda name=name: not robot.processes.running(f"second_{name}"), f"{name} to end"
             )
+            assert robot.stands(), eyes.summary()
             words = robot.processes.log(f"second_{name}").read_text().strip()
             assert words.startswith(f"{name}: error: another {name} runs in ROS domain"), words
             assert "which is free" in words and len(words.splitlines()) == 1
+        # Four nodes that start hold up a busy machine: then the robot stops, stands, and goes on.
+        eyes.wait_for(lambda: eyes.mode == "walk" and not eyes.faults, "walking without faults")
+        assert eyes.episode == episode
         goes_on(robot, "walk", 500)
 
 
