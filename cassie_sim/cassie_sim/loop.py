@@ -201,6 +201,7 @@ class SimulationLoop:
             now = self._clock()
             if self.paused and not self.credit:
                 started = now  # the script has its whole timeout after a pause
+                self.switch.pause(now)
             elif not (in_step and self.switch.awaits(seq)):
                 break
             elif now - started >= self.switch.timeout:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from cassie_msgs.bounds import outside
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import Operators
-from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_TIMEOUT, effective_seq
+from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_GONE, SCRIPT_TIMEOUT, effective_seq
 
 
 class PowerSwitch:
@@ -79,8 +79,7 @@ class PowerSwitch:
 
     def _other_plays(self, writer: bytes, now: float) -> bool:
         """Whether a script other than this one plays; it does until it has been silent a while."""
-        silent = self.lost or now - self._heard > SCRIPT_AGE
-        return self._script not in (b"", writer) and not silent
+        return self._script not in (b"", writer) and now - self._heard <= SCRIPT_GONE
 
     def awaits(self, tick: int) -> bool:
         """Whether this tick may not run before the script has answered."""
@@ -93,6 +92,10 @@ class PowerSwitch:
     def timeout(self) -> float:
         """How long to wait for the script. In s."""
         return SCRIPT_TIMEOUT if self._script else self._start_patience
+
+    def pause(self, now: float) -> None:
+        """Robot time stands still: a script that plays has nothing to answer."""
+        self._heard = now
 
     def give_up(self) -> None:
         """Wait no longer: the script did not answer within its timeout."""

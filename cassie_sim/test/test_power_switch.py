@@ -20,9 +20,23 @@ def test_a_second_script_counts_once_the_first_has_been_silent() -> None:
     switch.take(answer(0), A, 7, 0, now=1.0)
     switch.take(answer(10), B, 7, 10, now=1.2)
     assert switch.refused == "another script plays already"
-    switch.take(answer(20), B, 7, 20, now=2.0)
+    switch.take(answer(20), B, 7, 20, now=4.1)
     assert not switch.refused
-    switch.take(answer(20), A, 7, 20, now=2.1)
+    switch.take(answer(20), A, 7, 20, now=4.2)
+    assert switch.refused == "another script plays already"
+
+
+def test_a_script_that_a_busy_machine_holds_up_or_a_pause_silences_still_plays() -> None:
+    switch = PowerSwitch(scripted=True, start_timeout=1.0)
+    switch.take(answer(0), A, 7, 0, now=1.0)
+    switch.give_up()
+    switch.take(answer(10), B, 7, 10, now=2.5)
+    assert switch.refused == "another script plays already"
+    switch.take(answer(10), A, 7, 10, now=2.6)
+    assert not switch.refused
+    assert not switch.lost
+    switch.pause(now=30.0)
+    switch.take(answer(20), B, 7, 20, now=30.5)
     assert switch.refused == "another script plays already"
 
 

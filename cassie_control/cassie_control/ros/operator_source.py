@@ -20,7 +20,7 @@ from cassie_msgs.ros.fast_lane import (
     take_from_each,
 )
 from cassie_msgs.ros.process import Stop
-from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_TIMEOUT, effective_seq
+from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_GONE, SCRIPT_TIMEOUT, effective_seq
 
 _FIRST_ANSWER = 8.0  # s of wall time that a script has for it, within `START_TIMEOUT` of others
 _MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for us
@@ -55,7 +55,7 @@ class OperatorSource:
         self._scripted = scripted
         self.operators = Operators(scripted=scripted)
         self._refusals = Refusals()
-        self._script = b""
+        self._script, self._heard = b"", 0.0
         self._early: deque[bytes] = deque(maxlen=_MOST)
         self._answered: dict[int, OperatorCommand] = {}
         self._received = OperatorCommand()
@@ -182,7 +182,8 @@ class OperatorSource:
             return ""
         if not self._scripted:
             return "it is scripted, and no script is expected (scripted_operator)"
-        if self._script not in (b"", writer) and not self._lost:
+        gone = self._lost and now - self._heard > SCRIPT_GONE
+        if self._script not in (b"", writer) and not gone:
             return "another script plays already"
         if int(command.episode) != self._episode:
             return ""
@@ -191,7 +192,7 @@ class OperatorSource:
         if not refused:
             self._command = self._answered[seq] = OperatorCommand()
             self._command.copy_from(command)
-            self._script, self._arrived = writer, now
+            self._script, self._arrived, self._heard = writer, now, now
         return refused
 
 

@@ -33,7 +33,11 @@ SCRIPT_TIMEOUT = 0.3
 """Wall time that a scripted operator has to answer a state, once it takes part. In s."""
 
 SCRIPT_AGE = 0.5
-"""Wall time without a word of a scripted operator, after which another one may play. In s."""
+"""Age of a script's newest command from which it counts as lost in real time. In s."""
+
+SCRIPT_GONE = 3.0
+"""Wall time without a word of a scripted operator, after which another one may play: longer than a
+busy machine holds a process up. In s."""
 
 START_TIMEOUT = 10.0
 """Wall time in which the other nodes may appear at the start. In s."""
