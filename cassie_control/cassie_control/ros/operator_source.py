@@ -20,7 +20,13 @@ from cassie_msgs.ros.fast_lane import (
     take_from_each,
 )
 from cassie_msgs.ros.process import Stop
-from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_AGE, SCRIPT_GONE, SCRIPT_TIMEOUT, effective_seq
+from cassie_msgs.schedule import (
+    PERIOD_TICKS,
+    SCRIPT_AGE,
+    SCRIPT_GONE,
+    SCRIPT_TIMEOUT,
+    effective_seq,
+)
 
 _FIRST_ANSWER = 8.0  # s of wall time that a script has for it, within `START_TIMEOUT` of others
 _MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for us
