@@ -134,7 +134,7 @@ class StandConfig:
     height_acceleration: float = tunable(
         1.5, "m/s^2", 0.1, 10.0, "Greatest change of the height's rate, whatever is commanded"
     )
-    height_integral: float = tunable(2.0, "1/s", 0.0, 10.0, "Leg length by height error, summed")
+    height_integral: float = tunable(2.5, "1/s", 0.0, 10.0, "Leg length by height error, summed")
     height_damping: float = tunable(
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
     )
