@@ -78,7 +78,7 @@ class PowerSwitch:
                 self.lost = False
 
     def _other_plays(self, writer: bytes, now: float) -> bool:
-        """Whether a script other than this one plays; it does until it has been silent a while."""
+        """Whether a script other than this one plays; it does until it is gone."""
         return self._script not in (b"", writer) and now - self._heard <= SCRIPT_GONE
 
     def awaits(self, tick: int) -> bool:

@@ -36,8 +36,8 @@ SCRIPT_AGE = 0.5
 """Age of a script's newest command from which it counts as lost in real time. In s."""
 
 SCRIPT_GONE = 3.0
-"""Wall time without a word of a scripted operator, after which another one may play: longer than a
-busy machine holds a process up. In s."""
+"""Wall time without a word of a scripted operator, after which another one may play. A pause does
+not count; a busy machine seldom holds a process up for as long. In s."""
 
 START_TIMEOUT = 10.0
 """Wall time in which the other nodes may appear at the start. In s."""
