@@ -28,6 +28,7 @@ setup(
     install_requires=[
         "cma",
         "distributed",
+        "aiohttp",
         "jinja2",
         "matplotlib",
         "mcap",

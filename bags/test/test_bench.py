@@ -27,6 +27,9 @@ KEYS = (
     "round_trip_p50_us",
     "round_trip_p99_us",
     "tick_us",
+    "page_processor_share",
+    "stick_to_command_page_p99_ms",
+    "stick_to_command_joy_p99_ms",
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -12,8 +11,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 from cassie_gaits.errors import GaitLibraryError
-
-_PARENT_DIES = 1  # PR_SET_PDEATHSIG
+from cassie_msgs.processes import end_with_parent
 
 
 def available_cores() -> int:
@@ -47,12 +45,6 @@ def local_processes(count: int) -> Iterator[Executor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def end_with_parent() -> None:
-    """In a child: be terminated when the process that started it dies, however it dies."""
-    with contextlib.suppress(OSError, AttributeError):  # not on Linux
-        ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
 
 
 def _begin_worker() -> None:

@@ -1,5 +1,6 @@
 """A node with parameters, for the tests of starting, changing and stopping."""
 
+import ctypes
 import sys
 from dataclasses import dataclass
 
@@ -49,6 +50,12 @@ class Picked(Node):
     def close(self) -> None:
         """Say that the node could still act."""
         print("closed", flush=True)
+
+    def destroy_node(self) -> None:
+        """Keep the interpreter for a minute if asked to, as a middleware that hangs does."""
+        if "--stuck" in sys.argv:
+            ctypes.PyDLL(None).sleep(60)
+        super().destroy_node()
 
 
 if __name__ == "__main__":

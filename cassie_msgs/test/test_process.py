@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cassie_msgs.ros.process import LEAVE_TIMEOUT
 from cassie_msgs.ros.scheduling import BESIDE_NICENESS, BESIDE_PRIORITY
 
 FOLDER = Path(__file__).parent
@@ -32,6 +33,14 @@ def test_a_signal_ends_a_node_cleanly(number):
     process.send_signal(number)
     out, err = process.communicate(timeout=10)
     assert time.monotonic() - began < 2.0
+    assert (process.returncode, out.strip(), err) == (0, "closed", "")
+
+
+def test_a_node_that_middleware_holds_up_at_its_end_ends_all_the_same():
+    process = start("pick_node.py", "--stuck")
+    assert process.stdout.readline().startswith("ready")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=LEAVE_TIMEOUT + 5)
     assert (process.returncode, out.strip(), err) == (0, "closed", "")
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu
+from tf2_msgs.msg import TFMessage
 
 from cassie_msgs.sample import LayoutError
-from cassie_msgs.standard_messages import IMU, ODOMETRY, Writer, read_rows
+from cassie_msgs.standard_messages import IMU, ODOMETRY, Writer, read_rows, read_transforms
 
 FRAMES = [("odom", "base_link"), ("", ""), ("a", "bcd"), ("world/of/frames", "x" * 40)]
 
@@ -41,6 +43,42 @@ def test_an_imu_message_is_written_as_ros_reads_it_and_read_as_ros_writes_it(fra
     (row,) = read_rows(IMU, [serialize_message(message)])
     assert row["angular"].tolist() == [13.0, 14.0, 15.0]
     assert row["force"].tolist() == [25.0, 26.0, 27.0]
+
+
+def transforms_between(*frames):
+    message = TFMessage()
+    for index, (parent, child) in enumerate(frames):
+        entry = TransformStamped(child_frame_id=child)
+        entry.header.frame_id = parent
+        t, r = entry.transform.translation, entry.transform.rotation
+        t.x, t.y, t.z, r.x, r.y, r.z, r.w = (index + 0.1 * i for i in range(7))
+        message.transforms.append(entry)
+    return serialize_message(message)
+
+
+def test_transforms_are_read_as_ros_writes_them():
+    frames = [("odom", "pelvis"), ("pelvis", "left_hip"), ("a", ""), ("", "größe"), ("odom", "x")]
+    poses = read_transforms(transforms_between(*frames))
+    assert list(poses) == [child for _, child in frames]
+    for index, pose in enumerate(poses.values()):
+        assert pose == tuple(index + 0.1 * i for i in range(7))
+    assert read_transforms(transforms_between()) == {}
+
+
+def test_transforms_cut_or_altered_are_read_or_refused():
+    raw = transforms_between(("odom", "pelvis"), ("pelvis", "left_hip"))
+    whole = set(read_transforms(raw))
+    for length in range(len(raw)):
+        with pytest.raises(LayoutError, match="TFMessage"):
+            read_transforms(raw[:length])
+    random = np.random.default_rng(7)
+    for _ in range(300):
+        altered = bytearray(raw)
+        altered[random.integers(4, len(raw))] = random.integers(256)
+        try:
+            assert len(read_transforms(bytes(altered))) <= len(whole)
+        except LayoutError as error:
+            assert "TFMessage" in str(error)
 
 
 @pytest.mark.parametrize("kind", [ODOMETRY, IMU])

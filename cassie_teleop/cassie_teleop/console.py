@@ -176,10 +176,10 @@ class Console:
                 self._rest()
             return without_link(self._base)
         self._linked = now
-        request = self._moving(self._pages[self.driver].sticks)
+        motion = self._motion(self._pages[self.driver].sticks)
         asks = self._holder not in ("", self._name) and now - self._taken < ASKING
-        power = request.power and now - self._cycled >= _CYCLE
-        return replace_checked(request, take_over=asks, power=power)
+        power = self._base.power and now - self._cycled >= _CYCLE
+        return replace_checked(self._base, take_over=asks, power=power, **motion)
 
     def last_request(self) -> Request | None:
         """The stop with which the node ends; None if it does not speak anyway."""
@@ -245,21 +245,21 @@ class Console:
         self._base = replace_checked(stopped(self._base), mode="stand", **changes)
         self.armed = False
 
-    def _moving(self, sticks: Sticks) -> Request:
+    def _motion(self, sticks: Sticks) -> dict[str, float]:
+        """Set-points that the sticks change."""
         base, reach = self._base, self.reach
         if not self.armed or base.mode == "stand":
-            return base
+            return {}
         if base.mode == "segway":
             com_x = clamped("com_x", base.com_x + reach.lean * sticks.forward)
             com_y = clamped("com_y", base.com_y + reach.lean * sticks.turn)
-            return replace_checked(base, com_x=com_x, com_y=com_y)
+            return {"com_x": com_x, "com_y": com_y}
         along = reach.forward if sticks.forward > 0.0 else reach.backward
-        return replace_checked(
-            base,
-            vx=along * sticks.forward,
-            vy=reach.sideways * sticks.left,
-            yaw_rate=reach.turn * sticks.turn,
-        )
+        return {
+            "vx": along * sticks.forward,
+            "vy": reach.sideways * sticks.left,
+            "yaw_rate": reach.turn * sticks.turn,
+        }
 
     def _who_drives(self) -> str:
         return f"{self.driver_name} drives" if self.driver is not None else "press Drive first"

@@ -79,7 +79,8 @@ class Keyboard:
                 return _POWER_FIRST
             self.request = self._changed(self.request, key)
         else:
-            return f"{key!r} does nothing: ? lists the keys" if key else ""
+            name = key if len(key) > 1 else repr(key)
+            return f"{name} does nothing: ? lists the keys"
         return ""
 
     def _changed(self, request: Request, key: str) -> Request:

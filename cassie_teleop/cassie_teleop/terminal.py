@@ -15,6 +15,7 @@ from typing import TextIO
 
 _KEY = re.compile(r"\x1b(?:[\[O][0-9;]*[A-Za-z~]|.)?|[^\x1b]", re.DOTALL)
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_ESCAPE = "\x1b"
 
 
 class Terminal:
@@ -35,7 +36,7 @@ class Terminal:
         tty.setcbreak(self._fd)
 
     def keys(self, timeout: float) -> list[str]:
-        """Keys pressed by now, arrows by name; waits for one at most `timeout` s.
+        """Keys pressed by now, those without a character by name; waits at most `timeout` s.
 
         Raises:
             EOFError: if the terminal is gone.
@@ -50,7 +51,7 @@ class Terminal:
         if not raw:
             raise EOFError("the terminal is gone")
         found = _KEY.findall(raw.decode("utf-8", "ignore"))
-        return [_ARROWS.get(key[-1:], "") if len(key) > 1 else key for key in found]
+        return [_name(key) for key in found]
 
     def show(self, lines: Sequence[str]) -> None:
         """Draw the status lines, none wider than the terminal, if they have changed."""
@@ -78,3 +79,12 @@ class Terminal:
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
             self._sink.write("\n")
             self._sink.flush()
+
+
+def _name(key: str) -> str:
+    """A character as it is, an arrow by its name; others are not told apart."""
+    if not key.startswith(_ESCAPE):
+        return key
+    if len(key) == 1:
+        return "Esc"
+    return _ARROWS.get(key[2:], "special key")

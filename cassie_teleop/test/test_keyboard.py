@@ -1,5 +1,9 @@
 """Keys and the status lines."""
 
+import io
+import os
+import pty
+
 from cassie_teleop.keyboard import (
     HELP,
     MODE_KEYS,
@@ -10,6 +14,7 @@ from cassie_teleop.keyboard import (
     Status,
     status_lines,
 )
+from cassie_teleop.terminal import Terminal
 
 
 def typed(keys):
@@ -58,9 +63,24 @@ def test_every_key_is_in_the_help_and_none_has_two_meanings():
 
 def test_a_key_that_does_nothing_is_answered():
     assert Keyboard().press("§") == "'§' does nothing: ? lists the keys"
+    assert Keyboard().press("special key") == "special key does nothing: ? lists the keys"
     assert Keyboard().press("w") == "press p for power on first, or o for power off"
     assert typed("p").press("w") == ""
     assert typed("px").left
+
+
+def test_keys_without_a_character_are_named():
+    """F5, an arrow of either kind, Esc, and Alt with a letter that ends an arrow, too."""
+    keyboard, program = pty.openpty()
+    with os.fdopen(program) as source, io.StringIO() as sink:
+        terminal = Terminal(source, sink)
+        try:
+            os.write(keyboard, b"w\x1b[15~\x1b[A\x1bOB\x1bA\x1b")
+            pressed = terminal.keys(1.0)
+        finally:
+            terminal.close()
+            os.close(keyboard)
+    assert pressed == ["w", "special key", "up", "down", "special key", "Esc"]
 
 
 def test_arrows_do_what_letters_do():

@@ -10,6 +10,7 @@ import time
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Joy
 
 from cassie_msgs.layout import OperatorCommand, RobotMode, RobotState
@@ -116,6 +117,26 @@ def test_a_stick_is_sent_on_as_it_moves_and_a_released_button_stops_once(node):
     with pytest.raises(AssertionError):
         commands.until(lambda c: c.vx != 0.0, timeout=0.2)
     assert all(c.link and c.power for c in commands.all[count:])
+
+
+def test_bytes_that_are_no_joy_are_as_good_as_silence(node):
+    commands = Commands(node)
+    joy = node.create_publisher(Joy, "/joy", 10)
+    radio = start("rc_teleop", stderr=subprocess.PIPE)
+    walking = GOOD.copy()
+    walking[2] = 1.0
+    good = Joy(axes=walking, buttons=[1, 1])
+    raw = serialize_message(good)
+    try:
+        commands.until(lambda c: c.vx == 1.0, meanwhile=lambda: joy.publish(good))
+        for length in range(4, len(raw), 3):
+            joy.publish(raw[:length])
+            time.sleep(0.005)
+        commands.until(lambda c: not c.link)
+        commands.until(lambda c: c.vx == 1.0, meanwhile=lambda: joy.publish(good))
+    finally:
+        end(radio)
+    assert b"Traceback" not in radio.stderr.read()
 
 
 @pytest.mark.parametrize("run", range(5))

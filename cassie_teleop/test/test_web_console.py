@@ -11,10 +11,13 @@ from pathlib import Path
 
 import pytest
 from console_peers import CODE, Page, Robot, WebConsole
+from mcap.reader import make_reader
 
 from cassie_msgs.layout import RobotMode
 from cassie_msgs.operators import sender_of
 from cassie_msgs.ros.scheduling import OPERATOR_PRIORITY
+
+MCAP_END = b"\x89MCAP0\r\n"
 
 
 @pytest.fixture
@@ -153,6 +156,18 @@ def test_in_wall_time_it_runs_before_browsers_but_its_recorder_does_not(robot, t
         assert os.sched_getscheduler(recorder) == os.SCHED_OTHER
         page.press("record")
         robot.until(lambda: page.status["recording"] == "")
+
+
+def test_a_recording_is_ended_whole_where_the_console_is_killed(robot, tmp_path):
+    with WebConsole("-p", f"bags:={tmp_path}") as console, Page(console.address) as page:
+        robot.until(lambda: page.status.get("robot"))
+        page.press("record")
+        robot.until(lambda: page.status["recording"] and robot.readers == 2)
+        bag = tmp_path / page.status["recording"]
+        console.process.kill()
+        robot.until(lambda: bag.exists() and bag.read_bytes()[8:].endswith(MCAP_END))
+    with bag.open("rb") as stream:
+        assert make_reader(stream).get_summary() is not None
 
 
 def test_a_page_is_told_that_nobody_listens(node, console):

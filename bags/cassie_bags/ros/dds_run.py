@@ -75,14 +75,17 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
     for old in (bag, folder / METADATA_FILE):  # of a run before
         old.unlink(missing_ok=True)
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
-    with own_domain() as domain, Processes(environment(domain), folder / "log") as processes:
+    with (
+        own_domain() as domain,
+        Spectator(domain) as spectator,
+        Processes(environment(domain), folder / "log") as processes,
+    ):
         record = executable("cassie_bags", "record")
         processes.start("record", [record, "-o", bag, "--metadata", metadata])
         start_nodes(experiment, folder, processes, stack=stack)
-        with Spectator(domain) as spectator:
-            _await_recorder(processes)
-            spectator.resume(START_TIMEOUT)
-            watch(experiment, processes, spectator)
+        _await_recorder(processes)
+        spectator.resume(START_TIMEOUT)
+        watch(experiment, processes, spectator)
         processes.stop("record")
         processes.check("record", "simulator")
     return bag

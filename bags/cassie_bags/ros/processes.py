@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from cassie_bags.errors import RunError
-from cassie_gaits.processes import end_with_parent
+from cassie_msgs.processes import end_with_parent
 from cassie_msgs.ros.claim import SecondNodeError, run_domain
 
 GRACE = 5.0

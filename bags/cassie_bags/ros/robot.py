@@ -12,15 +12,14 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
 from cassie_bags.errors import RunError
+from cassie_bags.ros.onlooker import onlooker
 from cassie_bags.ros.processes import Processes, executable
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.claim import held_roles, second
-from cassie_msgs.ros.transport import use_loopback
 from cassie_sim.scenes import SCENES
 
 ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
@@ -50,16 +49,18 @@ def main() -> int:
     # A shell that starts this in the background has Ctrl-C ignored; whoever sends it means it.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: stop.set())
-    use_loopback()
     logs = arguments.logs or _log_folder()
     try:
         commands = node_commands(arguments)
         _refuse_second(arguments)
-        with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
+        with (
+            onlooker("robot") as (node, executor),
+            Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes,
+        ):
             for name, command in commands.items():
                 processes.start(name, command)
             _say(f"starting {', '.join(commands)}; logs in {logs}")
-            if _await_robot(processes, stop):
+            if _await_robot(node, executor, processes, stop):
                 _say(_ready(processes, arguments))
             while not stop.wait(_LOOK):
                 processes.check()
@@ -123,24 +124,22 @@ def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]
     return [executable(package, name), *(["--ros-args", *words] if words else [])]
 
 
-def _await_robot(processes: Processes, stop: threading.Event) -> bool:
+def _await_robot(
+    node: Node, executor: SingleThreadedExecutor, processes: Processes, stop: threading.Event
+) -> bool:
     """Wait until the supervisor speaks of a state; says whether it does, False if stopped.
 
     Raises:
         RunError: if a node ends, or nothing is heard for long.
     """
     heard = threading.Event()
-    context = Context()
-    rclpy.init(args=[], context=context)  # -p is for the nodes that are started
-    node = rclpy.create_node("robot", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
 
     def listen(status: SupervisorStatus) -> None:
         if status.episode:
             heard.set()
 
-    node.create_subscription(SupervisorStatus, "/cassie/supervisor_status", listen, 10)
+    topic = "/cassie/supervisor_status"
+    subscription = node.create_subscription(SupervisorStatus, topic, listen, 10)
     deadline = time.monotonic() + TIMEOUT
     try:
         while not (heard.is_set() or stop.is_set()):
@@ -149,9 +148,7 @@ def _await_robot(processes: Processes, stop: threading.Event) -> bool:
                 raise RunError(f"the robot is not ready after {TIMEOUT:g} s")
             executor.spin_once(timeout_sec=_LOOK)
     finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+        node.destroy_subscription(subscription)
     return heard.is_set()
 
 

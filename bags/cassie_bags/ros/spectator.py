@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import struct
 import time
+from contextlib import ExitStack
 from types import TracebackType
 
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from cassie_bags.errors import RunError
+from cassie_bags.ros.onlooker import onlooker
 from cassie_msgs.ros.fast_lane import RawSubscription
-from cassie_msgs.ros.transport import use_loopback
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PAUSE_SERVICE = "/cassie/pause"
@@ -23,21 +21,19 @@ _STAMP = struct.Struct("<4xiI")
 
 
 class Spectator:
-    """Looks on from the command line's process. Use it in a `with` statement.
+    """Looks on from the command line's process.
+
+    Use it in a `with` statement, around that of the nodes.
 
     Args:
         domain: ROS domain of the nodes.
     """
 
     def __init__(self, domain: int) -> None:
-        self._context = Context()
-        use_loopback()
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = rclpy.create_node("experiment", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._clock = RawSubscription(self._node, Clock, "/clock", _NEWEST)
-        self._pause = self._node.create_client(SetBool, _PAUSE_SERVICE)
+        self._leave = ExitStack()
+        node, self._executor = self._leave.enter_context(onlooker("experiment", domain))
+        self._clock = RawSubscription(node, Clock, "/clock", _NEWEST)
+        self._pause = node.create_client(SetBool, _PAUSE_SERVICE)
         self._time = 0.0
 
     def resume(self, timeout: float) -> None:
@@ -77,6 +73,4 @@ class Spectator:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        self._leave.close()

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 from cassie_bags.errors import RunError
 from cassie_bags.studies.workers import DIED, children_without_ctrl_c, obey_parent
-from cassie_gaits.processes import end_with_parent
+from cassie_msgs.processes import end_with_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

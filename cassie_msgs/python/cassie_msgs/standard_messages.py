@@ -1,4 +1,4 @@
-"""nav_msgs/Odometry and sensor_msgs/Imu as serialized bytes, without message objects.
+"""nav_msgs/Odometry, sensor_msgs/Imu and tf2_msgs/TFMessage as bytes, without message objects.
 
 Filling and serializing such a message costs 60 us in Python. As long as the names of its frames
 stay the same, its serialized form is a fixed table of offsets, as for the control lane (see
@@ -26,6 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
+_POSE = struct.Struct("<7d")
 
 
 @dataclass(frozen=True)
@@ -140,3 +141,29 @@ def read_rows(kind: Kind, messages: Sequence[bytes]) -> npt.NDArray[Any]:
     if any(not 0 <= len(raw) - dtype.itemsize <= 3 for raw in messages):
         raise LayoutError(f"messages of {kind.type} differ in length")
     return np.frombuffer(b"".join(raw[: dtype.itemsize] for raw in messages), dtype)
+
+
+def read_transforms(raw: bytes) -> dict[str, tuple[float, ...]]:
+    """Poses in a serialized tf2_msgs/TFMessage: x, y, z in m, quaternion x, y, z, w, by frame.
+
+    Raises:
+        LayoutError: if it is no such message.
+    """
+    poses: dict[str, tuple[float, ...]] = {}
+    start = len(ENCAPSULATION)  # CDR aligns from here
+    try:
+        (count,) = _LENGTH.unpack_from(raw, start)
+        end = _LENGTH.size
+        for _ in range(count):
+            end += -end % 4 + _STAMP.size
+            for _ in ("frame", "child frame"):
+                end += -end % 4
+                (length,) = _LENGTH.unpack_from(raw, start + end)
+                name, end = end + _LENGTH.size, end + _LENGTH.size + int(length)
+            child = raw[start + name : start + end - 1].decode()
+            end += -end % 8
+            poses[child] = _POSE.unpack_from(raw, start + end)
+            end += _POSE.size
+    except (struct.error, UnicodeDecodeError):
+        raise LayoutError(f"{len(raw)} bytes are no tf2_msgs/msg/TFMessage") from None
+    return poses

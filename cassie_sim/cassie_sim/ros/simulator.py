@@ -160,6 +160,8 @@ ABOUT = About(
         "/clock",
         "/joint_states",
         "/robot_description",
+        "/segway/ground_truth",
+        "/segway/imu",
         "/diagnostics",
     ),
     services=(

@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
+from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import tunable
 from cassie_teleop.cmd_vel import VelocityCommands, VelocityError
 from cassie_teleop.radio import without_link
@@ -57,6 +58,7 @@ class CmdVel(Node):
             ValueError: if a parameter is wrong.
         """
         super().__init__("cmd_vel")
+        self._stop = stop
         self._config = config = parameters.declare(self, Config())
         self._commands = VelocityCommands(config.timeout, config.stand_after)
         parameters.on_change(self, lambda: self._config, self._configure)
@@ -74,6 +76,11 @@ class CmdVel(Node):
         self.create_timer(_LOOK, self._look, clock=steady)
         self.create_timer(1.0 / config.rate, self._send, clock=steady)
         self._look()
+
+    def loop(self) -> None:
+        """Leave everything to the executor."""
+        run_as(Place.OPERATOR)
+        self._stop.wait()
 
     def close(self) -> None:
         """Send exactly one stop."""

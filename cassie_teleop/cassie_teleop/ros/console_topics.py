@@ -18,6 +18,8 @@ from cassie_msgs.layout import ControllerStatus, Mode, OperatorCommand, RobotSta
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.operators import sender_of
 from cassie_msgs.ros.fast_lane import LaneSubscription, RawSubscription, take_from_each
+from cassie_msgs.sample import LayoutError
+from cassie_msgs.standard_messages import read_transforms
 from cassie_teleop.page_frame import Picture
 from cassie_teleop.robot_description import (
     DescriptionError,
@@ -90,9 +92,8 @@ class ConsoleTopics:
         for _, raw in take_from_each(self._commands, most=1):
             self._follow_command(raw, now)
         for _, raw in take_from_each(self._transforms, most=1):
-            for each in deserialize_message(raw, TFMessage).transforms:
-                t, r = each.transform.translation, each.transform.rotation
-                picture.poses[each.child_frame_id] = (t.x, t.y, t.z, r.x, r.y, r.z, r.w)
+            with suppress(LayoutError):
+                picture.poses.update(read_transforms(raw))
         for _, raw in take_from_each(self._statuses, most=1):
             self._status = deserialize_message(raw, SupervisorStatus)
             self._status_at, self.holder = now, self._status.holder

@@ -17,6 +17,7 @@ from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros import parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
+from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines
 from cassie_teleop.page_frame import achieved
@@ -78,6 +79,7 @@ class KeyboardTeleop(Node):
             self._stop.request(exit_code=1)
 
     def _read_and_send(self) -> None:
+        run_as(Place.OPERATOR)
         due = time.monotonic()
         while not self._stop.requested and not self._keyboard.left:
             for key in self._terminal.keys(max(0.0, due - time.monotonic())):

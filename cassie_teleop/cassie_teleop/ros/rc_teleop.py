@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Joy
 
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.fast_lane import NEWEST
+from cassie_msgs.ros.fast_lane import NEWEST, LaneWaiter, RawSubscription
+from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.device import read_device, with_buttons
 from cassie_teleop.radio import Radio, without_link
@@ -62,10 +63,22 @@ class RcTeleop(Node):
         parameters.on_change(self, lambda: self._config, self._configure)
         self._sender = Sender(self)
         self._diagnostics = diagnostics.Diagnostics(self)
-        self.create_subscription(Joy, "/joy", self._on_joy, NEWEST)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(1.0 / config.rate, self._send, clock=steady)
+        self._joy = RawSubscription(self, Joy, "/joy", NEWEST)
+        self._waiter = LaneWaiter(self, [self._joy])
+        self._stop = stop
+        stop.on_request(self._waiter.wake)
         self._sent = -math.inf
+        self._due = time.monotonic()  # when the next command is sent
+
+    def loop(self) -> None:
+        """Send at the rate, and in between what the device asks for as it comes."""
+        run_as(Place.OPERATOR)
+        while not self._stop.requested:
+            self._waiter.wait(max(0.0, self._due - time.monotonic()))
+            if (raw := self._joy.take_raw()) is not None:
+                self._on_joy(deserialize_message(raw, Joy))
+            if time.monotonic() >= self._due:
+                self._send()
 
     def close(self) -> None:
         """Send exactly one stop."""
@@ -80,12 +93,11 @@ class RcTeleop(Node):
     def _on_joy(self, joy: Joy) -> None:
         now = time.monotonic()
         urgent = self._receiver.receive(joy.axes, joy.buttons, now)
-        if urgent or now - self._sent >= _APART:
-            self._timer.reset()
-            self._send()
+        self._due = now if urgent else min(self._due, max(now, self._sent + _APART))
 
     def _send(self) -> None:
         now = self._sent = time.monotonic()
+        self._due = now + 1.0 / self._config.rate
         problem = self._receiver.problem(now)
         level = diagnostics.WARN if problem else diagnostics.OK
         self._diagnostics.set("radio", level, problem or "link good", device=self._config.device)

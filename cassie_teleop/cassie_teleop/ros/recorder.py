@@ -11,6 +11,8 @@ from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
+from cassie_msgs.processes import end_with_parent
+
 _TIMEOUT = 10.0  # s, for a recorder to write the end of its bag
 
 
@@ -74,7 +76,10 @@ class Recorder:
             command: list[str | Path] = [self._program, "-o", self._file]
             # Ctrl-C in the terminal ends the console, which ends the recording.
             self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, start_new_session=True
+                command,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+                preexec_fn=end_with_parent,
             )
         except OSError as error:
             self._tell(f"no recording: {error}")

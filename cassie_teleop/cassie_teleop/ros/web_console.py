@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import secrets
 import socket
 import time
@@ -84,6 +85,7 @@ class WebConsole(Node):
         self._pages: set[int] = set()
         self._graph: dict[str, Any] = {"orders": [], "heard": False}
         self._ending = False
+        self._looked = -math.inf
         self._last: Request | None = None
         token = _token(self._config)
         try:
@@ -184,13 +186,15 @@ class WebConsole(Node):
 
     async def _send_commands(self) -> None:
         while True:
-            if not self._send() and not self._pages:
+            wait = self._looked + 1.0 / self._config.rate - time.monotonic()
+            if wait > 0.0:  # after the last turn, or what a page has said since
+                await asyncio.sleep(wait)
+            elif not self._send() and not self._pages:
                 await self._woken.wait()
-            await asyncio.sleep(1.0 / self._config.rate)
 
     def _send(self) -> bool:
         """Send a command if there is something to say; says whether there was."""
-        now = time.monotonic()
+        now = self._looked = time.monotonic()
         request = None if self._ending else self._console.request(now)
         if request is not None:
             self._sender.send(request)

@@ -20,9 +20,18 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from cassie_msgs.processes import end_within
 from cassie_msgs.ros.about import About, help_text
 from cassie_msgs.ros.parameters import refuse_unknown
+from cassie_msgs.ros.scheduling import step_back
 from cassie_msgs.ros.transport import use_loopback
+
+LEAVE_TIMEOUT = 2
+"""Wall time for a node to take leave of DDS. In s.
+
+Fast DDS 2.14 waits for ever, as busy as it can be, for a callback that waits for it in turn, if
+another node leaves just then. What the others have to know, they know before.
+"""
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
@@ -127,6 +136,9 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
         # Now that no timer and no subscription can say anything any more.
         if hasattr(node, "close"):
             node.close()
+    sys.stdout.flush()
+    end_within(LEAVE_TIMEOUT, stop.exit_code)
+    step_back()
     with contextlib.suppress(*_SHUTDOWN_ERRORS):
         for each in nodes:
             each.destroy_node()

@@ -8,7 +8,7 @@ disk. Both take a permission, which two lines of limits.conf give.
 In lock-step, robot time waits for whoever is late. There, nodes beside the chain from sample to
 command give way: one state goes to several nodes, and the one in the chain must not get it last.
 
-A console that a person drives with stands behind both, but before the browser that draws its page.
+What a person drives with stands behind both, but before the browser that draws the page.
 
 Source:
     Linux, sched(7) and mlock(2).
@@ -30,7 +30,7 @@ BESIDE_PRIORITY = 30
 """That of nodes beside the chain, which have several ticks for their answers."""
 
 OPERATOR_PRIORITY = 20
-"""That of a console, which has the time that a person takes for an answer."""
+"""That of a person's stick or page, for which a person waits."""
 
 BESIDE_NICENESS = 10
 """Niceness of nodes beside the chain, in lock-step."""
@@ -72,7 +72,7 @@ class Scheduling:
             return
         before, self._wall_paced = self._wall_paced, wall_paced
         if wall_paced:
-            problem = _run_before_all(self._place)
+            problem = run_as(self._place)
             if problem and not self._told:
                 self._told = True
                 self._say(
@@ -86,14 +86,23 @@ class Scheduling:
             _give_way(BESIDE_NICENESS)
 
 
-def _run_before_all(place: Place) -> str:
-    """Run all threads before ordinary processes, in locked memory; says what prevents it."""
+def run_as(place: Place) -> str:
+    """Run all threads before ordinary processes, in locked memory; says what prevents it.
+
+    For a node that a person drives with, which does not follow robot time.
+    """
     heirs = os.SCHED_RESET_ON_FORK if place is Place.OPERATOR else 0
     if problem := _schedule(os.SCHED_FIFO | heirs, place.value):
         return problem
     if _libc.mlockall(_CURRENT | _FUTURE | _ON_FAULT) == 0:
         return ""
     return f"memory: {os.strerror(ctypes.get_errno())}"
+
+
+def step_back() -> None:
+    """Run as an ordinary process again, for one that takes leave."""
+    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+        _schedule(os.SCHED_OTHER, 0)
 
 
 def _give_way(niceness: int) -> None:

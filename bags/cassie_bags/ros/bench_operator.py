@@ -1,0 +1,277 @@
+"""What the benchmark measures of the ways in: joystick and page, beside the loop and a recorder."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+import os
+import re
+import tempfile
+import threading
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import Joy
+
+from cassie_bags.errors import RunError
+from cassie_bags.ros.onlooker import onlooker
+from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_msgs.layout import OperatorCommand
+from cassie_msgs.operators import sender_of
+from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
+from cassie_msgs.ros.scheduling import Place, run_as, step_back
+
+TIMEOUT = 60.0
+"""Wall time in which the robot must be ready, and in which it must walk. In s."""
+
+_RATE = 500.0  # Hz of the control loop
+_LONGEST = 1.0  # s for a stick to arrive; what takes longer counts as this
+_GLANCE = 0.005  # s between two looks at what has arrived
+_STEP = 0.01  # s between two looks at anything else
+_XBOX = {"start": 7, "walk": 3, "enable": 4}  # buttons; see the device file
+_AXES, _BUTTONS = 8, 11
+
+
+def operated(seconds: float) -> dict[str, float]:
+    """A robot paced by the wall clock that a page drives, with a recorder and a joystick beside.
+
+    The page is a client without a browser: what it costs to draw is the browser's, which may run
+    on another computer. The joystick has no lease; its commands leave all the same.
+
+    Args:
+        seconds: For how long it walks. In s.
+
+    Returns:
+        Share of the control ticks without a new command; the console's share of one processor;
+        and the times from a stick to its command, for the page and for /joy. In ms.
+
+    Raises:
+        RunError: if it does not come to walking.
+    """
+    with _robot() as (processes, listener):
+        return asyncio.run(_operate(processes, listener, seconds))
+
+
+class _Listener:
+    """Sends /joy and reads every operator command, as promptly as the supervisor does.
+
+    Args:
+        node: Its node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._joy = node.create_publisher(Joy, "/joy", 10)
+        self._commands = LaneSubscription(node, OperatorCommand, qos=EVERY)
+        self._waiter = LaneWaiter(node, [self._commands])
+        self._changed: dict[str, tuple[float, float]] = {}
+        self._open = True
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+        run_as(Place.OPERATOR)
+
+    def move(self, vx: float, *pressed: str) -> None:
+        """Send how the joystick stands."""
+        down = {_XBOX[name] for name in pressed}
+        axes = [0.0, vx, *[0.0] * (_AXES - 2)]
+        self._joy.publish(Joy(axes=axes, buttons=[int(i in down) for i in range(_BUTTONS)]))
+
+    def changed(self, node: str) -> tuple[float, float]:
+        """Speed forward that a node asks for, in m/s, and since when (monotonic, s)."""
+        return self._changed.get(node, (0.0, 0.0))
+
+    def close(self) -> None:
+        """Read no more."""
+        self._open = False
+        self._waiter.wake()
+        self._thread.join()
+        step_back()
+
+    def _listen(self) -> None:
+        command = OperatorCommand()
+        while self._open:
+            self._waiter.wait(1.0)
+            now = time.monotonic()
+            while self._commands.take_next(command):
+                name, vx = sender_of(command).partition("-")[0], float(command.vx)
+                if vx != self.changed(name)[0]:
+                    self._changed[name] = (vx, now)
+
+
+class _Page:
+    """A page: answers each frame, and drives."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self.status: dict[str, Any] = {}
+        self._socket = socket
+        self._sticks = {"forward": 0.0, "left": 0.0, "turn": 0.0}
+        self._echo = 0.0
+
+    async def live(self) -> None:
+        """Answer frames for as long as the link holds."""
+        async for message in self._socket:
+            content = json.loads(message.data)
+            self.status = content.get("status", self.status)
+            if "t" in content:
+                self._echo = content["t"]
+                await self.beat()
+
+    async def beat(self, **sticks: float) -> None:
+        """Say how the sticks stand."""
+        self._sticks |= sticks
+        await self._socket.send_json({"echo": self._echo, "visible": True, **self._sticks})
+
+    async def press(self, button: str) -> None:
+        """Press a button."""
+        await self._socket.send_json({"echo": self._echo, "press": button})
+
+
+@contextmanager
+def _robot() -> Iterator[tuple[Processes, _Listener]]:
+    """The robot in the gantry, its console, a recorder and rc_teleop, in a domain of their own."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
+        own_domain() as domain,
+        onlooker("bench", domain) as (node, _),
+        Processes(environment(domain), Path(name) / "log") as processes,
+    ):
+        options = ["--console", "--realtime", "-p", "web_console:port:=0"]
+        logs = Path(name) / "robot"
+        robot = executable("cassie_bags", "robot")
+        processes.start("robot", [robot, *options, "--logs", logs])
+        recorder = executable("cassie_bags", "record")
+        processes.start("record", [recorder, "-o", Path(name) / "bag.mcap"])
+        teleop = executable("cassie_teleop", "rc_teleop")
+        processes.start("rc_teleop", [teleop, "--ros-args", "-p", "device:=xbox"])
+        listener = _Listener(node)
+        try:
+            yield processes, listener
+        finally:
+            listener.close()
+
+
+async def _operate(processes: Processes, listener: _Listener, seconds: float) -> dict[str, float]:
+    address = await _address(processes)
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(f"{address}socket", headers={"Origin": address.rstrip("/")}) as socket,
+    ):
+        page = _Page(socket)
+        living = asyncio.create_task(page.live())
+        try:
+            await _walk(page, listener)
+            return await _measure(page, listener, processes, seconds)
+        finally:
+            living.cancel()
+
+
+async def _address(processes: Processes) -> str:
+    """Where the page is, once the robot can be driven."""
+
+    def ready() -> re.Match[str] | None:
+        processes.check()
+        said = processes.log("robot").read_text(encoding="utf-8", errors="replace")
+        return re.search(r"drive it: (http://\S+/)", said)
+
+    return str((await _until(ready, "the robot to be ready"))[1])
+
+
+async def _walk(page: _Page, listener: _Listener) -> None:
+    """Have the page drive until the robot walks."""
+    robot: Callable[[], dict[str, Any]] = lambda: page.status.get("robot") or {}  # noqa: E731
+    await _until(lambda: page.status, "the page")
+    await page.press("drive")
+    await _until(lambda: page.status.get("driver"), "the lease")
+    await page.press("power")
+    await _until(lambda: page.status["power"], "power")
+    await page.press("lower")
+    await _until(lambda: robot().get("mode") == "stand", "standing")
+    await page.press("walk")
+    await _until(lambda: robot().get("mode") == "walk", "walking")
+    for button in ("start", "walk", "enable"):
+        for _ in range(10):  # a press must last
+            listener.move(0.0, button)
+            await asyncio.sleep(0.02)
+    await page.beat(forward=0.5)
+    await _until(lambda: listener.changed("web_console")[0] > 0.0, "the page to move it")
+    listener.move(0.5, "enable")
+    await _until(lambda: listener.changed("rc_teleop")[0] > 0.0, "the joystick")
+
+
+async def _measure(
+    page: _Page, listener: _Listener, processes: Processes, seconds: float
+) -> dict[str, float]:
+    console = _child(processes.pid("robot"), "web_console")
+    missed, used, began = _missed(page), _processor_time(console), time.monotonic()
+    delays: dict[str, list[float]] = {"page": [], "joy": []}
+    for number in itertools.count():
+        if time.monotonic() - began > seconds:
+            break
+        share = 0.3 + 0.3 * (number % 97) / 97  # by which the command of this move is known
+        await asyncio.sleep(0.006 + 0.001 * (number % 15))
+        moved = page.beat(forward=share)
+        delays["page"].append(await _delay(listener, "web_console", moved))
+        await asyncio.sleep(0.006 + 0.001 * (number % 15))
+        delays["joy"].append(await _delay(listener, "rc_teleop", _moved(listener, share)))
+    took = time.monotonic() - began
+    used = _processor_time(console) - used
+    await asyncio.sleep(1.5)  # for the newest count
+    return {
+        "missed_share_realtime_500hz_operated": (_missed(page) - missed) / (_RATE * took),
+        "page_processor_share": used / took,
+        "stick_to_command_page_p99_ms": 1e3 * float(np.percentile(delays["page"], 99)),
+        "stick_to_command_joy_p99_ms": 1e3 * float(np.percentile(delays["joy"], 99)),
+    }
+
+
+async def _moved(listener: _Listener, share: float) -> None:
+    listener.move(share, "enable")
+
+
+async def _delay(listener: _Listener, node: str, move: Awaitable[None]) -> float:
+    """Time from a move of a stick to the first command of its node with another speed. In s."""
+    before = listener.changed(node)
+    began = time.monotonic()
+    await move
+    while listener.changed(node) == before:
+        await asyncio.sleep(_GLANCE)
+        if time.monotonic() - began > _LONGEST:
+            return _LONGEST
+    return listener.changed(node)[1] - began
+
+
+async def _until(condition: Callable[[], Any], what: str) -> Any:
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        if found := condition():
+            return found
+        await asyncio.sleep(_STEP)
+    raise RunError(f"bench waits for {what} in vain: {TIMEOUT:g} s")
+
+
+def _missed(page: _Page) -> int:
+    return int(page.status["robot"]["missed"])
+
+
+def _child(parent: int, name: str) -> int:
+    """The child of a process whose command line has a name.
+
+    Raises:
+        RunError: if there is none.
+    """
+    for child in Path(f"/proc/{parent}/task/{parent}/children").read_text().split():
+        if name in Path(f"/proc/{child}/cmdline").read_text():
+            return int(child)
+    raise RunError(f"{name} does not run")
+
+
+def _processor_time(pid: int) -> float:
+    """What a process has used of the processors. In s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
