@@ -275,6 +275,20 @@ def test_topics_of_any_type_become_columns(tmp_path: Path):
         assert content["header.frame_id"].tolist() == ["base", "base"]
 
 
+def test_a_message_without_joints_is_a_row_of_its_other_fields(tmp_path: Path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind, none = "sensor_msgs/msg/JointState", np.zeros(0)
+    header = store.types["std_msgs/msg/Header"](
+        store.types["builtin_interfaces/msg/Time"](1, 5), "base"
+    )
+    path = tmp_path / "joints.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/joint_states", kind)
+        joints = store.types[kind](header, [], none, none, none)
+        writer.write(channel, bytes(store.serialize_cdr(joints, kind)), 1, 1)
+    assert read_tables(path)["/joint_states"].fields["header.frame_id"].tolist() == ["base"]
+
+
 def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
     """A command without its gains, as an older version could have had it."""
     text = "builtin_interfaces/Time stamp\nuint32 episode\nuint64 seq\nfloat64[2] torque\n"

@@ -41,6 +41,7 @@ from cassie_bags.bag.recording import (
     read_recording,
 )
 from cassie_bags.bag.recover import recover
+from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import BagError, RunError
 from cassie_bags.ros import replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
@@ -118,6 +119,44 @@ def test_ctrl_c_ends_a_recording_beside_a_robot_that_goes_on(
     )
     assert len(commands) > 100
     assert commands <= states <= sensors
+
+
+def test_bytes_that_are_no_message_are_left_out_and_the_bag_is_whole(
+    node: Node, processes: Processes, tmp_path: Path
+) -> None:
+    messages = {topic: each[:100] for topic, each in glide_messages(1.0).items()}
+    foreign = {
+        **{topic: TYPES[topic] for topic in messages},
+        "/cassie/supervisor_status": "cassie_msgs/msg/SupervisorStatus",
+        "/cassie/node_events": "cassie_msgs/msg/NodeEvent",
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+        "/robot_description": "std_msgs/msg/String",
+        "/tf": "tf2_msgs/msg/TFMessage",
+    }
+    publishers = {
+        topic: node.create_publisher(message_class(kind), topic, WRITER)
+        for topic, kind in foreign.items()
+    }
+    bag = tmp_path / "bag.mcap"
+    processes.start("record", [executable("cassie_bags", "record"), "-o", bag])
+    wait_until(lambda: all(each.get_subscription_count() for each in publishers.values()))
+    time.sleep(0.5)
+    for tick in range(100):
+        for topic, publisher in publishers.items():
+            if tick < len(messages.get(topic, ())):
+                publisher.publish(messages[topic][tick])
+            publisher.publish(b"\0\1\0\0" + b"\xff" * (tick % 5))
+        time.sleep(0.002)
+    time.sleep(0.5)
+    processes.stop("record")
+    told = processes.log("record").read_text()
+    assert "Traceback" not in told and "recorded" in told
+    summary = summarize(bag)
+    counts = {each.topic: each.count for each in summary.topics}
+    for topic in foreign:
+        assert counts.get(topic, 0) == len(messages.get(topic, ())), topic
+        assert f"left out: {topic}: " in told
 
 
 def publish_all(node: Node, messages: dict[str, list[bytes]], heard: Callable[[], bool]) -> None:

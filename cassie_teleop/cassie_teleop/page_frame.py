@@ -148,6 +148,10 @@ def _set_points(sample: Mode | OperatorCommand) -> list[float | None]:
     return _rounded([float(value) for value in values], 3)
 
 
+def finite(value: float, digits: int) -> float | None:
+    """A figure for JSON, which has no word for one that is not finite; None stands for it."""
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
 def _rounded(values: Sequence[float] | FloatArray, digits: int) -> list[float | None]:
-    """For JSON, which has no word for what is not finite."""
     return [round(float(v), digits) if math.isfinite(v) else None for v in values]

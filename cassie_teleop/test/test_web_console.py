@@ -1,5 +1,6 @@
 """The console as a process, with a stand-in for the robot and pages without a browser."""
 
+import math
 import os
 import re
 import signal
@@ -11,9 +12,16 @@ from pathlib import Path
 
 import pytest
 from console_peers import CODE, Page, Robot, WebConsole
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
 from mcap.reader import make_reader
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 from cassie_msgs.layout import RobotMode
+from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.operators import sender_of
 from cassie_msgs.ros.scheduling import OPERATOR_PRIORITY
 
@@ -168,6 +176,33 @@ def test_a_recording_is_ended_whole_where_the_console_is_killed(robot, tmp_path)
         robot.until(lambda: bag.exists() and bag.read_bytes()[8:].endswith(MCAP_END))
     with bag.open("rb") as stream:
         assert make_reader(stream).get_summary() is not None
+
+
+def test_bytes_that_are_no_message_and_wild_ones_change_nothing(robot, node, console):
+    wild = SupervisorStatus(longest_delay=math.nan, missed_share=math.inf, mode="<b>")
+    kinds = {
+        "/diagnostics": DiagnosticArray(status=[DiagnosticStatus(name="x", level=b"\x01")]),
+        "/tf": TFMessage(transforms=[TransformStamped()]),
+        "/cassie/supervisor_status": wild,
+    }
+    publishers = {topic: node.create_publisher(type(m), topic, 10) for topic, m in kinds.items()}
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publishers["/robot_description"] = node.create_publisher(String, "/robot_description", latched)
+    kinds["/robot_description"] = String(data="<robot>" + "x" * 60)
+    with Page(console.address) as page:
+        robot.until(lambda: page.status.get("robot"))
+        robot.until(lambda: all(each.get_subscription_count() for each in publishers.values()))
+        for topic, message in kinds.items():
+            raw = serialize_message(message)
+            for length in range(4, len(raw), 5):
+                publishers[topic].publish(raw[:length])
+                time.sleep(0.002)
+            publishers[topic].publish(message)
+        robot.until(lambda: "x: " in page.status["reports"])
+        seen = page.frame["t"]
+        robot.until(lambda: page.frame["t"] > seen + 1.0)
+        assert page.status["robot"]["mode"] in ("stand", "<b>")
+    assert console.process.poll() is None
 
 
 def test_a_page_is_told_that_nobody_listens(node, console):

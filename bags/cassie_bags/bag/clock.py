@@ -7,6 +7,7 @@ where the one before ended.
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 
 from cassie_bags.bag.recording import LANE_TOPICS, TYPES
 from cassie_msgs.layout import OperatorCommand
@@ -56,10 +57,12 @@ class RobotClock:
             raw: Serialized message.
             wall_time: When it was received. In ns.
         """
-        if topic in _EPISODIC:
-            return self._of_lane(raw)
-        if topic in _STAMPED:
-            return self._of_stamped(raw)
+        # Anybody may send what is no such message, or a time before the first.
+        with suppress(struct.error):
+            if topic in _EPISODIC:
+                return max(0, self._of_lane(raw))
+            if topic in _STAMPED:
+                return max(0, self._of_stamped(raw))
         if self._wall_start is not None:
             self.now = max(self.now, wall_time - self._wall_start)
         return self.now

@@ -16,6 +16,7 @@ from cassie_msgs.layout import (
     Sensors,
     header,
 )
+from cassie_msgs.sample import LayoutError
 from cassie_msgs.schedule import PERIOD_TICKS
 
 SEQ_STEP: dict[str, int] = {
@@ -65,7 +66,10 @@ class SeqMonitor:
         step = SEQ_STEP.get(topic)
         if step is None:
             return
-        _, _, episode, seq = header(raw)
+        try:
+            _, _, episode, seq = header(raw)
+        except LayoutError:
+            return  # of nobody who writes such messages
         if topic == OperatorCommand.TOPIC and seq == 0:
             return  # a person's
         before = self._last.get(topic)

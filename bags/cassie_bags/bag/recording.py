@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.standard_messages import read_imu, read_odometry
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
-from cassie_msgs.standard_messages import IMU, ODOMETRY
+from cassie_msgs.sample import LayoutError
+from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[Any]
@@ -27,15 +28,42 @@ GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
 SEGWAY_TRUTH_TOPIC = "/segway/ground_truth"
 SEGWAY_IMU_TOPIC = "/segway/imu"
 
+_BESIDE: dict[str, Kind] = {
+    GROUND_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_TRUTH_TOPIC: ODOMETRY,
+    SEGWAY_IMU_TOPIC: IMU,
+}
+
 TYPES: dict[str, str] = {
     **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
-    GROUND_TRUTH_TOPIC: ODOMETRY.type,
-    SEGWAY_TRUTH_TOPIC: ODOMETRY.type,
-    SEGWAY_IMU_TOPIC: IMU.type,
+    **{topic: kind.type for topic, kind in _BESIDE.items()},
 }
 """Message type of each topic that every run is recorded with; the Segway's only where it is."""
 
 RECORDED_TOPICS = tuple(TYPES)
+
+
+def message_check(topic: str) -> Callable[[bytes], bool] | None:
+    """What says whether some bytes are a message of one of `TYPES`; None for another topic.
+
+    Each of them is a table: all messages have the size of the first.
+    """
+    if topic in LANE_TOPICS:
+        size = LANE_TOPICS[topic].SIZE
+        return lambda raw: 0 <= len(raw) - size <= 3
+    if topic not in _BESIDE:
+        return None
+    first: list[Any] = []
+
+    def is_message(raw: bytes) -> bool:
+        try:
+            found = layout(_BESIDE[topic], raw)
+        except LayoutError:
+            return False
+        first[:] = first or [found]
+        return bool(found == first[0] and len(raw) - found.itemsize <= 3)
+
+    return is_message
 
 
 @dataclass(frozen=True)

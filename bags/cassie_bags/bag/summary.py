@@ -248,7 +248,10 @@ def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
     known: set[str] = set()
     found = []
     for data, time in zip(raw, times, strict=True):
-        event = read_event(data)
+        try:
+            event = read_event(data)
+        except BagError:
+            continue  # of no node of ours
         text = ""
         if event.event == "began" and event.node in known:
             text = f"{event.node} began anew"

@@ -243,7 +243,7 @@ def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[st
         entries.pop("__msgtype__", None)
         joints = entries.pop("name") if value.__msgtype__ == "sensor_msgs/msg/JointState" else None
         for key, entry in entries.items():
-            if joints is not None and len(joints) == len(_sized(entry)):
+            if joints and len(joints) == len(_sized(entry)):
                 entry = dict(zip(joints, entry, strict=True))
             yield from _flat(entry, f"{name}.{key}" if name else key, left_out)
     elif isinstance(value, dict):

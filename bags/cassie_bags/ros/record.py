@@ -252,6 +252,9 @@ class Session:
         print(told, file=sys.stderr)
         for topic, lost in self._lost().items():
             print(f"lost: {topic}: {lost} messages", file=sys.stderr)
+        for topic, each in self._subscriptions.items():
+            if each.unreadable:
+                print(f"left out: {topic}: {each.unreadable} of another type", file=sys.stderr)
         for gap in self._monitor.gaps():
             print(f"missing: {gap}", file=sys.stderr)
         sys.stderr.flush()
@@ -371,10 +374,14 @@ class Session:
 
     def _keep_files_of(self, raw: bytes) -> None:
         """Keep what nodes say that they read, as the gait library."""
-        event = read_event(raw)
-        if event.event == "began":
-            for described in event.content.get("files", {}).values():
-                self._keep_file(Path(described["path"]))
+        try:
+            event = read_event(raw)
+            files = event.content["files"].values() if event.event == "began" else ()
+            paths = [Path(described["path"]) for described in files]
+        except (BagError, LookupError, TypeError, AttributeError):
+            return  # of no node of ours, which anybody may send
+        for path in paths:
+            self._keep_file(path)
 
     def _keep_file(self, path: Path) -> None:
         try:

@@ -7,13 +7,20 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from tf2_msgs.msg import TFMessage
 
+from cassie_bags.bag.recording import message_check
 from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.errors import BagError
 from cassie_msgs.ros.fast_lane import RawSubscription
+from cassie_msgs.sample import LayoutError
+from cassie_msgs.standard_messages import read_transforms
 
 DEPTH = 10000
 """Length of the queue of each topic: seconds of the control lane."""
+
+
+_LARGEST = 20_000  # bytes of a message that is read to see whether that can be done
 
 
 class RecordedTopic(RawSubscription):
@@ -22,6 +29,7 @@ class RecordedTopic(RawSubscription):
     Attributes:
         channel: Where the bag keeps it.
         lost: Messages that were sent and did not come.
+        unreadable: Messages that are none of the topic's type, which are left out.
     """
 
     def __init__(
@@ -34,20 +42,37 @@ class RecordedTopic(RawSubscription):
         """
         super().__init__(node, message_class(type_name), topic, qos)
         self.channel = channel
-        self.lost = 0
+        self.lost = self.unreadable = 0
         self._numbers: dict[bytes, int] = {}
+        self._is_message = message_check(topic) or self._is_readable
 
     def take_raw(self) -> bytes | None:
-        """The oldest message not yet taken; None if there is none."""
-        raw = super().take_raw()
-        number = None if raw is None else self.inbox.number
+        """The oldest message of its type not yet taken; None if there is none."""
+        while (raw := super().take_raw()) is not None:
+            self._count()
+            if self._is_message(raw):
+                return raw
+            self.unreadable += 1
+        return None
+
+    def _is_readable(self, raw: bytes) -> bool:
+        """Whether some bytes are a message, which anybody may write; large ones count as one."""
+        if self._type is TFMessage:  # they come often, and have many parts
+            try:
+                read_transforms(raw)
+            except LayoutError:
+                return False
+            return True
+        return len(raw) > _LARGEST or self.read(raw) is not None
+
+    def _count(self) -> None:
+        number = self.inbox.number
         if number is not None:
             writer = self.inbox.writer
             before = self._numbers.get(writer, number)
             if number > before + 1:
                 self.lost += number - before - 1
             self._numbers[writer] = max(number, before)
-        return raw
 
 
 def message_class(type_name: str) -> Any:

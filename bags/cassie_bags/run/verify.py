@@ -13,6 +13,7 @@ import itertools
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -264,9 +265,10 @@ class _Lane:
         for topic, _, _, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
             if topic == EVENTS_TOPIC:
                 told = True
-                event = read_event(raw)
-                if event.node in self.events:
-                    self.events[event.node].append(event)
+                with suppress(BagError):  # of no node of ours
+                    event = read_event(raw)
+                    if event.node in self.events:
+                        self.events[event.node].append(event)
             elif 0 <= len(raw) - sizes[topic] <= 3:
                 self.rows[topic].append(raw[: sizes[topic]])
             else:

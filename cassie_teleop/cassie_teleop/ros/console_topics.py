@@ -10,7 +10,6 @@ from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -20,7 +19,7 @@ from cassie_msgs.operators import sender_of
 from cassie_msgs.ros.fast_lane import LaneSubscription, RawSubscription, take_from_each
 from cassie_msgs.sample import LayoutError
 from cassie_msgs.standard_messages import read_transforms
-from cassie_teleop.page_frame import Picture
+from cassie_teleop.page_frame import Picture, finite
 from cassie_teleop.robot_description import (
     DescriptionError,
     RobotDescription,
@@ -95,13 +94,13 @@ class ConsoleTopics:
             with suppress(LayoutError):
                 picture.poses.update(read_transforms(raw))
         for _, raw in take_from_each(self._statuses, most=1):
-            self._status = deserialize_message(raw, SupervisorStatus)
-            self._status_at, self.holder = now, self._status.holder
-        while (raw := self._diagnostics.take_raw()) is not None:
-            for report in deserialize_message(raw, DiagnosticArray).status:
+            if (status := self._statuses.read(raw)) is not None:
+                self._status, self._status_at, self.holder = status, now, status.holder
+        while (reports := self._diagnostics.take_message()) is not None:
+            for report in reports.status:
                 self._reports[report.name] = (now, report.level[0], report.message)
-        while (raw := self._descriptions.take_raw()) is not None:
-            self._describe(deserialize_message(raw, String).data)
+        while (description := self._descriptions.take_message()) is not None:
+            self._describe(description.data)
 
     def robot(self, now: float) -> dict[str, Any] | None:
         """What the supervisor says, for JSON; None while it is silent."""
@@ -118,8 +117,8 @@ class ConsoleTopics:
             "operators": list(status.operators),
             "missed": int(status.missed_ticks),
             "late": int(status.late_ticks),
-            "delay": round(float(status.longest_delay), 4),
-            "share": round(float(status.missed_share), 5),
+            "delay": finite(status.longest_delay, 4),
+            "share": finite(status.missed_share, 5),
         }
 
     def reports(self, now: float) -> list[str]:

@@ -113,6 +113,8 @@ class Doctor(Node):
         taken = self._heads.setdefault(topic, [])
 
         def take(data: bytes) -> None:
+            if len(data) < _HEAD.size:
+                return
             seconds, nanoseconds, episode, seq = _HEAD.unpack_from(data)
             taken.append((time.monotonic(), seconds + 1e-9 * nanoseconds, episode, seq))
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 
 from cassie_msgs.layout import Mode, RobotState
 from cassie_msgs.msg import SupervisorStatus
@@ -131,8 +130,8 @@ class KeyboardTeleop(Node):
                 self._achieved += _SMOOTH * (achieved(self._state) - self._achieved)
             if self._modes.take(self._mode):
                 self._limited = now
-        if (raw := self._vehicle.take_raw()) is not None:
-            self._segway = deserialize_message(raw, Odometry).twist.twist.linear.x
+        if (odometry := self._vehicle.take_message()) is not None:
+            self._segway = odometry.twist.twist.linear.x
             self._rolled = now
         mode, height = self._mode, float(self._state.q[2])
         limits = [float(value) for value in (mode.vx, mode.vy, mode.yaw_rate, mode.height)]

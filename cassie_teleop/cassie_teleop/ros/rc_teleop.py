@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Joy
 
 from cassie_msgs.ros import diagnostics, parameters, process
@@ -75,8 +74,8 @@ class RcTeleop(Node):
         run_as(Place.OPERATOR)
         while not self._stop.requested:
             self._waiter.wait(max(0.0, self._due - time.monotonic()))
-            if (raw := self._joy.take_raw()) is not None:
-                self._on_joy(deserialize_message(raw, Joy))
+            if (joy := self._joy.take_message()) is not None:
+                self._on_joy(joy)
             if time.monotonic() >= self._due:
                 self._send()
 

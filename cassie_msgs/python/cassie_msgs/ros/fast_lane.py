@@ -25,6 +25,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.inbox import Inbox
@@ -123,6 +124,20 @@ class RawSubscription:
         """The oldest message not yet taken, as bytes; None if there is none."""
         taken = self.inbox.take()
         return None if taken is None else bytes(taken)
+
+    def take_message(self) -> Any | None:
+        """The oldest message not yet taken that can be read; None if there is none."""
+        while (raw := self.inbox.take()) is not None:
+            if (message := self.read(bytes(raw))) is not None:
+                return message
+        return None
+
+    def read(self, raw: bytes) -> Any | None:
+        """The message in some bytes; None if they are none, which anybody may send."""
+        try:
+            return deserialize_message(raw, self._type)
+        except RuntimeError:
+            return None
 
     def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
         """Meanwhile, have messages answered where they are received: see `Inbox.served`.
