@@ -13,6 +13,7 @@ from contextlib import suppress
 
 import aiohttp
 import numpy as np
+import pytest
 from console_peers import Page, Robot, WebConsole
 
 from cassie_teleop.page_messages import BUTTONS, RECORD, SLIDERS
@@ -115,6 +116,7 @@ def _message(what, echo, rng):
     return {"echo": echo, "visible": bool(rng.random() < 0.9), **axes}
 
 
+@pytest.mark.timeout(SECONDS + 240.0)
 def test_fifty_pages_of_random_input_break_nothing(node, capfd):
     robot = Robot(node)
     with WebConsole() as console, Crowd(console.address, seed=20) as crowd:

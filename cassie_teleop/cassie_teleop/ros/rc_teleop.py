@@ -22,6 +22,7 @@ from cassie_teleop.receiver import Receiver
 from cassie_teleop.ros.sender import Sender
 
 _APART = 0.005  # s, at least, between commands that nothing urgent is in
+_PAUSE = 0.002  # s between two messages: a flood of them is to cost the robot nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,7 @@ class RcTeleop(Node):
                 self._on_joy(joy)
             if time.monotonic() >= self._due:
                 self._send()
+            self._stop.wait(_PAUSE)
 
     def close(self) -> None:
         """Send exactly one stop."""
