@@ -113,6 +113,11 @@ class _Page:
         self._sticks = {"forward": 0.0, "left": 0.0, "turn": 0.0}
         self._echo = 0.0
 
+    @property
+    def mode(self) -> str:
+        """Mode that the page shows; empty while the supervisor is silent."""
+        return str((self.status.get("robot") or {"mode": ""})["mode"])
+
     async def live(self) -> None:
         """Answer frames for as long as the link holds."""
         async for message in self._socket:
@@ -184,16 +189,15 @@ async def _address(processes: Processes) -> str:
 
 async def _walk(page: _Page, listener: _Listener) -> None:
     """Have the page drive until the robot walks."""
-    robot: Callable[[], dict[str, Any]] = lambda: page.status.get("robot") or {}  # noqa: E731
     await _until(lambda: page.status, "the page")
     await page.press("drive")
     await _until(lambda: page.status.get("driver"), "the lease")
     await page.press("power")
     await _until(lambda: page.status["power"], "power")
     await page.press("lower")
-    await _until(lambda: robot().get("mode") == "stand", "standing")
+    await _until(lambda: page.mode == "stand", "standing")
     await page.press("walk")
-    await _until(lambda: robot().get("mode") == "walk", "walking")
+    await _until(lambda: page.mode == "walk", "walking")
     for button in ("start", "walk", "enable"):
         for _ in range(10):  # a press must last
             listener.move(0.0, button)
