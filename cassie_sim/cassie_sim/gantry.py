@@ -16,7 +16,6 @@ STIFFNESS = 12000.0
 """Of the straps, upwards only: they go slack. In N/m."""
 
 _DAMPING = 900.0
-_STARTS = 0.05  # s, in which the straps' dampers feel that the winch starts or stops
 _SWAY_STIFFNESS = 1500.0
 _SWAY_DAMPING = 250.0
 _TILT_STIFFNESS = 400.0
@@ -26,9 +25,9 @@ _TILT_DAMPING = 40.0
 class Gantry:
     """Straps from a winch to the pelvis.
 
-    The straps pull upwards like a spring, damped against the winch, and go slack when the pelvis
-    is above the winch's height. As far as they carry the weight they also centre the pelvis below
-    the winch, keep it upright and damp its turning.
+    The straps pull upwards like a damped spring and go slack when the pelvis is above the
+    winch's height. As far as they carry the weight they also centre the pelvis below the winch,
+    keep it upright and damp its turning.
     """
 
     def __init__(self) -> None:
@@ -36,7 +35,6 @@ class Gantry:
         self.height = 0.0
         self._target = 0.0
         self._speed = SPEED
-        self._rate = 0.0  # of the winch, as the dampers feel it; in m/s
         self._release_when_slack = False
         self._anchor = np.zeros(2)
         self.wrench = np.zeros(6)
@@ -52,7 +50,6 @@ class Gantry:
         """
         if not self.attached:
             self.height = min(float(position[2]), height)
-            self._rate = 0.0
         self.attached = True
         self._anchor[:] = position[:2]
         self._target = height
@@ -86,15 +83,13 @@ class Gantry:
         """
         change = self._target - self.height
         limit = self._speed * period
-        step = max(-limit, min(limit, change))
-        self.height += step
-        self._rate += (step - period * self._rate) / _STARTS
+        self.height += max(-limit, min(limit, change))
         if self._release_when_slack and abs(change) < 1e-9:
             self.release()
             return self.wrench
         x, y, z = position.tolist()
         vx, vy, vz, wx, wy, wz = twist.tolist()
-        tension = max(0.0, STIFFNESS * (self.height - z) + _DAMPING * (self._rate - vz))
+        tension = max(0.0, STIFFNESS * (self.height - z) - _DAMPING * vz)
         if self.height <= z:
             tension = 0.0
         share = min(1.0, tension / WEIGHT)
