@@ -154,4 +154,4 @@ def finite(value: float, digits: int) -> float | None:
 
 
 def _rounded(values: Sequence[float] | FloatArray, digits: int) -> list[float | None]:
-    return [round(float(v), digits) if math.isfinite(v) else None for v in values]
+    return [finite(value, digits) for value in values]

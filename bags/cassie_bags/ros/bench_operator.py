@@ -217,7 +217,7 @@ async def _measure(
     for number in itertools.count():
         if time.monotonic() - began > seconds:
             break
-        share = 0.3 + 0.3 * (number % 97) / 97  # by which the command of this move is known
+        share = 0.3 + 0.3 * (number % 97) / 97  # another one than before
         await asyncio.sleep(0.006 + 0.001 * (number % 15))
         moved = page.beat(forward=share)
         delays["page"].append(await _delay(listener, "web_console", moved))

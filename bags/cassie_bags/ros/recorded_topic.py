@@ -49,7 +49,7 @@ class RecordedTopic(RawSubscription):
     def take_raw(self) -> bytes | None:
         """The oldest message of its type not yet taken; None if there is none."""
         while (raw := super().take_raw()) is not None:
-            self._count()
+            self._note_lost()
             if self._is_message(raw):
                 return raw
             self.unreadable += 1
@@ -65,7 +65,7 @@ class RecordedTopic(RawSubscription):
             return True
         return len(raw) > _LARGEST or self.read(raw) is not None
 
-    def _count(self) -> None:
+    def _note_lost(self) -> None:
         number = self.inbox.number
         if number is not None:
             writer = self.inbox.writer
