@@ -21,7 +21,8 @@ pytest.importorskip("rclpy")
 from rosbags.highlevel import AnyReader
 
 from cassie_bags.bag.continuity import differences, gaps
-from cassie_bags.bag.recording import RECORDED_TOPICS, read_recording, stamps_ns
+from cassie_bags.bag.recording import RECORDED_TOPICS, read_recording
+from cassie_bags.bag.rows import stamps_ns
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_gaits.link_frames import LinkPoses

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.bag.standard_messages import read_odometry
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.simulate import Store, run

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cassie_bags.bag.recording import Recording, stamps
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import stamps
 from cassie_bags.run.cores import connect, make_cores, make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, parse_experiment, read_experiment
 from cassie_bags.run.seed import resolve

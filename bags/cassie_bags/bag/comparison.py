@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.fields import FIELDS
-from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording, Rows, stamps, stamps_ns
+from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording
+from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_msgs.layout import OperatorCommand
 
 Keys = npt.NDArray[np.int64]

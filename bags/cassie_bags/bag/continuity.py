@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.recording import LANE_TOPICS, Recording, Rows, stamps_ns
+from cassie_bags.bag.recording import LANE_TOPICS, Recording
+from cassie_bags.bag.rows import Rows, stamps_ns
+from cassie_bags.bag.strays import episode_of
 from cassie_msgs.layout import (
     Mode,
     MotorCommand,
@@ -102,31 +104,25 @@ def episodes(recording: Recording) -> list[int]:
 def only_episode(recording: Recording, episode: int) -> Recording:
     """What belongs to one episode.
 
-    Messages without the number of an episode belong to it if their stamps, which begin at 0 in
-    each, say so.
-
     Args:
         recording: The whole.
         episode: One of `episodes(recording)`.
     """
-    numbers = episodes(recording)
-    from_end = len(numbers) - numbers.index(episode)
+    sensors = recording.lane[Sensors.TOPIC]
+    lane = {
+        topic: _where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()
+    }
+    truth, segway, segway_imu = (
+        _where(rows, episode_of(rows, sensors) == episode)
+        for rows in (recording.truth, recording.segway, recording.segway_imu)
+    )
     return dataclasses.replace(
-        recording,
-        lane={topic: rows[rows["episode"] == episode] for topic, rows in recording.lane.items()},
-        truth=_nth_rise(recording.truth, from_end),
-        segway=_nth_rise(recording.segway, from_end),
-        segway_imu=_nth_rise(recording.segway_imu, from_end),
+        recording, lane=lane, truth=truth, segway=segway, segway_imu=segway_imu
     )
 
 
-def _nth_rise(rows: Rows, from_end: int) -> Rows:
-    """Rows between two steps back in time: the last such part for 1, none if there is none."""
-    back = (np.flatnonzero(np.diff(stamps_ns(rows)) < 0) + 1).tolist()
-    bounds = [0, *back, len(rows)]
-    if from_end >= len(bounds):
-        return rows[:0]
-    return rows[bounds[-from_end - 1] : bounds[-from_end]]
+def _where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
+    return rows if flags.all() else rows[flags]
 
 
 def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> list[str]:

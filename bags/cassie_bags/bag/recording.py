@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.rows import Rows
 from cassie_bags.bag.standard_messages import read_imu, read_odometry
+from cassie_bags.bag.strays import BoolArray, of_the_run
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
 from cassie_msgs.sample import LayoutError
 from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout
-
-FloatArray = npt.NDArray[np.float64]
-Rows = npt.NDArray[Any]
-"""Structured array of a message type: `rows["q"]` is of shape (n, 20)."""
 
 LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
 """Sample type of each topic of the control lane."""
@@ -78,6 +76,8 @@ class Recording:
         segway: The same of `/segway/ground_truth`, of the Segway's chassis; no row without one.
         segway_imu: Rows of `/segway/imu`: sec, nanosec, angular velocity (rad/s) and specific
             force (m/s^2), chassis axes.
+        strays: Number of messages left out of each topic that others published than the run's
+            nodes (`without_strays`).
         wall_time: Wall time that the run took, from the first sensor sample to the last. In s.
         metadata: Named records of words: seed, what it drew, versions, the experiment's file.
     """
@@ -88,6 +88,7 @@ class Recording:
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     segway: Rows = field(default_factory=lambda: read_odometry([]))
     segway_imu: Rows = field(default_factory=lambda: read_imu([]))
+    strays: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def beside(self) -> dict[str, Rows]:
@@ -97,6 +98,28 @@ class Recording:
             SEGWAY_TRUTH_TOPIC: self.segway,
             SEGWAY_IMU_TOPIC: self.segway_imu,
         }
+
+    def without_strays(self, kept: Mapping[str, BoolArray] | None = None) -> Recording:
+        """The run alone, without what others published on its topics.
+
+        Args:
+            kept: Messages of the run by topic, as `strays.of_the_run` finds them.
+        """
+        kept = of_the_run(self.lane, self.beside) if kept is None else kept
+        strays = {topic: int((~flags).sum()) for topic, flags in kept.items() if not flags.all()}
+        if not strays:
+            return self
+        rows = {**self.lane, **self.beside}
+        for topic in strays:
+            rows[topic] = rows[topic][kept[topic]]
+        return dataclasses.replace(
+            self,
+            lane={topic: rows[topic] for topic in self.lane},
+            truth=rows[GROUND_TRUTH_TOPIC],
+            segway=rows[SEGWAY_TRUTH_TOPIC],
+            segway_imu=rows[SEGWAY_IMU_TOPIC],
+            strays=strays,
+        )
 
     def rows(self, kind: type[Sample]) -> Rows:
         """Rows of one message type, `recording.rows(RobotState)["q"]`."""
@@ -121,7 +144,7 @@ def from_messages(
 
 
 def read_recording(path: Path | str) -> Recording:
-    """A recording from a bag: an MCAP file, or a folder as `ros2 bag` writes it.
+    """The run that a bag holds: an MCAP file, or a folder as `ros2 bag` writes it.
 
     Raises:
         BagError: if the file is not a bag, or its messages are not of our types.
@@ -135,17 +158,7 @@ def read_recording(path: Path | str) -> Recording:
             first = wall if first is None else first
             last = wall
     span = (last - first) * 1e-9 if first is not None and last is not None else 0.0
-    return from_messages(messages, span, index.metadata)
-
-
-def stamps(rows: Rows) -> FloatArray:
-    """Robot time of each row. Shape (n,), in s."""
-    return rows["sec"].astype(np.float64) + rows["nanosec"] * 1e-9
-
-
-def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
-    """Robot time of each row. Shape (n,), in ns."""
-    return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
+    return from_messages(messages, span, index.metadata).without_strays()
 
 
 def lane_rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import Mode, RobotMode, Sensors
@@ -66,12 +67,13 @@ class Summary:
         wall_time: Wall time from the first sensor sample to the last, 0 if it is not known. In s.
         topics: In the order of their names.
         gaps: Missing samples of the control lane, one line each.
+        strays: Messages that others published than the run's nodes, one line each.
         episodes, modes: In order.
         faults: What the supervisor took for a fault.
         nodes: Nodes that began anew, were lost or got other parameters, at the time of it.
         problems: What the nodes said of themselves on /diagnostics, in order.
         metadata: Named records of words.
-        recording: The control lane as arrays.
+        recording: The control lane as arrays, without strays.
     """
 
     files: Sequence[Path]
@@ -82,6 +84,7 @@ class Summary:
     wall_time: float
     topics: Sequence[TopicSummary]
     gaps: Sequence[str]
+    strays: Sequence[str]
     episodes: Sequence[Interval]
     modes: Sequence[Interval]
     faults: Sequence[Interval]
@@ -112,6 +115,11 @@ def summarize(bag: Path | str) -> Summary:
     recording = from_messages(
         {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, wall, index.metadata
     )
+    kept = of_the_run(recording.lane, recording.beside)
+    recording = recording.without_strays(kept)
+    of_run = {
+        topic: list(compress(times.get(topic, []), flags.tolist())) for topic, flags in kept.items()
+    }
     spans = [(min(list_), max(list_)) for list_ in times.values()]
     first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0, 0)
     status = list(_decoded(STATUS_TOPIC, messages, times, index))
@@ -124,8 +132,9 @@ def summarize(bag: Path | str) -> Summary:
         wall_time=wall,
         topics=[_topic(t, index.types[t], times.get(t, [])) for t in sorted(index.types)],
         gaps=gaps(recording, from_start=False),
-        episodes=_episodes(recording, times.get(Sensors.TOPIC, [])),
-        modes=_modes(recording, times.get(Mode.TOPIC, []), status),
+        strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
+        episodes=_episodes(recording, of_run[Sensors.TOPIC]),
+        modes=_modes(recording, of_run[Mode.TOPIC], status),
         faults=_faults(status),
         nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),

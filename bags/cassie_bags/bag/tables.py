@@ -17,9 +17,9 @@ from cassie_bags.bag.recording import (
     LANE_TOPICS,
     SEGWAY_IMU_TOPIC,
     SEGWAY_TRUTH_TOPIC,
-    Rows,
     lane_rows,
 )
+from cassie_bags.bag.rows import Rows
 from cassie_bags.bag.standard_messages import read_imu, read_odometry
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name

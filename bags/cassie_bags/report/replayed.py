@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from cassie_bags.bag.recording import Rows, stamps
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.report.figures import BLUE, GREY, ORANGE, STYLE
 from cassie_bags.run.verify import Replayed, Verification
 from cassie_gaits.names import DRIVES

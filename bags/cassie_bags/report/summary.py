@@ -33,6 +33,7 @@ def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
         "wall_time": summary.wall_time,
         "topics": [vars(topic) for topic in summary.topics],
         "gaps": list(summary.gaps),
+        "strays": list(summary.strays),
         "episodes": [vars(episode) for episode in summary.episodes],
         "modes": [vars(mode) for mode in summary.modes],
         "faults": [vars(fault) for fault in summary.faults],
@@ -55,6 +56,10 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield from aligned(rows, left=2)
     yield ""
     yield from _section("missing", summary.gaps or ["nothing: seq has no gap"])
+    if summary.strays:
+        yield from _section(
+            "strangers", [f"{line} of no node of this run" for line in summary.strays]
+        )
     yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
     yield from _section("modes", map(_with_reason, summary.modes))
     yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])

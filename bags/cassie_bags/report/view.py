@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cassie_bags.bag.continuity import episodes
-from cassie_bags.bag.recording import Recording, Rows
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import Rows
 from cassie_bags.bag.summary import Interval, Summary, intervals_of_mode, summarize
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import parse_experiment
@@ -67,21 +68,24 @@ def view_of(
         BagError: if it holds no tick with sensors and state.
     """
     notes = []
-    numbers = episodes(recording)
-    if len(numbers) > 1:
-        notes.append(f"Episode {numbers[-1]} is shown, the last of {len(numbers)}.")
     estimated = not len(recording.truth)
     if estimated:
         recording = with_estimate_as_truth(recording)
         notes.append("The bag holds no true pose: the estimate stands in its place.")
     track = make_track(recording)
+    numbers, shown = episodes(recording), int(track.sensors["episode"][0])
+    if len(numbers) > 1:
+        notes.append(
+            f"Episode {shown} is shown, number {numbers.index(shown) + 1} of {len(numbers)}."
+        )
     end = float(track.time[-1])
     scenario = Scenario() if experiment is None else experiment.scenario
     modes = list(intervals_of_mode(track.time, track.mode))
     events = [*events_of(scenario, end)]
-    if summary is not None and summary.episodes:
+    begins = [each.t0 for each in summary.episodes if each.name == str(shown)] if summary else []
+    if summary is not None and begins:
         # Times of a bag go on over episodes; those of a track begin anew in each.
-        begun = summary.episodes[-1].t0 - float(track.time[0])
+        begun = begins[0] - float(track.time[0])
         modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
         for kind, found in (("fault", summary.faults), ("node", summary.nodes)):
             shifted = _since(begun, found)

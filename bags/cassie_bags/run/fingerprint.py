@@ -29,10 +29,9 @@ from cassie_bags.bag.recording import (
     SEGWAY_IMU_TOPIC,
     SEGWAY_TRUTH_TOPIC,
     Recording,
-    Rows,
     read_recording,
-    stamps_ns,
 )
+from cassie_bags.bag.rows import Rows, stamps_ns
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import check_parameters, make_loop, simulator_config, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_folder

@@ -13,7 +13,6 @@ import itertools
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,12 +22,19 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, Event, read_event
-from cassie_bags.bag.reader import BagIndex, read_attachment, read_messages
+from cassie_bags.bag.node_events import Event
+from cassie_bags.bag.reader import read_attachment
 from cassie_bags.errors import BagError, ExperimentError
-from cassie_bags.run.cores import library_path, simulator_config
-from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.provenance import changes_of_environment
+from cassie_bags.run.recorded_lane import (
+    SECTIONS,
+    Key,
+    MissingInputError,
+    RecordedLane,
+    Setting,
+    found,
+    key_of,
+)
 from cassie_bags.run.yaml_file import apply_changes, flat
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
@@ -54,28 +60,16 @@ from cassie_msgs.layout import (
     RobotState,
     Sample,
     Sensors,
-    header,
 )
 from cassie_msgs.schedule import PERIOD_TICKS, period_of
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
-Key = tuple[int, int]
-"""Episode and control tick."""
-
 ConfigT = TypeVar("ConfigT")
-
-SECTIONS = {
-    "state_estimator": "estimator",
-    "mode_supervisor": "supervisor",
-    "gait_controller": "controller",
-}
-"""Section of an experiment file that holds a node's parameters."""
 
 START, TOLERANCE = 5.0, 1e-9
 """What is compared where bits may differ: the first so many s, to this difference in SI units."""
 
 _NEAR = 20  # messages of a topic within which a process that was replaced may have answered, too
-_TOPICS = (Sensors, RobotState, Mode, MotorCommand, OperatorCommand, Gait)
 
 
 @dataclass(frozen=True)
@@ -218,7 +212,7 @@ def verify(
         BagError: if the bag cannot be read, or does not say with which parameters it was made.
         ExperimentError, CassieError, ParameterError: if a change or a file cannot be used.
     """
-    lane = _Lane(path)
+    lane = RecordedLane(path)
     given = _sections(changes)
     gaps: list[str] = []
     followed: tuple[tuple[str, type[Sample], type[_Core]], ...] = (
@@ -238,99 +232,6 @@ def verify(
     return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What a node began with.
-
-    Attributes:
-        parameters: By name.
-        files: Path and SHA-256 of files that it read, by the parameter that names them.
-    """
-
-    parameters: Mapping[str, Any]
-    files: Mapping[str, Mapping[str, str]]
-
-
-class _Lane:
-    """The messages of a bag, by topic: in order, and by episode and tick."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows: dict[str, list[bytes]] = {kind.TOPIC: [] for kind in _TOPICS}
-        self.rows[IN_FORCE_TOPIC] = []
-        self.events: dict[str, list[Event]] = {node: [] for node in SECTIONS}
-        self.index = BagIndex()
-        sizes = {kind.TOPIC: kind.SIZE for kind in _TOPICS} | {IN_FORCE_TOPIC: OperatorCommand.SIZE}
-        told = False
-        for topic, _, _, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
-            if topic == EVENTS_TOPIC:
-                told = True
-                with suppress(BagError):  # of no node of ours
-                    event = read_event(raw)
-                    if event.node in self.events:
-                        self.events[event.node].append(event)
-            elif 0 <= len(raw) - sizes[topic] <= 3:
-                self.rows[topic].append(raw[: sizes[topic]])
-            else:
-                raise BagError(
-                    f"{path}: a message of {len(raw)} bytes on {topic} is of another type"
-                )
-        if not self.rows[MotorCommand.TOPIC] and not self.rows[RobotState.TOPIC]:
-            raise BagError(f"{path} has neither states nor motor commands")
-        for events in self.events.values():
-            events.sort(key=lambda event: (event.episode, event.seq))
-        self.told = told
-        self.samples = self._by_key(Sensors.TOPIC)
-        self.states = self._by_key(RobotState.TOPIC)
-        self.in_force = self._by_key(IN_FORCE_TOPIC)
-        self.scripted = {
-            key: raw for key, raw in self._by_key(OperatorCommand.TOPIC).items() if _scripted(raw)
-        }
-        self.modes = self._by_effective_seq(Mode)
-        self.gaits = self._by_effective_seq(Gait)
-
-    def _by_key(self, topic: str) -> dict[Key, bytes]:
-        found: dict[Key, bytes] = {}
-        for raw in self.rows[topic]:
-            found.setdefault(_key(raw), raw)
-        return found
-
-    def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
-        found: dict[Key, bytes] = {}
-        message = kind()
-        for raw in self.rows[kind.TOPIC]:
-            message.load(raw)
-            found[int(message.episode), int(message.effective_seq)] = raw
-        return found
-
-    def setting(self, node: str) -> Setting:
-        """What a node began with, from the experiment in the bag, where it did not tell itself.
-
-        Raises:
-            BagError: if there is none.
-        """
-        text = self.index.metadata.get("cassie_experiment", {}).get("file")
-        if text is None:
-            raise BagError(
-                f"{self.path} does not say with which parameters {node} ran: it has neither "
-                f"{EVENTS_TOPIC} nor an experiment"
-            )
-        experiment = parse_experiment(text, str(self.path))
-        parameters = dict(experiment.parameters[SECTIONS[node]])
-        parameters["control_rate"] = simulator_config(experiment).control_rate
-        files = {}
-        if node == "gait_controller":
-            library = library_path(experiment)
-            files["gait_library"] = {"path": str(library)}
-            learned = parameters.get("learned_torques_file") or path_beside(library)
-            files["learned_torques_file"] = {"path": str(learned)}
-        return Setting(parameters, files)
-
-
-class _MissingInputError(Exception):
-    """A message that a core needs is not in the bag."""
-
-
 class _Core(ABC):
     """A core with the inputs that its node had.
 
@@ -342,7 +243,7 @@ class _Core(ABC):
     """
 
     def __init__(
-        self, lane: _Lane, setting: Setting, overrides: Mapping[str, Any], gaits: Path | None
+        self, lane: RecordedLane, setting: Setting, overrides: Mapping[str, Any], gaits: Path | None
     ) -> None:
         self.lane, self.overrides = lane, overrides
         self.files, self.gaits = setting.files, gaits
@@ -380,7 +281,7 @@ class _Core(ABC):
         """The message that answers the tick.
 
         Raises:
-            _MissingInputError: saying what is missing.
+            MissingInputError: saying what is missing.
         """
 
 
@@ -396,7 +297,7 @@ class _Estimator(_Core):
         self._config = self._core.config = replace_checked(self._config, **changes)
 
     def answer(self, key: Key) -> Sample:
-        self._sample.load(_found(self.lane.samples, key, "sensor sample"))
+        self._sample.load(found(self.lane.samples, key, "sensor sample"))
         return self._guarded.step(self._sample)
 
 
@@ -418,7 +319,7 @@ class _Supervisor(_Core):
             self._controller_lost = event.content["node"] is not None
 
     def answer(self, key: Key) -> Sample:
-        self._state.load(_found(self.lane.states, key, "state"))
+        self._state.load(found(self.lane.states, key, "state"))
         return self._guarded.step(self._state, self._command(key), self._controller_lost)
 
     def _command(self, key: Key) -> OperatorCommand | None:
@@ -426,7 +327,7 @@ class _Supervisor(_Core):
         if (raw := self.lane.in_force.get(key)) is not None:
             operator.load(raw)
             return operator if int(operator.effective_seq) else None
-        operator.load(_found(self.lane.scripted, key, "operator command"))
+        operator.load(found(self.lane.scripted, key, "operator command"))
         return operator
 
 
@@ -467,10 +368,10 @@ class _Controller(_Core):
                 self._fallback.start(self._recorded_mode(event.episode, event.content["since"]))
 
     def answer(self, key: Key) -> Sample:
-        self._state.load(_found(self.lane.states, key, "state"))
+        self._state.load(found(self.lane.states, key, "state"))
         mode = self._mode_at(*key)
         if self._offered is not None:
-            self._gait.load(_found(self.lane.gaits, self._offered, "gait"))
+            self._gait.load(found(self.lane.gaits, self._offered, "gait"))
             self._core.offer(self._gait)
             self._offered = None
         return self._guarded.step(self._state, mode)
@@ -487,7 +388,7 @@ class _Controller(_Core):
         if raw is None and effective_seq < PERIOD_TICKS:
             self._off.episode[...] = episode
             return self._off
-        self._mode.load(_found(self.lane.modes, (episode, effective_seq), "mode"))
+        self._mode.load(found(self.lane.modes, (episode, effective_seq), "mode"))
         return self._mode
 
 
@@ -496,7 +397,7 @@ def _tell(watch: Callable[[int, int], None], before: int, total: int, count: int
 
 
 def _follow(
-    lane: _Lane,
+    lane: RecordedLane,
     node: str,
     kind: type[Sample],
     begin: Callable[[Setting], _Core],
@@ -510,17 +411,17 @@ def _follow(
     episode = -1
     heard: set[bytes] = set()
     not_followed: list[Key] = []
-    rows = sorted(lane.rows[kind.TOPIC], key=_key)  # a bag is in order of time, not of ticks
+    rows = sorted(lane.rows[kind.TOPIC], key=key_of)  # a bag is in order of time, not of ticks
     for number, raw in enumerate(rows):
         if number % 1000 == 0:
             watch(number)
-        key = _key(raw)
+        key = key_of(raw)
         starts = _starts(events, key)
         if raw in heard and not starts:
             continue  # a repeated answer
         heard.add(raw)
         if starts and any(
-            _key(row) == key and row not in heard for row in rows[number + 1 : number + _NEAR]
+            key_of(row) == key and row not in heard for row in rows[number + 1 : number + _NEAR]
         ):
             pass  # the answer of a process that was then ended and replaced
         elif lane.told:
@@ -533,7 +434,7 @@ def _follow(
             continue
         try:
             answer = core.answer(key).to_bytes()
-        except _MissingInputError as missing:
+        except MissingInputError as missing:
             gaps.append(f"{node}: {missing}; followed again from its next start")
             core = None
             continue
@@ -622,21 +523,3 @@ def _file(described: Mapping[str, str], bag: Path, folder: Path) -> Path:
 
 def _hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _found(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
-    raw = messages.get(key)
-    if raw is None:
-        raise _MissingInputError(
-            f"the {what} of tick {key[1]}, episode {key[0]}, is not in the bag"
-        )
-    return raw
-
-
-def _key(raw: bytes) -> Key:
-    _, _, episode, seq = header(raw)
-    return episode, seq
-
-
-def _scripted(raw: bytes) -> bool:
-    return bool(np.frombuffer(raw, OperatorCommand.DTYPE)["scripted"][0])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.recording import Rows
+from cassie_bags.bag.rows import Rows
 
 FloatArray = npt.NDArray[np.float64]
 

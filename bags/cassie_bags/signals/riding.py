@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.rider import way

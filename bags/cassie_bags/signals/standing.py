@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.recording import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_bags.signals.track import Track
 
 STANDING_FIGURES = ("com_rms", "creep", "height_off", "shaking", "stepped")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.recording import Recording, Rows, stamps, stamps_ns
+from cassie_bags.bag.continuity import episodes, first_occurrences, only_episode
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_bags.errors import BagError
 from cassie_bags.signals.leg_geometry import (
     euler_angles,
@@ -91,12 +93,12 @@ class Track:
 
 
 def make_track(recording: Recording) -> Track:
-    """Signals of the last episode of a recording.
+    """Signals of the last episode of a recording that has a tick with all it takes.
 
     Raises:
-        BagError: if it holds no tick with sensors, state and true pose.
+        BagError: if none has a tick with sensors, state and true pose.
     """
-    sensors, state, truth = _aligned(recording)
+    recording, (sensors, state, truth) = _last_episode(recording)
     orientation = truth["orientation"]
     legs = to_world(leg_points(state["q"][:, 6:]), truth["position"], orientation)
     angles = euler_angles(orientation)
@@ -142,20 +144,20 @@ def with_estimate_as_truth(recording: Recording) -> Recording:
     return dataclasses.replace(recording, truth=truth)
 
 
-def _aligned(recording: Recording) -> tuple[Rows, Rows, Rows]:
-    """Rows of sensors, state and truth on the ticks that have all three."""
-    sensors = first_occurrences(recording.rows(Sensors))
-    state = first_occurrences(recording.rows(RobotState))
-    if not len(sensors):
+def _last_episode(recording: Recording) -> tuple[Recording, tuple[Rows, Rows, Rows]]:
+    """The last episode that has a tick with sensors, state and truth, and their rows on these."""
+    numbers = episodes(recording)
+    if not numbers:
         raise BagError("the recording holds no sample of /cassie/sensors")
-    episode = sensors["episode"].max()
-    sensors, state = (_where(rows, rows["episode"] == episode) for rows in (sensors, state))
-    truth = recording.truth[_last_rise(stamps_ns(recording.truth)) :]
-    ticks = np.intersect1d(stamps_ns(sensors), stamps_ns(state))
-    ticks = np.intersect1d(ticks, stamps_ns(truth))
-    if not len(ticks):
-        raise BagError("the recording holds no tick with sensors, state and true pose")
-    return _on_ticks(sensors, ticks), _on_ticks(state, ticks), _on_ticks(truth, ticks)
+    for number in reversed(numbers):
+        part = only_episode(recording, number)
+        rows = [first_occurrences(part.rows(kind)) for kind in (Sensors, RobotState)]
+        rows.append(part.truth)
+        ticks = reduce(np.intersect1d, map(stamps_ns, rows))
+        if len(ticks):
+            sensors, state, truth = (_on_ticks(each, ticks) for each in rows)
+            return part, (sensors, state, truth)
+    raise BagError("the recording holds no tick with sensors, state and true pose")
 
 
 def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
@@ -166,13 +168,9 @@ def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
     return rows[first[np.isin(times, ticks)]]
 
 
-def _where(rows: Rows, flags: BoolArray) -> Rows:
-    return rows if flags.all() else rows[flags]
-
-
 def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
     """`vehicle` and `wheels` of a track."""
-    rows = recording.segway[_last_rise(stamps_ns(recording.segway)) :]
+    rows = recording.segway
     if not len(rows):
         return np.zeros((0, 7)), np.zeros((0, 2))
     index = (np.searchsorted(stamps_ns(rows), ticks, side="right") - 1).clip(0)
@@ -197,12 +195,6 @@ def rolled(pose: FloatArray) -> FloatArray:
     angles = np.vstack([np.zeros(2), np.cumsum(ways, axis=0)]) / WHEEL_RADIUS
     turned: FloatArray = angles - (pitch - pitch[0])[:, None]
     return turned
-
-
-def _last_rise(times: npt.NDArray[np.int64]) -> int:
-    """Index after the last step back in time, where the last episode begins."""
-    back = np.flatnonzero(np.diff(times) < 0)
-    return int(back[-1]) + 1 if len(back) else 0
 
 
 def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
-from cassie_bags.bag.recording import Recording, Rows, stamps
+from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import read_experiment

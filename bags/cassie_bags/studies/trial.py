@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.recording import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.simulate import RecentStore, Store

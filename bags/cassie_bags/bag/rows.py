@@ -1,0 +1,22 @@
+"""Messages of one type as a structured array, and their time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Rows = npt.NDArray[Any]
+"""Structured array of a message type: `rows["q"]` is of shape (n, 20)."""
+
+
+def stamps(rows: Rows) -> FloatArray:
+    """Robot time of each row. Shape (n,), in s."""
+    return rows["sec"].astype(np.float64) + rows["nanosec"] * 1e-9
+
+
+def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
+    """Robot time of each row. Shape (n,), in ns."""
+    return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)

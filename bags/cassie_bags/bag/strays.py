@@ -1,0 +1,158 @@
+"""Messages in a bag that nobody of the recorded run published: found by their order.
+
+A recorder keeps what anybody publishes on a topic, while the nodes of the run ignore strangers.
+The run is the longest series of messages in which time goes on.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.rows import Rows, stamps_ns
+from cassie_msgs.layout import OperatorCommand, Sensors
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+_ChoiceT = TypeVar("_ChoiceT", int, tuple[int, int])
+
+NOBODYS = -1
+"""In place of the number of an episode: the message belongs to none."""
+
+_SEQ_BITS = 31  # 12 days at 2 kHz; with the 32 bits of an episode they fit in a number
+_IN_FLIGHT = (
+    1_000_000_000  # what reaches a recorder may be so much older or newer than the rest, ns
+)
+_IN_FLIGHT_TICKS = 2000  # the same at 2 kHz
+_LATE_TICKS = 20  # by which an answer of a node that was replaced may come after its successor's
+
+
+def of_the_run(lane: Mapping[str, Rows], beside: Mapping[str, Rows]) -> dict[str, BoolArray]:
+    """Which messages of each topic are of the recorded run. By topic, each of shape (n,).
+
+    Without a sensor sample nothing tells them apart: all are.
+
+    Args:
+        lane: Messages by topic of the control lane, which carry episode and seq.
+        beside: Those of topics that carry stamps only.
+    """
+    sensors = lane[Sensors.TOPIC]
+    if not len(sensors):
+        return {topic: np.ones(len(rows), np.bool_) for topic, rows in {**lane, **beside}.items()}
+    found = {Sensors.TOPIC: _rising(_key(sensors))}
+    sensors = sensors[found[Sensors.TOPIC]]
+    latest = dict(zip(sensors["episode"].tolist(), sensors["seq"].tolist(), strict=True))
+    for topic, rows in lane.items():
+        if topic != Sensors.TOPIC:
+            found[topic] = _answers(topic, rows, latest)
+    for topic, rows in beside.items():
+        found[topic] = episode_of(rows, sensors) != NOBODYS
+    return found
+
+
+def episode_of(rows: Rows, sensors: Rows) -> IntArray:
+    """Episode of messages that carry no number of it. Shape (n,); `NOBODYS` for a stray.
+
+    Their stamps begin at 0 in each episode, so a stamp alone may be of several. Taken is the
+    longest series that goes through the episodes in order and through each one's time in order.
+
+    Args:
+        rows: Stamped messages in the order they were published. Shape (n,).
+        sensors: Samples of the run in the order they were published.
+    """
+    times = stamps_ns(rows)
+    numbers, starts = np.unique(sensors["episode"], return_index=True)
+    ends = np.append(starts[1:], len(sensors)) - 1
+    sampled = stamps_ns(sensors)
+    inside = times[:, None] >= sampled[starts] - _IN_FLIGHT
+    inside &= times[:, None] <= sampled[ends] + _IN_FLIGHT
+    if len(numbers) == 1:
+        rising = _rising(np.where(inside[:, 0], times, -1))
+        return np.where(rising, numbers[0].astype(np.int64), NOBODYS)
+    choices = [
+        [(int(number), time) for number in numbers[row][::-1]]
+        for row, time in zip(inside, times.tolist(), strict=True)
+    ]
+    found = np.full(len(rows), NOBODYS, np.int64)
+    for row, (number, _) in _longest(choices).items():
+        found[row] = number
+    return found
+
+
+def _key(rows: Rows) -> IntArray:
+    """Episode and seq as one number that rises over a run; -1 for a seq beyond any run's."""
+    seq = rows["seq"].astype(np.uint64)
+    key = (rows["episode"].astype(np.int64) << _SEQ_BITS) + seq.astype(np.int64)
+    return np.where(seq < 1 << _SEQ_BITS, key, -1)
+
+
+def _answers(topic: str, rows: Rows, latest: Mapping[int, int]) -> BoolArray:
+    """Which messages of a topic of the lane belong to samples of the run, in their order."""
+    by_person = np.zeros(len(rows), np.bool_)
+    if topic == OperatorCommand.TOPIC:
+        by_person = ~rows["scripted"]  # which has no seq
+    known = np.zeros(len(rows), np.bool_)
+    for episode, last in latest.items():
+        known |= (rows["episode"] == episode) & (rows["seq"] <= last + _IN_FLIGHT_TICKS)
+    keys = np.where(known & ~by_person, _key(rows), -1)
+    rising = _rising(keys)
+    reached = np.maximum.accumulate(np.where(rising, keys, -1))
+    late = (keys >= 0) & (np.abs(keys - reached) <= _LATE_TICKS)
+    flags: BoolArray = by_person | rising | late
+    return flags
+
+
+def _rising(keys: IntArray) -> BoolArray:
+    """Which of some keys form their longest series that never falls. Shape (n,)."""
+    flags = keys >= 0
+    if (np.diff(keys[flags]) >= 0).all():
+        return flags
+    taken = _longest([[key] if key >= 0 else [] for key in keys.tolist()])
+    flags[:] = False
+    flags[list(taken)] = True
+    return flags
+
+
+def _longest(choices: Sequence[Sequence[_ChoiceT]]) -> dict[int, _ChoiceT]:
+    """The longest series that never falls, of at most one choice of each row.
+
+    Source: Hunt and Szymanski, "A fast algorithm for computing longest common subsequences",
+    1977: the least end of a series of each length, found by bisection.
+
+    Args:
+        choices: Of each row, the greatest first.
+
+    Returns:
+        What was taken, by row.
+    """
+    ends: list[_ChoiceT] = []
+    links: list[_Link[_ChoiceT]] = []
+    for row, values in enumerate(choices):
+        for value in values:
+            length = bisect_right(ends, value)
+            link = _Link(row, value, links[length - 1] if length else None)
+            if length == len(ends):
+                ends.append(value)
+                links.append(link)
+            else:
+                ends[length], links[length] = value, link
+    taken = {}
+    last = links[-1] if links else None
+    while last is not None:
+        taken[last.row] = last.value
+        last = last.before
+    return taken
+
+
+@dataclass(frozen=True)
+class _Link(Generic[_ChoiceT]):
+    """The last member of a series and what leads to it."""
+
+    row: int
+    value: _ChoiceT
+    before: _Link[_ChoiceT] | None
