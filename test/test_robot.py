@@ -151,7 +151,8 @@ def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
     ("arguments", "message"),
     [
         (["-p", "radio:rate:=3"], "-p radio:rate:=3: must be NODE:NAME:=VALUE"),
-        (["--scene", "moon"], "invalid choice: 'moon'"),
+        (["--scene", "moon"], "unknown scene moon"),
+        (["--scene", "gras"], "did you mean grass?"),
     ],
 )
 def test_wrong_arguments_are_one_line(

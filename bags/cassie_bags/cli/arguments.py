@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterable
 from pathlib import Path
+
+from cassie_msgs.tunables import unknown_name
 
 
 def positive(word: str) -> int:
@@ -39,6 +42,22 @@ def seconds(word: str) -> float:
     if not 2.0 <= value <= 600.0:
         raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
     return value
+
+
+def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
+    """One of some words; another one is refused with the nearest of them.
+
+    Args:
+        known: The words.
+        what: What they name.
+    """
+
+    def read(word: str) -> str:
+        if word not in known:
+            raise argparse.ArgumentTypeError(unknown_name(word, known, what))
+        return word
+
+    return read
 
 
 def number(word: str) -> float:

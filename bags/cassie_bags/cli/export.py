@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cassie_bags.cli.arguments import one_of
 from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play, stem
 
 FORMATS = ("csv", "parquet", "npz")
@@ -25,7 +26,12 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("done"),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
-    parser.add_argument("--format", choices=FORMATS, default="csv", help="default: csv")
+    parser.add_argument(
+        "--format",
+        type=one_of(FORMATS, "format"),
+        default="csv",
+        help=f"{', '.join(FORMATS)} (default csv)",
+    )
     parser.add_argument(
         "--topics", nargs="+", metavar="TOPIC", default=None, help="topics (default: all)"
     )

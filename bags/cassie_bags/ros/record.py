@@ -27,7 +27,7 @@ from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.bag.writer import BagWriter, FolderWriter
-from cassie_bags.cli.arguments import count, number
+from cassie_bags.cli.arguments import count, number, one_of
 from cassie_bags.errors import BagError
 from cassie_bags.ros.kept_parameters import RECORD, KeptParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
@@ -494,7 +494,10 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         help="seconds of log_time after which a new file begins",
     )
     parser.add_argument(
-        "--compression-format", choices=["zstd", "none"], default="zstd", help="of the chunks"
+        "--compression-format",
+        type=one_of(("zstd", "none"), "compression"),
+        default="zstd",
+        help="of the chunks: zstd or none (default zstd)",
     )
     parser.add_argument(
         "--start-paused", action="store_true", help="begin when /recorder/record asks for it"

@@ -15,6 +15,7 @@ from pathlib import Path
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from cassie_bags.cli.arguments import one_of
 from cassie_bags.errors import RunError
 from cassie_bags.ros.onlooker import onlooker
 from cassie_bags.ros.processes import Processes, executable
@@ -187,7 +188,12 @@ def _arguments() -> argparse.Namespace:
         "What they print goes into files.",
         epilog="Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong arguments.",
     )
-    parser.add_argument("--scene", default="flat", choices=sorted(SCENES), help="what it stands on")
+    parser.add_argument(
+        "--scene",
+        default="flat",
+        type=one_of(SCENES, "scene"),
+        help=f"what it stands on: {', '.join(sorted(SCENES))} (default flat)",
+    )
     parser.add_argument("--view", action="store_true", help="with the simulator's window")
     parser.add_argument("--console", action="store_true", help="with the browser page web_console")
     parser.add_argument(
