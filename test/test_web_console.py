@@ -5,7 +5,7 @@ import re
 import time
 
 import pytest
-from bringup import Robot
+from bringup import WALK, Robot
 
 from cassie_bags.ros.processes import executable
 
@@ -102,3 +102,34 @@ def test_stand_walk_turn_stop_stand_and_emergency_stop(robot, browser):
     eyes.wait_for(lambda: not robot.stands(), "power off")
     eyes.wait_for(lambda: text("mode") in ("fallen", "off"), "the page to say so")
     assert errors == []
+
+
+@pytest.mark.parametrize("flags", [[], ["--commands"]], ids=str)
+def test_a_replayed_bag_is_shown(tmp_path, browser, flags):
+    """A bag as `record` writes it holds what every node publishes; other nodes publish it, too."""
+    walk = (*WALK, {"t": 3.0, "vx": 0.5})
+    with Robot(tmp_path / "recorded", operator=walk) as robot:
+        eyes = robot.eyes
+        bag = robot.record()
+        robot.start()
+        eyes.wait_for(lambda: eyes.position()[0] > 2.0, "two metres")
+        robot.processes.stop()
+    with Robot(tmp_path / "replayed") as robot:
+        page = browser.new_page(viewport=SCREEN)
+        page.goto(address_of(robot))
+        replay = [executable("cassie_bags", "replay"), bag, "--start", "5", "--loop", *flags]
+        robot.processes.start("replay", replay)
+
+        def speeds():
+            """Forward: commanded, limited, achieved."""
+            robot.processes.check("replay")
+            return page.locator("#speeds tr[data-row='0'] td").all_text_contents()
+
+        def walks():
+            achieved = speeds()[2]
+            return achieved[:1].isdigit() and float(achieved) > 0.3
+
+        robot.eyes.wait_for(walks, "a walk")
+        if flags:
+            robot.eyes.wait_for(lambda: speeds()[:2] == ["0.50", "0.50"], "what was asked for")
+        assert page.locator("#mode").text_content() == "walk"

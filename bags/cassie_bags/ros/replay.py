@@ -29,7 +29,7 @@ from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import number
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
-from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand
+from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.fast_lane import WRITER
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
@@ -46,8 +46,12 @@ _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
 """Topics by which a robot is moved: played only where that is asked for."""
 
+OWN_TOPICS = frozenset(["/parameter_events", "/rosout"])
+"""What every node publishes of itself: never played."""
+
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 
+_DIAGNOSTICS = "/diagnostics"  # which several nodes write at once
 _BACK = 5_000_000_000  # ns that a key goes back
 _FASTER = 1.1  # ratio of a key
 _DISCOVERY = 3.0  # s of wall time in which running nodes are found, on a busy machine, too
@@ -121,6 +125,8 @@ class Replay(Node):
                 a robot and that was not asked for.
         """
         moving = sorted(COMMAND_TOPICS.intersection(topics))
+        for topic in OWN_TOPICS.intersection(topics):
+            raise BagError(f"{topic} is what every node publishes of itself: it is not played")
         if moving and not commands:
             raise BagError(f"{moving[0]} moves a robot that listens: play it with --commands")
         index = BagIndex()
@@ -128,7 +134,7 @@ class Replay(Node):
         if not index.complete:
             lost = f"{index.lost_bytes} bytes could not be read" if index.lost_bytes else "no end"
             self.get_logger().warning(f"{path} is damaged or was not closed: {lost}")
-        names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC})
+        names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC} - OWN_TOPICS)
         for topic in topics:
             if topic not in names:
                 raise BagError(f"{path} has no message on {topic}")
@@ -283,10 +289,17 @@ class Replay(Node):
     def _other_writer(self, *, nameless: bool = False) -> str:
         """Who else writes what is played, in words; empty if nobody does.
 
+        Beside a replayed robot, which does not obey, an operator's node may stand.
+
         Args:
             nameless: Whether a writer counts whose node's name has not been found, too.
         """
+        shared = {_DIAGNOSTICS}
+        if {Sensors.TOPIC, Mode.TOPIC} <= self._own.keys():
+            shared.add(OperatorCommand.TOPIC)
         for topic, gid in self._own.items():
+            if topic in shared:
+                continue
             others = {name for writer, name in writers(self, topic).items() if writer != gid}
             if others := others if nameless else others - {UNKNOWN}:
                 return (
