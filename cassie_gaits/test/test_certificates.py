@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import math
@@ -20,6 +21,7 @@ from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import (
     default_library_path,
+    library_path,
     load_certified,
     load_library,
     save_library,
@@ -280,3 +282,10 @@ def test_a_damaged_partial_file_is_refused(tmp_path, line):
     partial.path.write_text(json.dumps({"model_hash": model_hash()}) + f"\n{line}\n")
     with pytest.raises(GaitLibraryError, match="line 2 is damaged"):
         partial.read([])
+
+
+def test_the_dense_library_is_small_and_as_its_command_writes_it(tmp_path):
+    packaged, again = library_path("dense"), tmp_path / "again.json.gz"
+    save_library(load_library(packaged), again)
+    assert max(path.stat().st_size for path in (packaged, again)) < 5e6
+    assert gzip.decompress(again.read_bytes()) == gzip.decompress(packaged.read_bytes())
