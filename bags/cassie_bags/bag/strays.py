@@ -25,9 +25,7 @@ NOBODYS = -1
 """In place of the number of an episode: the message belongs to none."""
 
 _SEQ_BITS = 31  # 12 days at 2 kHz; with the 32 bits of an episode they fit in a number
-_IN_FLIGHT = (
-    1_000_000_000  # what reaches a recorder may be so much older or newer than the rest, ns
-)
+_IN_FLIGHT = 1_000_000_000  # ns by which a stamp may lie outside of its episode's samples
 _IN_FLIGHT_TICKS = 2000  # the same at 2 kHz
 _LATE_TICKS = 20  # by which an answer of a node that was replaced may come after its successor's
 
