@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.recording import LANE_TOPICS, Recording
-from cassie_bags.bag.rows import Rows, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps_ns, where
 from cassie_bags.bag.strays import episode_of
 from cassie_msgs.layout import (
     Mode,
@@ -110,19 +110,15 @@ def only_episode(recording: Recording, episode: int) -> Recording:
     """
     sensors = recording.lane[Sensors.TOPIC]
     lane = {
-        topic: _where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()
+        topic: where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()
     }
     truth, segway, segway_imu = (
-        _where(rows, episode_of(rows, sensors) == episode)
+        where(rows, episode_of(rows, sensors) == episode)
         for rows in (recording.truth, recording.segway, recording.segway_imu)
     )
     return dataclasses.replace(
         recording, lane=lane, truth=truth, segway=segway, segway_imu=segway_imu
     )
-
-
-def _where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
-    return rows if flags.all() else rows[flags]
 
 
 def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> list[str]:

@@ -20,3 +20,8 @@ def stamps(rows: Rows) -> FloatArray:
 def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
     """Robot time of each row. Shape (n,), in ns."""
     return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
+
+
+def where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
+    """Rows that a flag is set for: not copied if it is set for all."""
+    return rows if flags.all() else rows[flags]

@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.rows import Rows, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps_ns, where
 from cassie_msgs.layout import OperatorCommand, Sensors
 
 BoolArray = npt.NDArray[np.bool_]
@@ -43,7 +43,7 @@ def of_the_run(lane: Mapping[str, Rows], beside: Mapping[str, Rows]) -> dict[str
     if not len(sensors):
         return {topic: np.ones(len(rows), np.bool_) for topic, rows in {**lane, **beside}.items()}
     found = {Sensors.TOPIC: _rising(_key(sensors))}
-    sensors = sensors[found[Sensors.TOPIC]]
+    sensors = where(sensors, found[Sensors.TOPIC])
     latest = dict(zip(sensors["episode"].tolist(), sensors["seq"].tolist(), strict=True))
     for topic, rows in lane.items():
         if topic != Sensors.TOPIC:
