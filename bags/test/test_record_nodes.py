@@ -656,6 +656,10 @@ def spin(node: Node) -> bool:
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
+        (
+            ["replay", "bag.mcap", "--topics", "/parameter_events"],
+            "/parameter_events is what every node publishes of itself",
+        ),
         (["replay", "none.mcap"], "No such file"),
         (["replay", "text.mcap"], "is not an MCAP file"),
         (["replay", "bag.mcap", "--start", "99"], "has no message in the part asked for"),

@@ -44,10 +44,10 @@ LANE = {kind.TOPIC for kind in SAMPLE_TYPES}
 WALK = Path(__file__).parents[1] / "recordings" / "walk.mcap"
 
 
-def two_episodes() -> Messages:
-    """A walk, a reset, and a walk at another speed that is longer."""
+def two_episodes(first: float, second: float) -> Messages:
+    """A walk, a reset, and a walk at another speed; for so long each (s)."""
     found: Messages = {}
-    for part in (glide_messages(1.0, 0.3, episode=7), glide_messages(1.6, 0.6, episode=8)):
+    for part in (glide_messages(first, 0.3, episode=7), glide_messages(second, 0.6, episode=8)):
         for topic, list_ in part.items():
             found.setdefault(topic, []).extend(list_)
     return found
@@ -62,7 +62,7 @@ def sample(kind: type[Sample], **values: float) -> bytes:
 
 
 def empty_odometry(messages: Messages) -> bytes:
-    """What `ros2 topic pub` sends without values: everything is zero, and so is the stamp."""
+    """A pose with the stamp 0, as `ros2 topic pub` sends without values."""
     like = messages[GROUND_TRUTH_TOPIC][0]
     empty = bytearray(like)
     empty[4:12] = bytes(8)
@@ -117,11 +117,11 @@ CASES = {
 
 @pytest.fixture(scope="module")
 def clean() -> Messages:
-    return two_episodes()
+    return two_episodes(1.0, 1.6)
 
 
 def strewn(messages: Messages, case: Case, times: int, seed: int = 1) -> Messages:
-    """The same with a case's message put in at random places, each at most twice in a row."""
+    """The same with a case's message put in at random places."""
     found = {topic: list(list_) for topic, list_ in messages.items()}
     places = random.Random(seed).sample(range(1, len(found[case.topic]) - 1), times)
     for place in sorted(places, reverse=True):
@@ -188,11 +188,7 @@ def test_each_episode_has_its_own_poses(clean: Messages):
 
 def test_a_reset_soon_after_the_start_is_an_episode_of_its_own():
     """Its few stamps come again in the next: the order tells whose they are."""
-    messages: Messages = {}
-    for part in (glide_messages(0.02, 0.3, episode=7), glide_messages(1.0, 0.6, episode=8)):
-        for topic, list_ in part.items():
-            messages.setdefault(topic, []).extend(list_)
-    recording = from_messages(messages, 1.0).without_strays()
+    recording = from_messages(two_episodes(0.02, 1.0), 1.0).without_strays()
     assert recording.strays == {}
     assert len(only_episode(recording, 7).truth) == 10
     assert len(only_episode(recording, 8).truth) == 500

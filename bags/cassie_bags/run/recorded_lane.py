@@ -143,7 +143,12 @@ class RecordedLane:
         return Setting(parameters, files)
 
 
-def found(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
+def needed(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
+    """The message of a tick.
+
+    Raises:
+        MissingInputError: calling it `what`, if it is not there.
+    """
     raw = messages.get(key)
     if raw is None:
         raise MissingInputError(f"the {what} of tick {key[1]}, episode {key[0]}, is not in the bag")
@@ -151,6 +156,7 @@ def found(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
 
 
 def key_of(raw: bytes) -> Key:
+    """Episode and tick of a message of the lane."""
     _, _, episode, seq = header(raw)
     return episode, seq
 

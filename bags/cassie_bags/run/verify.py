@@ -32,8 +32,8 @@ from cassie_bags.run.recorded_lane import (
     MissingInputError,
     RecordedLane,
     Setting,
-    found,
     key_of,
+    needed,
 )
 from cassie_bags.run.yaml_file import apply_changes, flat
 from cassie_control.config import ControllerConfig
@@ -297,7 +297,7 @@ class _Estimator(_Core):
         self._config = self._core.config = replace_checked(self._config, **changes)
 
     def answer(self, key: Key) -> Sample:
-        self._sample.load(found(self.lane.samples, key, "sensor sample"))
+        self._sample.load(needed(self.lane.samples, key, "sensor sample"))
         return self._guarded.step(self._sample)
 
 
@@ -319,7 +319,7 @@ class _Supervisor(_Core):
             self._controller_lost = event.content["node"] is not None
 
     def answer(self, key: Key) -> Sample:
-        self._state.load(found(self.lane.states, key, "state"))
+        self._state.load(needed(self.lane.states, key, "state"))
         return self._guarded.step(self._state, self._command(key), self._controller_lost)
 
     def _command(self, key: Key) -> OperatorCommand | None:
@@ -327,7 +327,7 @@ class _Supervisor(_Core):
         if (raw := self.lane.in_force.get(key)) is not None:
             operator.load(raw)
             return operator if int(operator.effective_seq) else None
-        operator.load(found(self.lane.scripted, key, "operator command"))
+        operator.load(needed(self.lane.scripted, key, "operator command"))
         return operator
 
 
@@ -368,10 +368,10 @@ class _Controller(_Core):
                 self._fallback.start(self._recorded_mode(event.episode, event.content["since"]))
 
     def answer(self, key: Key) -> Sample:
-        self._state.load(found(self.lane.states, key, "state"))
+        self._state.load(needed(self.lane.states, key, "state"))
         mode = self._mode_at(*key)
         if self._offered is not None:
-            self._gait.load(found(self.lane.gaits, self._offered, "gait"))
+            self._gait.load(needed(self.lane.gaits, self._offered, "gait"))
             self._core.offer(self._gait)
             self._offered = None
         return self._guarded.step(self._state, mode)
@@ -388,7 +388,7 @@ class _Controller(_Core):
         if raw is None and effective_seq < PERIOD_TICKS:
             self._off.episode[...] = episode
             return self._off
-        self._mode.load(found(self.lane.modes, (episode, effective_seq), "mode"))
+        self._mode.load(needed(self.lane.modes, (episode, effective_seq), "mode"))
         return self._mode
 
 
