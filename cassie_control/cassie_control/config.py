@@ -356,6 +356,13 @@ class WalkConfig:
     reach_outward: float = tunable(
         0.32, "m", 0.1, 0.4, "How far outside its hip the swing foot can be set down"
     )
+    clearance: float = tunable(
+        0.05,
+        "m",
+        0.0,
+        0.15,
+        "How much farther the foot swings above the ground than the gait's, in the middle of a step",
+    )
     landing_depth: float = tunable(
         0.035, "m", -0.02, 0.1, "How far below the ground the swing foot aims, to take load at once"
     )

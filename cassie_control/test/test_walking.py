@@ -112,6 +112,20 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     assert slopes[1][accelerated] == pytest.approx(found[1][2][accelerated], abs=2e-2)
 
 
+@pytest.mark.parametrize(("law", "higher"), [("pendulum", 0.05), ("paper", 0.0)])
+@STANCES
+def test_a_foot_swings_higher_by_its_clearance_in_the_middle_of_a_step(stance, law, higher):
+    def length(phase: float, clearance: float) -> float:
+        config = replace(CONFIG, law=law, clearance=clearance)
+        core = walking(stance, config=config, period=1e-9)
+        core.timing.phase = phase
+        core.step(readings_of(swinging(stance)), mode_of(), MotorCommand())
+        return core.desired[LENGTH_SW]
+
+    drawn_up = [length(phase, 0.0) - length(phase, 0.05) for phase in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    assert drawn_up == pytest.approx(np.array([0.0, 9 / 16, 1.0, 9 / 16, 0.0]) * higher, abs=1e-6)
+
+
 @STANCES
 def test_desired_outputs_reach_the_gaits_end(stance):
     paper = replace(CONFIG, law="paper")

@@ -36,6 +36,7 @@ class Gains(Record):
     kd_torso_roll: float
     kp_torso_pitch: float
     kd_torso_pitch: float
+    clearance: float
     late_reach: float
     late_speed: float
     level_back: float
@@ -86,7 +87,7 @@ def _least_effort() -> FloatArray:
 
 _LEAST_EFFORT = _least_effort()
 _SWITCHES = ("straight", "share_force", "level", "swing_inertia")
-_BESIDE_THE_PAPER = (*_SWITCHES, "bounce_damping", "thigh_angle", "thigh_rate")
+_BESIDE_THE_PAPER = (*_SWITCHES, "clearance", "bounce_damping", "thigh_angle", "thigh_rate")
 
 
 def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:

@@ -211,6 +211,9 @@ def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
         if i not in (ROLL, PITCH):
             gait[i, 0] = step.start[i]
             gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
+    # 10 s^2 (1 - s)^2 of these two: 5/8 in the middle of a step, nothing at its ends.
+    for k in (2, 3):
+        gait[LENGTH_SW, k] -= 1.6 * gain.clearance
     if gain.straight > 0.0:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):
