@@ -361,7 +361,7 @@ class WalkConfig:
         "m",
         0.0,
         0.15,
-        "How much farther the foot swings above the ground than the gait's, in the middle of a step",
+        "How much higher than the gait's the foot swings in the middle of a step",
     )
     landing_depth: float = tunable(
         0.035, "m", -0.02, 0.1, "How far below the ground the swing foot aims, to take load at once"
