@@ -36,7 +36,7 @@ def on_ice():
         {
             "start": "standing",
             "scene_parameters": {"friction": 0.28},
-            "pushes": [{"t": 5.1, "duration": 0.2, "force": [0.0, -60.0, 0.0]}],
+            "pushes": [{"t": 5.1, "duration": 0.2, "force": [0.0, -80.0, 0.0]}],
         }
     )
     robot = Robot(
