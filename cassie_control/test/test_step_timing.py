@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import pytest
-from robot_states import leg_joints, put, random_state, readings_of, state_of
+from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.config import WalkConfig
 from cassie_control.planner.timing import LEFT, RIGHT, StepTiming, advance, end_step
-from cassie_msgs.layout import RobotState
 
 CONFIG = WalkConfig()
 PERIOD = 0.002
@@ -46,32 +42,14 @@ def test_without_touchdown_a_step_ends_late():
     assert phase == pytest.approx(CONFIG.latest_touchdown, abs=0.006)
 
 
-def test_a_foot_that_rises_has_not_touched_down_whatever_its_springs_feel():
+def test_a_foot_high_above_the_ground_has_not_touched_down_whatever_its_springs_feel():
     """One that came free of an edge sprang up, and its step ended 0.25 m above the ground."""
     core, seen = timing(LEFT), readings(300.0)
     core.phase = 0.7
-    for rise, ends in (((0.0, 3.0), False), ((3.0, 3.0), True), ((0.0, -1.0), True)):
-        put(seen, foot_rise=rise)
+    feet = seen.records[0]["foot"]
+    for height, ends in ((0.25, False), (0.17, True)):
+        feet[RIGHT, 2] = feet[LEFT, 2] + height
         assert advance(core.records, seen.records) == ends
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_rise_of_a_foot_is_the_derivative_of_its_height(seed):
-    state, period = random_state(seed, roll=0.1, pitch=-0.2), 1e-6
-    pitch_rate, roll_rate, roll = 0.7, -0.4, float(state.q[5])
-    state.v[:6] = 0.0, 0.0, 0.0, 0.0, pitch_rate, roll_rate
-    state.angular_velocity[:] = (
-        roll_rate,
-        pitch_rate * math.cos(roll),
-        -pitch_rate * math.sin(roll),
-    )
-    moved = RobotState()
-    moved.copy_from(state)
-    moved.q[:] += period * state.v
-    before, after = (readings_of(each).records[0] for each in (state, moved))
-    rise = (after["foot"][:, 2] - before["foot"][:, 2]) / period
-    assert np.abs(rise).max() > 0.1
-    assert rise == pytest.approx(before["foot_rise"], abs=1e-4)
 
 
 def test_load_on_the_stance_foot_ends_no_step():

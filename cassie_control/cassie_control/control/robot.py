@@ -14,7 +14,7 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
-from cassie_gaits.vectors import Vector, cross, dot, plus, turned
+from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
 
 HIP_ROLL_X, HIP_Y = 0.021, 0.135
@@ -64,7 +64,6 @@ class Robot(Record):
         joints: The seven joints of each leg. In rad.
         ankle: Toe joint of each leg from the pelvis origin. In m.
         foot: Middle of each sole from the pelvis origin. In m.
-        foot_rise: Velocity upwards of each of these, against the pelvis origin. In m/s.
         rates: Rates of the joints. In rad/s.
         tilt: Rotation from the pelvis to the heading frame.
         angular_velocity: Of the pelvis, pelvis frame. In rad/s.
@@ -87,7 +86,6 @@ class Robot(Record):
     joints: FloatArray = array(2, 7)
     ankle: FloatArray = array(2, 3)
     foot: FloatArray = array(2, 3)
-    foot_rise: FloatArray = array(2)
     rates: FloatArray = array(2, 7)
     tilt: FloatArray = array(3, 3)
     angular_velocity: FloatArray = array(3)
@@ -127,8 +125,6 @@ def read_robot(states: RecordArray, pairs: Records[LegPair], robots: Records[Rob
         ankle, foot = turned(robot.tilt, legs[i].ankle), turned(robot.tilt, legs[i].foot)
         for k in range(3):
             robot.ankle[i, k], robot.foot[i, k] = ankle[k], foot[k]
-        swept = cross(estimate.angular_velocity, legs[i].foot)
-        robot.foot_rise[i] = dot(robot.tilt[2], plus(legs[i].foot_velocity, swept))
     for k in range(3):
         robot.angular_velocity[k] = estimate.angular_velocity[k]
         middle = 0.5 * (robot.foot[0, k] + robot.foot[1, k])

@@ -15,16 +15,16 @@ LEFT, RIGHT = 0, 1
 
 _RATE_TIME = 0.02  # s
 _LATE = 0.9  # phase from which a step's time is settled
-_RISES = 0.3  # m/s, of a foot that no ground holds; at touchdowns up to 0.14
+_HIGHEST = 0.2  # m, of what a foot is set down on, above the stance foot
 
 
 class StepTiming(Record):
     """Phase and stance leg of the present step, and the velocities read from it.
 
     A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`
-    and does not rise, or at phase `latest_touchdown`. A foot that caught on an edge and
-    comes free springs up at 3 m/s. As its leg stops it, the springs feel what they feel at a
-    touchdown.
+    no higher than 0.2 m above the stance foot, or at phase `latest_touchdown`. A foot that caught
+    on an edge and comes free springs up at 3 m/s, to 0.2 to 0.3 m. As its leg stops it there, the
+    springs feel what they feel at a touchdown.
 
     Attributes:
         stance: LEFT or RIGHT.
@@ -91,7 +91,7 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     stance, swing = timing.stance, 1 - timing.stance
     if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
-    return bool(robot.foot_rise[swing] - robot.foot_rise[stance] < _RISES)
+    return bool(robot.foot[swing, 2] - robot.foot[stance, 2] < _HIGHEST)
 
 
 @compiled
