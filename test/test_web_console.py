@@ -132,4 +132,4 @@ def test_a_replayed_bag_is_shown(tmp_path, browser, flags):
         robot.eyes.wait_for(walks, "a walk")
         if flags:
             robot.eyes.wait_for(lambda: speeds()[:2] == ["0.50", "0.50"], "what was asked for")
-        assert page.locator("#mode").text_content() == "walk"
+        robot.eyes.wait_for(lambda: page.locator("#mode").text_content() == "walk", "its mode")

@@ -4,6 +4,7 @@ import ctypes
 import sys
 from dataclasses import dataclass
 
+import rclpy
 from rclpy.node import Node
 
 from cassie_msgs.ros import diagnostics, parameters, process
@@ -52,11 +53,17 @@ class Picked(Node):
         print("closed", flush=True)
 
     def destroy_node(self) -> None:
-        """Keep the interpreter for a minute if asked to, as a middleware that hangs does."""
-        if "--stuck" in sys.argv:
-            ctypes.PyDLL(None).sleep(60)
+        """Take leave of the middleware, which may hang."""
+        hold_up()
         super().destroy_node()
 
 
+def hold_up() -> None:
+    """Keep the interpreter for a minute if asked to, as a middleware that hangs does."""
+    if "--stuck" in sys.argv:
+        ctypes.PyDLL(None).sleep(60)
+
+
 if __name__ == "__main__":
+    rclpy.try_shutdown = hold_up
     process.run("picked", Picked)

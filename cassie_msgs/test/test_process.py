@@ -44,6 +44,12 @@ def test_a_node_that_middleware_holds_up_at_its_end_ends_all_the_same():
     assert (process.returncode, out.strip(), err) == (0, "closed", "")
 
 
+def test_a_node_that_middleware_holds_up_as_it_is_refused_ends_all_the_same():
+    process = start("pick_node.py", "--stuck", "--ros-args", "-p", "kp_knee:=9000.0")
+    _, err = process.communicate(timeout=LEAVE_TIMEOUT + 10)
+    assert (process.returncode, err.count("\n")) == (2, 1)
+
+
 @pytest.mark.parametrize(
     ("argument", "message"),
     [

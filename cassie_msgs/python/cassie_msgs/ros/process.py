@@ -91,6 +91,10 @@ def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> 
     _end_on_errors(stop)
     try:
         status = _run(name, build, stop)
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        status = 1
+        end_within(LEAVE_TIMEOUT, status)
     finally:
         with contextlib.suppress(*_SHUTDOWN_ERRORS):
             rclpy.try_shutdown()
@@ -122,6 +126,7 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
                 claim.take()
     except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
         print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
+        end_within(LEAVE_TIMEOUT, 2)
         return 2
     try:
         with executor_thread(stop, *nodes):
