@@ -53,17 +53,18 @@ class Picked(Node):
         print("closed", flush=True)
 
     def destroy_node(self) -> None:
-        """Take leave of the middleware, which may hang."""
-        hold_up()
+        """Take leave of the middleware, which hangs if asked to."""
+        if "--stuck" in sys.argv:
+            hold_up()
         super().destroy_node()
 
 
 def hold_up() -> None:
-    """Keep the interpreter for a minute if asked to, as a middleware that hangs does."""
-    if "--stuck" in sys.argv:
-        ctypes.PyDLL(None).sleep(60)
+    """Keep the interpreter for a minute, as a middleware that hangs does."""
+    ctypes.PyDLL(None).sleep(60)
 
 
 if __name__ == "__main__":
-    rclpy.try_shutdown = hold_up
+    if "--stuck" in sys.argv:
+        rclpy.try_shutdown = hold_up
     process.run("picked", Picked)
