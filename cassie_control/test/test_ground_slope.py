@@ -74,6 +74,38 @@ def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
     assert -0.15 < np.mean(seen) < 0.0
 
 
+def step_on(slope, shown, found):
+    """A step on a sole that shows a slope; the next foot, 0.2 m ahead, finds another one."""
+    for _ in walk_with(slope, lambda phase: shown):
+        pass
+    readings = readings_of(state_of(leg_joints(), leg_joints()))
+    for leg, x, z in ((RIGHT, 0.1, -0.8 + 0.2 * found), (LEFT, -0.1, -0.8)):
+        put_ankle(readings, leg, (x, 0.0, z))
+    touch_down(slope.records, readings.records, RIGHT)
+
+
+def test_soles_that_the_next_footholds_do_not_bear_out_count_for_little():
+    """Tufts of grass tilt the feet by 0.1: taken for rises it ran away at 0.8 m/s."""
+    ahead = []
+    for borne_out in (0.0, 1.0):
+        slope = GroundSlope(CONFIG, PERIOD)
+        for tilt in [*10 * [-0.1, 0.1], *5 * [0.15]]:
+            step_on(slope, tilt, borne_out * tilt)
+        ahead.append(slope.ahead)
+    tufts, rough = ahead
+    assert rough > 0.05
+    assert abs(tufts) < 0.1 * rough
+
+
+def test_a_slope_that_the_next_footholds_bear_out_is_believed_in_full():
+    slope = GroundSlope(CONFIG, PERIOD)
+    for step in range(20):
+        step_on(slope, (-0.1, 0.1)[step % 2], 0.0)
+    for _ in range(45):
+        step_on(slope, 0.3, 0.3)
+    assert slope.ahead == pytest.approx(0.3, abs=0.02)
+
+
 def ever_slower(phase):
     """What a foot shows whose heel sinks into sand, as measured: 0.15 to 0.5 rad."""
     return np.tan(0.55 - 0.4 * np.exp(-4.0 * phase))

@@ -15,6 +15,8 @@ _STEEPEST = 0.6  # of a slope that is believed
 _RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
 _TURNS = (0.4, 0.8)  # rad/s of it up to which the foot rests, and turns for certain
 _TURNED_UP = (0.02, 0.04)  # rad since it settled, up to which the ground holds, or gives way
+_MEMORY = 0.95  # of what the sole foretold, that is left a step later
+_BELIEF = 2e-4  # m^2, that weighs as much for a sole that is right: 0.05 of slope over 0.3 m
 _STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not among as many
 _EVEN, _DEEPEST = 0.01, 0.08  # m of steps up that are none, and the most that is believed
 
@@ -36,6 +38,16 @@ class GroundSlope(Record):
     falls ahead meanwhile: two such steps took it from 0.4 to 1.2 m/s. So the estimate leans to the
     low side where footholds differ, and is exact where they agree.
 
+    How far a sole tells of the ground ahead is another matter on each ground. It foretells that
+    the next foot, x ahead, rises by tan(pitch) x. The regression of what that foot then found on it
+    is the share of the sole's slope that is believed:
+
+        share = sum(foretold found) / sum(foretold^2),
+
+    over the last 20 steps or so, 1 at first. Of robots 1 to 6 it was 0.93 to 0.98 on hard slopes,
+    0.5 to 0.65 on rough hard ground, 0.3 on grass at 0.8 m/s and 0.13 at 1.2 m/s, whose tufts tilt
+    a foot by 0.05 and more: taken for a rise it ran away.
+
     A foot whose heel sinks into sand turns up for as long as it is loaded, by 0.05 to 0.3 rad (on
     hard ground by 0.003, on grass by 0.015), fast at first and then ever slower. While a foot turns
     fast its pitch is no slope, nor once it has turned up: what it shows as it slows down, 0.5, was
@@ -53,6 +65,9 @@ class GroundSlope(Record):
         pitch: Of the stance foot. In rad.
         rate: Its low-passed rate. In rad/s.
         settled: Its pitch when the foot lay flat. In rad.
+        shown, ticks: Mean slope that this stance foot has shown, and in how many periods.
+        foretold, borne_out: Sums of the squares of what soles foretold, and of its products with
+            what the next feet found. In m^2.
         steps_up: By how much the last new feet landed higher than the old ones, the newest last.
             In m.
         slope_time, slope_rise_time, slope_share: See `config.WalkConfig`.
@@ -65,6 +80,10 @@ class GroundSlope(Record):
     pitch: float
     rate: float
     settled: float
+    shown: float
+    ticks: float
+    foretold: float
+    borne_out: float
     steps_up: FloatArray = array(_STEPS_UP)
     slope_time: float
     slope_rise_time: float
@@ -85,6 +104,7 @@ class GroundSlope(Record):
         """Level ground that holds."""
         self.ahead = self.left = self.sunk = 0.0
         self.pitch = self.rate = self.settled = 0.0
+        self.shown = self.ticks = self.foretold = self.borne_out = 0.0
         self.steps_up[:] = 0.0
 
 
@@ -106,6 +126,10 @@ def stand_on(
     if robot.load[stance] < 1.0 or phase < _SETTLED:
         return
     seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
+    slope.ticks += 1.0
+    slope.shown += (seen - slope.shown) / slope.ticks
+    believed = (slope.borne_out + _BELIEF) / (slope.foretold + _BELIEF)
+    seen *= max(0.0, min(1.0, believed))
     seen += _share(pitch - slope.settled, _TURNED_UP) * (min(0.0, slope.ahead) - seen)
     time = slope.slope_rise_time if seen > slope.ahead else slope.slope_time
     rests = 1.0 - _share(abs(slope.rate), _TURNS)
@@ -124,6 +148,10 @@ def touch_down(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -
     error = z - slope.ahead * x - slope.left * y
     slope.left += slope.slope_share * error * y / (y * y + 0.01)
     slope.left = max(-_STEEPEST, min(_STEEPEST, slope.left))
+    foretold, found = slope.shown * x, z - slope.left * y
+    slope.foretold = _MEMORY * slope.foretold + foretold * foretold
+    slope.borne_out = _MEMORY * slope.borne_out + foretold * found
+    slope.shown = slope.ticks = 0.0
     for k in range(_STEPS_UP - 1):
         slope.steps_up[k] = slope.steps_up[k + 1]
     slope.steps_up[_STEPS_UP - 1] = error
