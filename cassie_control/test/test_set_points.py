@@ -121,7 +121,7 @@ def test_an_unknown_mode_is_refused(walking):
 def test_what_is_asked_for_at_once_is_scaled_down_as_a_whole(walking):
     walking.ask(vx=CONFIG.vx_forward, vy=CONFIG.vy_limit, yaw_rate=-CONFIG.yaw_rate_limit)
     mode = walking.run(12.0)
-    share = 1.0 / math.sqrt(3.0)
+    share = 3.0 ** (-1.0 / 3.0)
     assert mode.vx == pytest.approx(share * CONFIG.vx_forward)
     assert mode.vy == pytest.approx(share * CONFIG.vy_limit)
     assert mode.yaw_rate == pytest.approx(-share * CONFIG.yaw_rate_limit)

@@ -48,12 +48,27 @@ def test_what_is_permitted_stays_as_it_is(mode):
     assert limits.nearest(asked) == asked
 
 
-def test_speeds_asked_for_at_once_are_scaled_down_together():
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_speeds_asked_for_at_once_are_scaled_down_together(sign):
     most = on_foot(C)
-    asked = SetPoints(vx=most.vx_forward, vy=most.vy, yaw_rate=most.yaw_rate)
+    asked = SetPoints(vx=most.vx_forward, vy=sign * most.vy, yaw_rate=-sign * most.yaw_rate)
     found = most.nearest(asked)
-    assert found.vx / asked.vx == pytest.approx(1.0 / np.sqrt(3.0))
+    assert found.vx / asked.vx == pytest.approx(3.0 ** (-1.0 / 3.0))
     assert found.vy / asked.vy == pytest.approx(found.vx / asked.vx)
+    assert found.yaw_rate / asked.yaw_rate == pytest.approx(found.vx / asked.vx)
+
+
+def test_a_rider_turns_less_while_it_rides_fast():
+    most = on_segway(C)
+    found = most.nearest(SetPoints(vx=most.vx_forward, yaw_rate=-most.yaw_rate))
+    assert found.vx / most.vx_forward == pytest.approx(np.sqrt(0.5))
+    assert found.yaw_rate / most.yaw_rate == pytest.approx(-np.sqrt(0.5))
+
+
+def test_a_fast_turn_with_a_step_aside_is_walked_as_commanded():
+    asked = SetPoints(vx=1.0, vy=0.2, yaw_rate=0.4)
+    found = on_foot(C).nearest(asked)
+    assert (found.vx, found.vy, found.yaw_rate) == (1.0, 0.2, 0.4)
 
 
 @pytest.mark.parametrize("requested", MODES)

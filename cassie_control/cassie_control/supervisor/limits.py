@@ -17,6 +17,8 @@ from cassie_msgs.layout import RobotMode
 
 _STAND, _WALK, _SEGWAY = RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY
 
+_ON_FOOT, _RIDING = 3.0, 2.0  # exponents of speeds at once
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
@@ -25,6 +27,8 @@ class Limits:
     Attributes:
         vx_forward, vx_backward, vy: Largest speeds. In m/s.
         yaw_rate: Largest turn rate. In rad/s.
+        exponent: p of the superellipsoid |vx/..|^p + |vy/..|^p + |yaw_rate/..|^p <= 1 over these,
+            which what is asked for at once must keep.
         height_low, height_high: Of the pelvis. In m.
         com_x, com_y: Largest shift of the centre of mass. In m.
         roll, pitch: Largest tilt of the torso, with trims. In rad.
@@ -39,6 +43,7 @@ class Limits:
     vx_backward: float
     vy: float
     yaw_rate: float
+    exponent: float
     height_low: float
     height_high: float
     com_x: float
@@ -57,8 +62,8 @@ class Limits:
     def nearest(self, commanded: SetPoints) -> SetPoints:
         """The set-points within the bounds that are nearest to a command.
 
-        Speeds are kept together within an ellipsoid over their bounds: each bound can be used up
-        alone; what is asked for at once is scaled down as a whole, so that the robot turns and
+        Speeds are kept together within a superellipsoid over their bounds: each bound can be used
+        up alone; what is asked for at once is scaled down as a whole, so that the robot turns and
         sidesteps less while it walks fast.
         """
         vx, vy, yaw_rate = self._speeds(commanded)
@@ -92,7 +97,8 @@ class Limits:
             _share(vy, self.vy),
             _share(yaw_rate, self.yaw_rate),
         )
-        scale = 1.0 / max(1.0, math.hypot(*shares))
+        together = sum(share**self.exponent for share in shares)
+        scale = max(1.0, together) ** (-1.0 / self.exponent)
         return scale * vx, scale * vy, scale * yaw_rate
 
     def approach(self, now: SetPoints, commanded: SetPoints, period: float) -> None:
@@ -125,6 +131,7 @@ def on_foot(c: SupervisorConfig) -> Limits:
         vx_backward=c.vx_backward,
         vy=c.vy_limit,
         yaw_rate=c.yaw_rate_limit,
+        exponent=_ON_FOOT,
         height_low=c.height_low,
         height_high=c.height_high,
         com_x=c.com_x_limit,
@@ -150,6 +157,7 @@ def on_segway(c: SupervisorConfig) -> Limits:
         vx_backward=c.ride_backward,
         vy=0.0,
         yaw_rate=c.ride_yaw_rate,
+        exponent=_RIDING,
         acceleration=c.ride_acceleration,
         com_x=c.ride_com_x,
         com_y=c.ride_com_y,
@@ -218,7 +226,7 @@ def situation(
 
 
 def _share(value: float, limit: float) -> float:
-    return value / limit if 0.0 < limit < math.inf else 0.0
+    return abs(value) / limit if 0.0 < limit < math.inf else 0.0
 
 
 def _bounded(value: float, most: float) -> float:
