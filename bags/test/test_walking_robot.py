@@ -174,7 +174,8 @@ def test_hard_ground_of_4_cm_is_crossed_by_most():
 
 
 @pytest.mark.parametrize(
-    ("name", "level", "seed"), [("grass.0.8", 0.8, 5), ("grass.1.2", 1.2, 4), ("grass.1.2", 1.2, 10)]
+    ("name", "level", "seed"),
+    [("grass.0.8", 0.8, 5), ("grass.1.2", 1.2, 4), ("grass.1.2", 1.2, 10)],
 )
 def test_feet_that_tufts_of_grass_tilt_do_not_make_it_run_away(name, level, seed):
     """A tilt was taken for a rise: the next foot landed late and far ahead."""
