@@ -45,7 +45,7 @@ class GroundSlope(Record):
         share = sum(foretold found) / sum(foretold^2),
 
     over the last 20 steps or so, 1 at first. Of robots 1 to 6 it was 0.93 to 0.98 on hard slopes,
-    0.5 to 0.65 on rough hard ground, 0.3 on grass at 0.8 m/s and 0.13 at 1.2 m/s, whose tufts tilt
+    0.45 to 0.65 on rough hard ground, 0.3 on grass at 0.8 m/s and 0.13 at 1.2 m/s, whose tufts tilt
     a foot by 0.05 and more: taken for a rise it ran away.
 
     A foot whose heel sinks into sand turns up for as long as it is loaded, by 0.05 to 0.3 rad (on
