@@ -8,6 +8,7 @@ import re
 import select
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -115,6 +116,42 @@ def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int
     assert {log.stem for log in starter.logs.glob("*.log")} == {
         *("simulator", "state_estimator", "gait_controller", "mode_supervisor")
     }
+
+
+CTRL_C_AS_IT_BEGINS_TO_WAIT = """
+import signal, sys, threading
+from cassie_bags.ros import robot
+
+def trace(frame, event, _):
+    if frame.f_code is threading.Condition.wait.__code__ and said and said.pop():
+        signal.raise_signal(signal.SIGINT)
+
+said, say = [], robot._say
+def said_and_traced(text):
+    say(text)
+    if "ready" in text:
+        said.append(text)
+        sys.settrace(trace)
+robot._say = said_and_traced
+sys.exit(robot.main())
+"""
+
+
+def test_ctrl_c_as_it_begins_to_wait_ends_it(tmp_path: Path, domain: int) -> None:
+    """Its handler waited for the lock that the main thread held, and nothing ended it any more."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", CTRL_C_AS_IT_BEGINS_TO_WAIT, "--logs", tmp_path / "logs"],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        said, _ = process.communicate(timeout=TIMEOUT)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert "ready" in said and said.endswith("robot: ended\n")
+    assert nodes_of(tmp_path / "logs") == []
 
 
 def test_a_second_one_does_not_take_the_first_one_for_itself(tmp_path: Path, domain: int) -> None:

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rclpy.executors import SingleThreadedExecutor
@@ -20,7 +20,9 @@ from cassie_bags.errors import RunError
 from cassie_bags.ros.onlooker import onlooker
 from cassie_bags.ros.processes import Processes, executable
 from cassie_msgs.msg import SupervisorStatus
+from cassie_msgs.processes import end_within
 from cassie_msgs.ros.claim import held_roles, second
+from cassie_msgs.ros.process import LEAVE_TIMEOUT, Stop, follow_signals
 from cassie_sim.scenes import SCENES
 
 ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
@@ -46,18 +48,36 @@ _LOOK = 0.1  # s between two looks at the processes
 def main() -> int:
     """Entry point of `ros2 run cassie_bags robot`."""
     arguments = _arguments()
-    stop = threading.Event()
+    stop = Stop()
     # A shell that starts this in the background has Ctrl-C ignored; whoever sends it means it.
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: stop.set())
+    follow_signals(stop, signal.SIGHUP)
     logs = arguments.logs or _log_folder()
     try:
         commands = node_commands(arguments)
         _refuse_second(arguments)
-        with (
-            onlooker("robot") as (node, executor),
-            Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes,
-        ):
+        with onlooker("robot") as (node, executor):
+            code = _watch(arguments, commands, logs, node, executor, stop)
+            end_within(2 * LEAVE_TIMEOUT, code)
+            return code
+    except RunError as error:
+        print(f"robot: error: {error}", file=sys.stderr)
+        return NODE_LOST
+    except (ValueError, OSError) as error:
+        print(f"robot: error: {error}", file=sys.stderr)
+        return WRONG_INPUT
+
+
+def _watch(
+    arguments: argparse.Namespace,
+    commands: Mapping[str, Sequence[str | Path]],
+    logs: Path,
+    node: Node,
+    executor: SingleThreadedExecutor,
+    stop: Stop,
+) -> int:
+    """Start the nodes, and end them once the stop is requested or one ends; returns the code."""
+    try:
+        with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
             for name, command in commands.items():
                 processes.start(name, command)
             _say(f"starting {', '.join(commands)}; logs in {logs}")
@@ -68,9 +88,6 @@ def main() -> int:
     except RunError as error:
         print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
         return NODE_LOST
-    except (ValueError, OSError) as error:
-        print(f"robot: error: {error}", file=sys.stderr)
-        return WRONG_INPUT
     _say("ended")
     return ENDED
 
@@ -126,7 +143,7 @@ def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]
 
 
 def _await_robot(
-    node: Node, executor: SingleThreadedExecutor, processes: Processes, stop: threading.Event
+    node: Node, executor: SingleThreadedExecutor, processes: Processes, stop: Stop
 ) -> bool:
     """Wait until the supervisor speaks of a state; says whether it does, False if stopped.
 
@@ -143,7 +160,7 @@ def _await_robot(
     subscription = node.create_subscription(SupervisorStatus, topic, listen, 10)
     deadline = time.monotonic() + TIMEOUT
     try:
-        while not (heard.is_set() or stop.is_set()):
+        while not (heard.is_set() or stop.requested):
             processes.check()
             if time.monotonic() > deadline:
                 raise RunError(f"the robot is not ready after {TIMEOUT:g} s")

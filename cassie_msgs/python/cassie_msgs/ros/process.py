@@ -87,7 +87,7 @@ def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> 
     if about is not None:
         _read_arguments(name, about)
     stop = Stop()
-    _follow_signals(stop)
+    follow_signals(stop)
     _end_on_errors(stop)
     try:
         status = _run(name, build, stop)
@@ -187,20 +187,26 @@ def _end_on_errors(stop: Stop) -> None:
     threading.excepthook = end
 
 
-def _follow_signals(stop: Stop) -> None:
+def follow_signals(stop: Stop, *more: signal.Signals) -> None:
     """Have SIGINT and SIGTERM request the stop at once, also while the main thread waits in C.
 
     Python runs its signal handlers between bytecodes only, and a wait set does not return
-    for a signal; the wake-up descriptor is written by the C handler itself.
+    for a signal; the wake-up descriptor is written by the C handler itself. A handler that set the
+    stop's event would wait for ever if the main thread were about to wait for it, as both take the
+    event's lock: hence the thread.
+
+    Args:
+        stop: What is requested.
+        *more: Further signals that request it.
     """
+    ends = {signal.SIGINT, signal.SIGTERM, *more}
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ends:
         signal.signal(number, lambda *_: None)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
 
     def listen() -> None:
-        ends = {signal.SIGINT, signal.SIGTERM}
         while not ends.intersection(os.read(reader, 16)):
             pass
         stop.request()
