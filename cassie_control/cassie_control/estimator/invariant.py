@@ -28,7 +28,9 @@ class FilterState(Record):
 
     Attributes:
         rotation: IMU to world.
-        points: World: velocity and position of the IMU, left and right contact. In m/s and m.
+        points: Velocity of the IMU in the world; its position, left and right contact, from the
+            origin. In m/s and m.
+        origin: Of the filter, in the world. Shape (2,), in m.
         gyro_bias: In rad/s.
         accelerometer_bias: In m/s^2.
         covariance: Of the errors.
@@ -39,6 +41,7 @@ class FilterState(Record):
 
     rotation: FloatArray = array(3, 3)
     points: FloatArray = array(4, 3)
+    origin: FloatArray = array(2)
     gyro_bias: FloatArray = array(3)
     accelerometer_bias: FloatArray = array(3)
     covariance: FloatArray = array(SIZE, SIZE)
@@ -116,6 +119,7 @@ def move(
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
     _step_filter(sample, state.contact_probability, pair, body, filters[0], noises[0])
+    take_origin_along(filters, _FARTHEST)
     if not _read_pelvis(filters[0], noises[0], body, sample.angular_velocity, state):
         return False
     finish(state, pair, body, filters[0].rotation)
@@ -256,10 +260,17 @@ def _roll(state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, cont
 
 @compiled
 def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
-    """Covariance over one period: P = F P F^T + Q with F = 1 + A dt."""
-    _flow(state, noise.period, state.covariance)
-    _flow(state, noise.period, state.covariance.T)
+    """Covariance over one period: P = F P F^T + Q with F = 1 + A dt.
+
+    No correction takes away what rounding makes of P - P^T, and F integrates it three times.
+    """
+    P = state.covariance
+    _flow(state, noise.period, P)
+    _flow(state, noise.period, P.T)
     _add_noise(state, noise, contact)
+    for i in range(SIZE):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
 
 
 @compiled
@@ -389,6 +400,42 @@ def _apply(state: FilterState, noise: FilterNoise, correction: FloatArray) -> No
 
 
 @compiled
+def take_origin_along(filters: Records[FilterState], farthest: float) -> None:
+    """Put the filter's origin o where the IMU is, once that has gone far.
+
+    How far a foot is from the pelvis is a small difference of large numbers where both are far from
+    the point about which the heading errs. About another origin, xi_p' = xi_p + xi_R x o, and so
+    for the contacts.
+
+    Args:
+        filters: Changed in place. Shape (1,).
+        farthest: From the origin. In m.
+    """
+    state = filters[0]
+    position, P = state.points[1], state.covariance
+    if abs(position[0]) + abs(position[1]) < farthest:
+        return
+    x, y = position[0], position[1]
+    for i in range(1, 4):
+        state.points[i, 0] -= x
+        state.points[i, 1] -= y
+    state.origin[0] += x
+    state.origin[1] += y
+    _shift(P, x, y)
+    _shift(P.T, x, y)
+
+
+@compiled
+def _shift(P: FloatArray, x: float, y: float) -> None:
+    """Rows of position and contacts of the covariance, or of its transpose, about an origin."""
+    for j in range(SIZE):
+        across = (-P[_R + 2, j] * y, P[_R + 2, j] * x, P[_R, j] * y - P[_R + 1, j] * x)
+        for i in range(3):
+            for k in range(3):
+                P[_P + 3 * i + k, j] += across[k]
+
+
+@compiled
 def _correct_by_attitude(
     state: FilterState,
     noise: FilterNoise,
@@ -453,7 +500,7 @@ def _read_pelvis(
         body.ground += follow * (sole - noise.sole_radius - body.ground)
     for k in range(3):
         state.v[k] = points[0, k] - swept[k]
-        state.q[k] = points[1, k] - arm[k] - (body.ground if k == 2 else 0.0)
+        state.q[k] = points[1, k] - arm[k] + (estimate.origin[k] if k < 2 else -body.ground)
         covariance[k] = _point_variance(P, points[1], _P, k)
         covariance[6 + k] = _point_variance(P, points[0], _V, k)
         covariance[9 + k] = P[_BG + k, _BG + k] + noise.gyro / noise.period
@@ -482,6 +529,7 @@ def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, over which it keeps that speed
 _WALKING_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
+_FARTHEST = 10.0  # m, of the IMU from the filter's origin
 _ALOFT = 1.0  # s without a touch, after which the ground is another one
 _SOLE_FLAT = 0.002  # m
 _GROUND_TIME = 0.1  # s
@@ -574,7 +622,7 @@ class InvariantEstimator(LegEstimator):
         start.rotation = R
         points[1] = R @ body.imu
         points[1, 2] += self._first_height()
-        points[1, :2] += self._state.q[:2]
+        start.origin[:] = self._state.q[:2]
         for i in range(2):
             points[2 + i] = points[1] + R @ body.arms[i]
             start.soles[i] = R @ self._legs.states[i].foot_rotation
