@@ -438,8 +438,8 @@ class WalkConfig:
     hold_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"
     )
-    hold_speed: float = tunable(
-        0.1, "m/s", 0.0, 0.3, "Bound of the speed back to the place where it steps"
+    hold_distance: float = tunable(
+        0.05, "m", 0.01, 1.0, "Distance at which what pushes it takes the place along"
     )
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")

@@ -15,7 +15,8 @@ class PositionHold:
     """A velocity that leads back to the place where walking was last stopped.
 
     Once no velocity has been commanded for a while, the pelvis's estimated position, in the mean of
-    two steps, is kept: velocity = hold_gain * (place - position), at most hold_speed. The estimate
+    two steps, is kept: velocity = hold_gain * (place - position). What pushes it farther away than
+    `hold_distance` takes the place along, so that it does not walk back for long. The estimate
     itself drifts by a few per cent of the distance walked, which nothing here can see.
 
     Args:
@@ -30,7 +31,7 @@ class PositionHold:
         """Forget the place."""
         self._still = 0.0
         self._ticks = 0
-        self._sum = (0.0, 0.0)
+        self._sum = self._place = (0.0, 0.0)
 
     def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
         """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
@@ -40,14 +41,11 @@ class PositionHold:
             if self._still >= _SETTLING - _MEAN:
                 self._sum = (self._sum[0] + x, self._sum[1] + y)
                 self._ticks += 1
+                self._place = (self._sum[0] / self._ticks, self._sum[1] / self._ticks)
             return 0.0, 0.0
-        if config.hold_gain <= 0.0:
-            return 0.0, 0.0
-        east, north = self._sum[0] / self._ticks - x, self._sum[1] / self._ticks - y
-        c, s = math.cos(yaw), math.sin(yaw)
-        vx, vy = (
-            config.hold_gain * (c * east + s * north),
-            config.hold_gain * (c * north - s * east),
-        )
-        scale = config.hold_speed / max(config.hold_speed, math.hypot(vx, vy), 1e-9)
-        return scale * vx, scale * vy
+        east, north = self._place[0] - x, self._place[1] - y
+        far = max(1.0, math.hypot(east, north) / config.hold_distance)
+        east, north = east / far, north / far
+        self._place = (x + east, y + north)
+        c, s, gain = math.cos(yaw), math.sin(yaw), config.hold_gain
+        return gain * (c * east + s * north), gain * (c * north - s * east)
