@@ -128,7 +128,12 @@ class Robot:
         """Let a simulator that began paused run, once everybody answers its first sample."""
         eyes = self.eyes
         eyes.wait_for(
-            lambda: eyes.episode and eyes.statuses and eyes.statuses[-1][1].episode == eyes.episode,
+            lambda: (
+                eyes.episode
+                and eyes.statuses
+                and eyes.statuses[-1][1].episode == eyes.episode
+                and int(eyes.command.episode) == eyes.episode  # who answers first is bound to
+            ),
             "everybody to take part",
         )
         assert self.call("pause", data=False).success
