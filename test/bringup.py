@@ -132,7 +132,7 @@ class Robot:
                 eyes.episode
                 and eyes.statuses
                 and eyes.statuses[-1][1].episode == eyes.episode
-                and int(eyes.command.episode) == eyes.episode  # who answers first is bound to
+                and int(eyes.command.episode) == eyes.episode  # receivers bind to who writes first
             ),
             "everybody to take part",
         )

@@ -173,11 +173,11 @@ def test_hard_ground_of_4_cm_is_crossed_by_most():
     assert sum(crosses("rough.hard", 0.04, seed) for seed in (11, 12, 13, 14)) >= 3
 
 
-@pytest.mark.parametrize(("speed", "seeds", "least"), [(0.8, (5,), 1), (1.2, (4, 5, 10, 11), 3)])
+@pytest.mark.parametrize(("speed", "seeds", "least"), [(0.8, [5], 1), (1.2, range(11, 21), 9)])
 def test_feet_that_tufts_of_grass_tilt_do_not_make_it_run_away(speed, seeds, least):
     """A tilt was taken for a rise: the next foot landed late and far ahead.
 
-    At 1.2 m/s 2 robots of 20 fall; which ones hangs on the last bit.
+    At 1.2 m/s 9 of 10 robots must walk; which one falls hangs on the last bit.
     """
     assert sum(crosses(f"grass.{speed}", speed, seed) for seed in seeds) >= least
 

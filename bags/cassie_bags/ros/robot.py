@@ -59,12 +59,9 @@ def main() -> int:
             code = _watch(arguments, commands, logs, node, executor, stop)
             end_within(2 * LEAVE_TIMEOUT, code)
             return code
-    except RunError as error:
+    except (RunError, ValueError, OSError) as error:
         print(f"robot: error: {error}", file=sys.stderr)
-        return NODE_LOST
-    except (ValueError, OSError) as error:
-        print(f"robot: error: {error}", file=sys.stderr)
-        return WRONG_INPUT
+        return NODE_LOST if isinstance(error, RunError) else WRONG_INPUT
 
 
 def _watch(
@@ -75,7 +72,18 @@ def _watch(
     executor: SingleThreadedExecutor,
     stop: Stop,
 ) -> int:
-    """Start the nodes, and end them once the stop is requested or one ends; returns the code."""
+    """Start the nodes, and end them once the stop is requested or one of them ends.
+
+    Args:
+        arguments: Of the command.
+        commands: Of each process.
+        logs: Folder for what they print.
+        node, executor: To hear the supervisor.
+        stop: Ends them all.
+
+    Returns:
+        The exit code; what went wrong is said before anybody leaves DDS, which may hang.
+    """
     try:
         with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
             for name, command in commands.items():
