@@ -161,16 +161,19 @@ def crosses(name, level, seed):
     return not measures["fell"] and row.holds(measures, level)
 
 
-@pytest.mark.parametrize(("name", "level"), [("step_fast.up", 0.1), ("step_fast.down", 0.14)])
+@pytest.mark.parametrize(("name", "level"), [("step_fast.up", 0.1), ("step_fast.down", 0.2)])
 @pytest.mark.parametrize("seed", [12, 13])
 def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level, seed):
     """Toes caught on a riser of 7 cm, and the robot fell over it."""
     assert crosses(name, level, seed)
 
 
-def test_hard_ground_of_4_cm_is_crossed_by_most():
-    """Toes caught on bumps of 3 cm. Of 40 robots 12 fall; which ones hangs on the last bit."""
-    assert sum(crosses("rough.hard", 0.04, seed) for seed in (11, 12, 13, 14)) >= 3
+def test_hard_ground_of_4_cm_is_crossed():
+    """Hips that rose and sank with each foothold threw half of the robots to the side.
+
+    9 of 10 robots must walk; which one falls hangs on the last bit.
+    """
+    assert sum(crosses("rough.hard", 0.04, seed) for seed in range(11, 21)) >= 9
 
 
 @pytest.mark.parametrize(("speed", "seeds", "least"), [(0.8, [5], 1), (1.2, range(11, 21), 9)])

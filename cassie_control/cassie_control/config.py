@@ -433,7 +433,14 @@ class WalkConfig:
         1.0, "s", 0.1, 5.0, "`slope_time` where the foot finds more of a rise than was believed"
     )
     slope_share: float = tunable(
-        0.2, "", 0.0, 1.0, "Share of the slope to the side that one touchdown corrects"
+        0.2, "", 0.0, 1.0, "Share of the slope's error that the height of one foothold corrects"
+    )
+    foothold_share: float = tunable(
+        0.5,
+        "",
+        0.0,
+        1.0,
+        "Share of a foothold's height off the slope that is its own, not the ground's around it",
     )
     hold_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"

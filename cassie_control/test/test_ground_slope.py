@@ -172,3 +172,31 @@ def test_walks_down_a_slope_at_the_commanded_speed():
     assert position[2] < 0.85
     last = [moment.velocity[0] for moment in robot.moments[-1000:]]
     assert np.mean(last) == pytest.approx(0.3, abs=0.06)
+
+
+def test_a_foothold_higher_than_the_ground_around_it_is_not_the_ground():
+    """On rough ground the hips rose and sank with every foothold, and it fell to the side."""
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    land(slope, readings, RIGHT, 0.04)
+    assert 0.015 < slope.foothold < 0.03
+    land(slope, readings, LEFT, -0.04)
+    assert abs(slope.foothold) < 0.015
+    for step in range(20):
+        land(slope, readings, step % 2, 0.0)
+    assert slope.foothold == pytest.approx(0.0, abs=1e-3)
+
+
+def test_ground_that_gives_way_alike_under_each_foot_is_no_foothold_of_its_own():
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    for step in range(60):
+        land(slope, readings, step % 2, 0.04)
+    assert slope.foothold < 0.011
+    assert slope.sunk > 0.025
+
+
+def test_stairs_go_down_though_each_sole_lies_level():
+    """Soles on treads show no slope; the heights of the footholds do."""
+    slope = GroundSlope(CONFIG, PERIOD)
+    for _ in range(30):
+        step_on(slope, 0.0, -0.3)
+    assert slope.ahead < -0.05

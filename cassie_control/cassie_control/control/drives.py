@@ -123,6 +123,7 @@ def drive(
     step.pitch, step.roll, step.length, step.lead = pitch, roll, length, lead
     step.torso_roll, step.torso_pitch = mode.roll + mode.trims[3], mode.pitch + mode.trims[2]
     step.slope_ahead, step.slope_left = slope.ahead, slope.left
+    step.foothold = slope.foothold
     adjust(gain, robot, step)
     stance = step.stance
     track_thighs(gain, robot, step)

@@ -45,6 +45,7 @@ class Step(Record):
         speed: Low-passed, forward. In m/s.
         torso_roll, torso_pitch: Commanded. In rad.
         slope_ahead, slope_left: Rise of the ground over distance.
+        foothold: Height of the stance foot over the ground around it. In m.
         start, start_rates: Outputs and their rates where this step began.
         gait: Bezier coefficients of this step.
         desired, desired_rates, accelerations: Desired outputs and their derivatives by time.
@@ -77,6 +78,7 @@ class Step(Record):
     torso_pitch: float
     slope_ahead: float
     slope_left: float
+    foothold: float
     start: FloatArray = array(9)
     start_rates: FloatArray = array(9)
     gait: FloatArray = array(9, 6)
@@ -258,7 +260,7 @@ def adjust(gain: Gains, robot: Robot, step: Step) -> None:
 @compiled
 def _fade_in(step: Step, row: int, change: float, phase: float, rate: float) -> None:
     r = 1.0 - phase
-    step.desired[row] += _fade(phase) * change
+    step.desired[row] += fade(phase) * change
     step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * change
     step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * change
 
@@ -272,7 +274,7 @@ def _turn_body(step: Step, phase: float, rate: float) -> None:
     """
     r = 1.0 - phase
     _fade_in(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
-    step.desired[YAW_ST] += step.turn * (_fade(phase) - 2.0 * phase)
+    step.desired[YAW_ST] += step.turn * (fade(phase) - 2.0 * phase)
     step.desired_rates[YAW_ST] += step.turn * rate * (20.0 * r * r * r * phase - 2.0)
     step.accelerations[YAW_ST] += step.turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
 
@@ -281,16 +283,19 @@ def _turn_body(step: Step, phase: float, rate: float) -> None:
 def _level_hips(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
     """Let the stance leg grow and shrink so that its hip travels level, as far as wanted.
 
-    On a slope the hip travels along it, at the height it has where the CoM is above the foot.
+    On a slope the hip travels along it, at the height it has where the CoM is above the foot. It
+    keeps its height over the ground around the foot, whatever the foot itself stands on.
     """
     back = max(0.0, min(1.0, -3.0 * step.speed))
-    share = gain.level * _fade(phase)
+    share = gain.level * fade(phase)
     share *= 1.0 + back * (gain.level_back - 1.0)
     height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
     x = robot.tilt[0, 0] * gain.hip_x + robot.tilt[0, 2] * gain.hip_z
     i = step.stance
     x -= robot.ankle[i, 0]
-    height += step.slope_ahead * x + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
+    height += (
+        step.slope_ahead * x - step.foothold + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
+    )
     length = min(_LONGEST, math.hypot(height, x))
     step.desired[LENGTH_ST] += share * (length - step.desired[LENGTH_ST])
     rate = (x + step.slope_ahead * height) * robot.velocity[0] / length
@@ -317,7 +322,7 @@ def _reach_down(gain: Gains, step: Step, rate: float) -> None:
 
 
 @compiled
-def _fade(phase: float) -> float:
+def fade(phase: float) -> float:
     """See `bezier.fade`; a phase in [0, 1]."""
     r = 1.0 - phase
     value: float = 1.0 - r * r * r * r * (5.0 - 4.0 * r)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import drive
 from cassie_control.control.gains import Gains, gains_of
-from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, measure
+from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, fade, measure
 from cassie_control.control.robot import Readings, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
@@ -81,7 +81,9 @@ def look_ahead(
     ahead.remaining, ahead.earliest = left * timing.step_time, left * gains[0].quickest_step
     ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
     ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
-    ahead.rise, ahead.yaw = step.rise - slope.sunk, step.yaw
+    # The hip has left the foothold's height for that of the ground around it by so much.
+    lower = fade(min(1.0, timing.phase)) * slope.foothold
+    ahead.rise, ahead.yaw = step.rise - slope.sunk + lower, step.yaw
     ahead.slope[0], ahead.slope[1] = slope.ahead, slope.left
 
 

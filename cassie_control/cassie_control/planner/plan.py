@@ -57,7 +57,8 @@ class StepAhead(Record):
         velocity: Low-passed, forward and to the left. In m/s.
         pitch, roll: The gait's swing leg angles at touchdown. In rad.
         length: The gait's swing leg length at touchdown. In m.
-        rise: How much the gait's stance leg grows until touchdown, less what its foot sinks. In m.
+        rise: How much the gait's stance leg grows until touchdown, less what its foot sinks, and
+            what the next foot lands lower for the stance foot's own height. In m.
         yaw: Swing hip yaw at touchdown. In rad.
         slope: Rise of the ground ahead and to the left. Shape (2,).
     """

@@ -1,4 +1,4 @@
-"""How the ground rises, as the feet find it while walking."""
+"""How the ground lies, as the feet find it while walking."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ _STEEPEST = 0.6  # of a slope that is believed
 _RATE_TIME = 0.03  # s, low-pass of the stance foot's pitch rate
 _TURNS = (0.4, 0.8)  # rad/s of it up to which the foot rests, and turns for certain
 _TURNED_UP = (0.02, 0.04)  # rad since it settled, up to which the ground holds, or gives way
+_HIGHEST = 0.1  # m, of a foothold over the ground around it, or below
+_AHEAD = 0.5  # of the share that a foothold's height has in the slope to the side
+_NEAR = 0.1  # m, between feet whose heights tell half of a slope
 _MEMORY = 0.95  # of what the sole foretold, that is left a step later
 _BELIEF = 2e-4  # m^2, that weighs as much for a sole that is right: 0.05 of slope over 0.3 m
 _STEPS_UP = 3  # steps up in a row; on uneven ground there is one that is not among as many
@@ -30,7 +33,13 @@ class GroundSlope(Record):
         (z_new - z_old - slope_x (x_new - x_old)) / (y_new - y_old).
 
     Both are low-passed and bounded: the first over time of standing on a foot, the second over
-    steps, and by as much less as the feet are close to each other.
+    steps, and by as much less as the feet are close to each other. Soles lie level on stairs: there
+    the heights tell the slope ahead, too, by the same rule and half of its share.
+
+    Each foothold has a height of its own over the ground around it, which is `foothold_share` of
+    what the foot finds off the slope. The hips keep their height over the ground around, not over
+    the foothold, and the next foot is expected there. Without, hips rose and sank with each stone:
+    on hard ground of s.d. 4 cm 10 of 20 robots fell within 15 m, with it none.
 
     Ahead, a fall is believed within `slope_time` and a rise within `slope_rise_time`. On uneven
     ground single footholds tilt by 0.1 to 0.2 either way. A foot that expects the ground too low
@@ -62,24 +71,28 @@ class GroundSlope(Record):
     Attributes:
         ahead, left: Rise over distance, heading frame.
         sunk: By how much the stance foot sinks until the next one lands. In m.
+        foothold: Height of the stance foot over the ground around it. In m.
         pitch: Of the stance foot. In rad.
         rate: Its low-passed rate. In rad/s.
         settled: Its pitch when the foot lay flat. In rad.
+        turned: How surely the foot has turned up since then. 0..1.
         shown, ticks: Mean slope that this stance foot has shown, and in how many periods.
         foretold, borne_out: Sums of the squares of what soles foretold, and of its products with
             what the next feet found. In m^2.
         steps_up: By how much the last new feet landed higher than the old ones, the newest last.
             In m.
-        slope_time, slope_rise_time, slope_share: See `config.WalkConfig`.
+        slope_time, slope_rise_time, slope_share, foothold_share: See `config.WalkConfig`.
         period: Of control. In s.
     """
 
     ahead: float
     left: float
     sunk: float
+    foothold: float
     pitch: float
     rate: float
     settled: float
+    turned: float
     shown: float
     ticks: float
     foretold: float
@@ -88,6 +101,7 @@ class GroundSlope(Record):
     slope_time: float
     slope_rise_time: float
     slope_share: float
+    foothold_share: float
     period: float
 
     def __init__(self, config: WalkConfig, period: float) -> None:
@@ -98,12 +112,13 @@ class GroundSlope(Record):
     def configure(self, config: WalkConfig) -> None:
         """Take over new figures; what is believed stays. The paper's law takes it for level."""
         self.slope_time = 0.0 if config.as_in_paper else config.slope_time
-        self.slope_rise_time, self.slope_share = config.slope_rise_time, config.slope_share
+        for name in ("slope_rise_time", "slope_share", "foothold_share"):
+            setattr(self, name, getattr(config, name))
 
     def start(self) -> None:
         """Level ground that holds."""
-        self.ahead = self.left = self.sunk = 0.0
-        self.pitch = self.rate = self.settled = 0.0
+        self.ahead = self.left = self.sunk = self.foothold = 0.0
+        self.pitch = self.rate = self.settled = self.turned = 0.0
         self.shown = self.ticks = self.foretold = self.borne_out = 0.0
         self.steps_up[:] = 0.0
 
@@ -125,12 +140,13 @@ def stand_on(
         slope.settled = pitch
     if robot.load[stance] < 1.0 or phase < _SETTLED:
         return
-    seen = max(-_STEEPEST, min(_STEEPEST, math.tan(pitch)))
+    seen = _bounded(math.tan(pitch))
     slope.ticks += 1.0
     slope.shown += (seen - slope.shown) / slope.ticks
     believed = (slope.borne_out + _BELIEF) / (slope.foretold + _BELIEF)
     seen *= max(0.0, min(1.0, believed))
-    seen += _share(pitch - slope.settled, _TURNED_UP) * (min(0.0, slope.ahead) - seen)
+    slope.turned = _share(pitch - slope.settled, _TURNED_UP)
+    seen += slope.turned * (min(0.0, slope.ahead) - seen)
     time = slope.slope_rise_time if seen > slope.ahead else slope.slope_time
     rests = 1.0 - _share(abs(slope.rate), _TURNS)
     slope.ahead += rests * slope.period / time * (seen - slope.ahead)
@@ -146,16 +162,36 @@ def touch_down(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -
     y = robot.ankle[new, 1] - robot.ankle[1 - new, 1]
     z = robot.ankle[new, 2] - robot.ankle[1 - new, 2]
     error = z - slope.ahead * x - slope.left * y
-    slope.left += slope.slope_share * error * y / (y * y + 0.01)
-    slope.left = max(-_STEEPEST, min(_STEEPEST, slope.left))
+    if slope.ticks > 0.0:
+        held = _AHEAD * (1.0 - slope.turned)
+        slope.ahead = _bounded(slope.ahead + held * slope.slope_share * _slope(error, x))
+    slope.left = _bounded(slope.left + slope.slope_share * _slope(error, y))
+    _sink(slope, error)
+    slope.foothold = slope.foothold_share * (slope.foothold + error - slope.sunk)
+    slope.foothold = max(-_HIGHEST, min(_HIGHEST, slope.foothold))
     foretold, found = slope.shown * x, z - slope.left * y
     slope.foretold = _MEMORY * slope.foretold + foretold * foretold
     slope.borne_out = _MEMORY * slope.borne_out + foretold * found
     slope.shown = slope.ticks = 0.0
+
+
+@compiled
+def _sink(slope: GroundSlope, error: float) -> None:
+    """Each of the last new feet landed higher: the old ones had sunk by the least of it."""
     for k in range(_STEPS_UP - 1):
         slope.steps_up[k] = slope.steps_up[k + 1]
     slope.steps_up[_STEPS_UP - 1] = error
     slope.sunk = max(0.0, min(_DEEPEST, slope.steps_up.min() - _EVEN))
+
+
+@compiled
+def _slope(rise: float, distance: float) -> float:
+    return rise * distance / (distance * distance + _NEAR * _NEAR)
+
+
+@compiled
+def _bounded(slope: float) -> float:
+    return max(-_STEEPEST, min(_STEEPEST, slope))
 
 
 @compiled

@@ -15,16 +15,18 @@ LEFT, RIGHT = 0, 1
 
 _RATE_TIME = 0.02  # s
 _LATE = 0.9  # phase from which a step's time is settled
-_HIGHEST = 0.2  # m, of what a foot is set down on, above the stance foot
+_SPEED_TIME = 0.03  # s, low-pass of the swing foot's vertical speed, up or down
+_THROWN = 1.5  # m/s of it, from which a foot that feels a force is thrown, not set down
 
 
 class StepTiming(Record):
     """Phase and stance leg of the present step, and the velocities read from it.
 
-    A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`
-    no higher than 0.2 m above the stance foot, or at phase `latest_touchdown`. A foot that caught
-    on an edge and comes free springs up at 3 m/s, to 0.2 to 0.3 m. As its leg stops it there, the
-    springs feel what they feel at a touchdown.
+    A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`, or
+    at phase `latest_touchdown`. A foot that caught on an edge and comes free springs up at 3 m/s
+    and comes down as fast. As its leg stops it, the springs feel what they feel at a touchdown, for
+    20 ms, so a foot that moves up or down so fast ends no step: feet that are set down move by less
+    than 0.9 m/s, on rough ground and stairs too.
 
     Attributes:
         stance: LEFT or RIGHT.
@@ -36,6 +38,8 @@ class StepTiming(Record):
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
         travel: Integral of its velocity since the last touchdown. In m.
         means: Mean velocities of the last two steps, the newer one last. In m/s.
+        height: Of the swing foot above the stance foot. In m.
+        swing_speed: At which it goes up or down, low-passed. In m/s.
         touchdown_force, earliest_touchdown, latest_touchdown: See `config.WalkConfig`.
         filter: Share of a new velocity in the low-passed one.
         period: Of control. In s.
@@ -50,6 +54,8 @@ class StepTiming(Record):
     velocity: FloatArray = array(2)
     travel: FloatArray = array(2)
     means: FloatArray = array(2, 2)
+    height: float
+    swing_speed: float
     touchdown_force: float
     earliest_touchdown: float
     latest_touchdown: float
@@ -75,6 +81,7 @@ class StepTiming(Record):
         self.phase = self.elapsed = 0.0
         self.rate = 1.0 / self.step_time
         self.velocity[:] = self.travel[:] = self.means[:] = 0.0
+        self.height = self.swing_speed = 0.0
 
 
 @compiled
@@ -84,14 +91,18 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     for k in range(2):
         timing.velocity[k] += timing.filter * (robot.velocity[k] - timing.velocity[k])
         timing.travel[k] += timing.period * robot.velocity[k]
+    stance, swing = timing.stance, 1 - timing.stance
+    height = robot.foot[swing, 2] - robot.foot[stance, 2]
+    speed = abs(height - timing.height) / timing.period
+    timing.swing_speed += timing.period / _SPEED_TIME * (speed - timing.swing_speed)
+    timing.height = height
     timing.elapsed += timing.period
     timing.phase += timing.period * timing.rate
     if timing.phase >= timing.latest_touchdown:
         return True
-    stance, swing = timing.stance, 1 - timing.stance
     if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
-    return bool(robot.foot[swing, 2] - robot.foot[stance, 2] < _HIGHEST)
+    return bool(timing.swing_speed < _THROWN)
 
 
 @compiled
@@ -119,7 +130,7 @@ def end_step(timings: Records[StepTiming]) -> tuple[float, float]:
         timing.means[0, k] = timing.means[1, k]
         timing.means[1, k] = timing.travel[k] / duration
         timing.travel[k] = 0.0
-    timing.stance = 1 - timing.stance
+    timing.stance, timing.height, timing.swing_speed = 1 - timing.stance, -timing.height, 0.0
     timing.steps += 1
     timing.phase = timing.elapsed = 0.0
     timing.rate = 1.0 / timing.step_time
