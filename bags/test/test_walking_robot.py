@@ -168,6 +168,18 @@ def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level, seed):
     assert crosses(name, level, seed)
 
 
+@pytest.mark.parametrize(
+    ("name", "level", "seed"),
+    [("steep.up", 28.0, 1), ("steep.up", 28.0, 5), ("steep.side", 12.0, 13)],
+)
+def test_a_steep_slope_is_crossed(name, level, seed):
+    """Feet that met the hips' climb late let it run away; a side slope was at first not believed.
+
+    Up 30 and to the side 14 degrees hold 20 of 20 robots, so that each of them must do these.
+    """
+    assert crosses(name, level, seed)
+
+
 def test_hard_ground_of_4_cm_is_crossed():
     """Hips that rose and sank with each foothold threw half of the robots to the side.
 

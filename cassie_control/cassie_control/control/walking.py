@@ -15,7 +15,7 @@ from cassie_control.control.robot import Readings, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.plan import Commanded, Placement, StepAhead
-from cassie_control.planner.terrain import GroundSlope, stand_on, touch_down
+from cassie_control.planner.terrain import GroundSlope, begin_on, stand_on, touch_down
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -196,6 +196,7 @@ class WalkingController:
         self.timing.start(stance)
         self._hold.release()
         self._slope.start()
+        begin_on(self._slope.records, readings.records)
         self._gaits, self._is_offered = self.library.table, False
         self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
         self._placement.reset()

@@ -81,9 +81,9 @@ class PendulumPlacement:
     the stance foot. Where the law's foot lies outside, the step ends sooner or later, within
     `quickest_step` and `slowest_step`: at the time that makes least the square of the distance to
     reach plus that of the change of the time, weighted (`pendulum.touchdown_time`). The leg gets
-    the length at which the foot meets the ground there, on the slope that the feet found. Fast,
-    fore or aft, the foot meets the ground earlier before the end of the step, by
-    `contact_lead_speed`.
+    the length at which the foot meets the ground there, on the slope that the feet found, and by
+    as much more as the hips climb until the end of the step, contact_lead slope . v. Fast, fore or
+    aft, the foot meets the ground earlier before the end of the step, by `contact_lead_speed`.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """

@@ -250,7 +250,10 @@ def landing(
         ahead.yaw,
         robot.pitch,
     )
-    return roll, pitch, max(_SHORTEST, min(_LONGEST, length + law.landing_depth)), lead + time
+    # From the first contact to the end of the step the hips go on along the slope.
+    climbed = lead * (ahead.slope[0] * end[2] + ahead.slope[1] * end[3])
+    length += law.landing_depth + climbed
+    return roll, pitch, max(_SHORTEST, min(_LONGEST, length)), lead + time
 
 
 @compiled
