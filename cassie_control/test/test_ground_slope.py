@@ -68,8 +68,7 @@ def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
 
 @pytest.mark.parametrize(("lifted", "left"), [(False, 0.2), (True, 0.0)])
 def test_walking_begins_with_the_side_slope_on_which_both_feet_stand(lifted, left):
-    """On a side slope of 12 degrees four robots of ten fell in their first steps, taking it for
-    level."""
+    """On one of 12 degrees four of 20 robots fell in their first steps: it was taken for level."""
     forces = (330.0, 0.0 if lifted else 330.0)
     readings = readings_of(state_of(leg_joints(), leg_joints(), forces=forces))
     for leg, y in ((LEFT, 0.15), (RIGHT, -0.15)):

@@ -35,8 +35,8 @@ class GroundSlope(Record):
     ahead, low-passed over the time of standing on it. Both slopes follow from the heights of
     footholds, too, by a share of what the plane through the last three of them differs by. It is
     the least-squares fit to the last two steps, regularized by `_NEAR`, so that feet close to each
-    other tell little. Where a step was taken to tell of the slope to the side alone, risers that
-    the same foot climbed each time were taken for one of 0.25, and the robot fell over it.
+    other tell little. One step alone cannot tell a riser from a slope to the side: where the same
+    foot climbed each riser, stairs were taken for a side slope of 0.25, and the robot fell.
 
     Each foothold has a height of its own over the ground around it, which is `foothold_share` of
     what the foot finds off the slope. The hips keep their height over the ground around, not over
