@@ -433,7 +433,7 @@ class WalkConfig:
         1.0, "s", 0.1, 5.0, "`slope_time` where the foot finds more of a rise than was believed"
     )
     slope_share: float = tunable(
-        0.2, "", 0.0, 1.0, "Share of the slope's error that the height of one foothold corrects"
+        0.3, "", 0.0, 1.0, "Share of the slope's error that the height of one foothold corrects"
     )
     foothold_share: float = tunable(
         0.5,

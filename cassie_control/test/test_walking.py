@@ -17,6 +17,7 @@ from robot_states import (
     mirrored_state,
     mode_of,
     put,
+    put_ankle,
     random_state,
     readings_of,
     state_of,
@@ -35,7 +36,9 @@ from cassie_control.control.outputs import (
 )
 from cassie_control.control.walking import WalkingController
 from cassie_control.planner.plan import SwingEnd
+from cassie_control.planner.terrain import touch_down
 from cassie_control.planner.timing import LEFT, RIGHT
+from cassie_gaits import virtual_leg
 from cassie_gaits.gait_library import Gait
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -126,6 +129,40 @@ def test_a_foot_swings_higher_by_its_clearance_in_the_middle_of_a_step(stance, l
     assert drawn_up == pytest.approx(np.array([0.0, 9 / 16, 1.0, 9 / 16, 0.0]) * higher, abs=1e-6)
 
 
+@pytest.mark.parametrize(("law", "higher"), [("pendulum", 0.08), ("paper", 0.0)])
+@STANCES
+def test_after_a_step_up_the_other_foot_swings_higher_by_as_much(stance, law, higher):
+    """It has to come up as far, and the next step may be as high: its toe caught on each riser."""
+
+    def length(height: float) -> float:
+        core = walking(stance, config=replace(CONFIG, law=law), period=1e-9)
+        readings = readings_of(state_of(leg_joints(), leg_joints()))
+        put_ankle(readings, 1 - stance, (0.0, 0.0, -0.8))
+        put_ankle(readings, stance, (0.3, 0.0, height - 0.8))
+        touch_down(core._slope.records, readings.records, stance)
+        core._slope.foothold = core._slope.ahead = 0.0
+        core.timing.phase = 0.5
+        core.step(readings_of(swinging(stance)), mode_of(), MotorCommand())
+        return core.desired[LENGTH_SW]
+
+    assert length(0.0) - length(0.08) == pytest.approx(higher, abs=2e-3)
+    assert length(-0.08) == pytest.approx(length(0.0), abs=2e-3)
+
+
+@pytest.mark.parametrize(("law", "waits"), [("pendulum", True), ("paper", False)])
+@STANCES
+def test_a_leg_whose_foot_is_held_down_is_not_wound_up(stance, law, waits):
+    """It sprang free at 5 m/s and up by 0.4 m, and landed behind the other foot."""
+    core, command = walking(stance, config=replace(CONFIG, law=law), period=1e-9), MotorCommand()
+    held = swinging(stance)
+    core.timing.phase = 0.5
+    core.step(readings_of(held), mode_of(), command)
+    knee = 5 * (1 - stance) + 3
+    length = virtual_leg.length(held.q[9 if stance == RIGHT else 16])
+    lag = length - virtual_leg.length(command.position[knee])
+    assert lag == pytest.approx(0.03, abs=1e-6) if waits else lag > 0.05
+
+
 @STANCES
 def test_desired_outputs_reach_the_gaits_end(stance):
     paper = replace(CONFIG, law="paper")
@@ -169,6 +206,7 @@ def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
 def test_knees_press_on_at_a_touchdown_as_they_did_before(stance):
     """A loaded leg is shorter than it aims at: that much of its push must not vanish."""
     core, command, state = walking(stance), MotorCommand(), swinging(stance)
+    state.q[[9, 16]] = -1.3
     readings = readings_of(state)
     before = np.zeros(10)
     while not core.step(readings, mode_of(), command):

@@ -173,10 +173,15 @@ def _drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCo
 
     As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
     leg that swings against the ground would throw the torso over.
+
+    The leg is drawn up no faster than it comes. A toe that slides up the face of a riser is held
+    back by up to 240 N. Wound up against that, knee and springs throw the foot up by 0.4 m as it
+    comes free, and it lands far too short.
     """
     q, v, at = robot.joints[i], robot.rates[i], 5 * i
     desired, rates = step.desired, step.desired_rates
-    knee, knee_rate = _knee(desired[LENGTH_SW], rates[LENGTH_SW])
+    length = max(desired[LENGTH_SW], virtual_leg.length(q[3]) - gain.swing_lag)
+    knee, knee_rate = _knee(length, rates[LENGTH_SW])
     hip_pitch = desired[PITCH_SW] + robot.pitch + virtual_leg.lean(knee) - virtual_leg.HIP_OFFSET
     command.position[at] = desired[ROLL_SW] - robot.roll
     command.position[at + 1] = desired[YAW_SW]

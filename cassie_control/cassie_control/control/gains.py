@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cassie_control.config import WalkConfig
@@ -22,6 +24,7 @@ class Gains(Record):
         share_force: 1 where legs carry the weight by their forces, 0 by their loads.
         level: 1 where the stance hip travels level, 0 where its leg has the gait's length.
         swing_inertia: 1 where torques accelerate the swing leg ahead of its tracking.
+        swing_lag: By how much a swing leg that is drawn up lags at most. In m.
         mass: Of the robot. In kg.
         period: Of control. In s.
         latency: Of the drives, that is allowed for. In s.
@@ -48,6 +51,7 @@ class Gains(Record):
     share_force: float
     level: float
     swing_inertia: float
+    swing_lag: float
     mass: float
     thigh_track: float
     thigh_angle: float
@@ -86,6 +90,7 @@ def _least_effort() -> FloatArray:
 
 
 _LEAST_EFFORT = _least_effort()
+_SWING_LAG = 0.03  # m
 _SWITCHES = ("straight", "share_force", "level", "swing_inertia")
 _BESIDE_THE_PAPER = (*_SWITCHES, "clearance", "bounce_damping", "thigh_angle", "thigh_rate")
 
@@ -104,7 +109,9 @@ def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
         setattr(result, name, 1.0)
     result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
+    result.swing_lag = _SWING_LAG
     if config.as_in_paper:
+        result.swing_lag = math.inf
         for name in _BESIDE_THE_PAPER:
             setattr(result, name, 0.0)
     else:

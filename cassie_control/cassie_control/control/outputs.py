@@ -50,6 +50,7 @@ class Step(Record):
         gait: Bezier coefficients of this step.
         desired, desired_rates, accelerations: Desired outputs and their derivatives by time.
         measured, measured_rates: Outputs and their rates as last measured.
+        clearance: How much higher than the gait's the swing foot passes mid-step. In m.
         tracked: 1 once the tracks of the thighs have begun.
         thigh, thigh_rates: Of each leg, hip roll and pitch less the torso's, see `track_thighs`. In
             rad and rad/s.
@@ -87,6 +88,7 @@ class Step(Record):
     accelerations: FloatArray = array(9)
     measured: FloatArray = array(9)
     measured_rates: FloatArray = array(9)
+    clearance: float
     tracked: float
     thigh: FloatArray = array(2, 2)
     thigh_rates: FloatArray = array(2, 2)
@@ -215,7 +217,7 @@ def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
             gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
     # 10 s^2 (1 - s)^2 of these two: 5/8 in the middle of a step, nothing at its ends.
     for k in (2, 3):
-        gait[LENGTH_SW, k] -= 1.6 * gain.clearance
+        gait[LENGTH_SW, k] -= 1.6 * step.clearance
     if gain.straight > 0.0:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):

@@ -15,7 +15,13 @@ from cassie_control.control.robot import Readings, Robot
 from cassie_control.planner.footstep import placement
 from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.plan import Commanded, Placement, StepAhead
-from cassie_control.planner.terrain import GroundSlope, begin_on, stand_on, touch_down
+from cassie_control.planner.terrain import (
+    GroundSlope,
+    begin_on,
+    stand_on,
+    stepped_up,
+    touch_down,
+)
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -75,6 +81,7 @@ def look_ahead(
     """
     timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
     stand_on(slopes, robots, timing.stance, timing.phase)
+    step.clearance = gains[0].clearance + stepped_up(slope)
     desire(gains, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
     left = max(0.0, 1.0 - timing.phase)
     ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time

@@ -211,6 +211,12 @@ def _sink(slope: GroundSlope, error: float) -> None:
 
 
 @compiled
+def stepped_up(slope: GroundSlope) -> float:
+    """By how much the stance foot landed higher than believed, as the next one may, too. In m."""
+    return max(0.0, min(_HIGHEST, slope.steps_up[_STEPS_UP - 1] - slope.sunk))
+
+
+@compiled
 def _slope(rise: float, distance: float) -> float:
     return rise * distance / (distance * distance + _NEAR * _NEAR)
 
