@@ -213,7 +213,8 @@ def _sink(slope: GroundSlope, error: float) -> None:
 @compiled
 def stepped_up(slope: GroundSlope) -> float:
     """By how much the stance foot landed higher than believed, as the next one may, too. In m."""
-    return max(0.0, min(_HIGHEST, slope.steps_up[_STEPS_UP - 1] - slope.sunk))
+    higher: float = slope.steps_up[_STEPS_UP - 1] - slope.sunk
+    return max(0.0, min(_HIGHEST, higher))
 
 
 @compiled
