@@ -212,9 +212,10 @@ def _sink(slope: GroundSlope, error: float) -> None:
 
 @compiled
 def stepped_up(slope: GroundSlope) -> float:
-    """By how much the stance foot landed higher than believed, as the next one may, too. In m."""
+    """By how much the stance foot landed higher than both feet before. In m, at most `_HIGHEST`."""
     higher: float = slope.steps_up[_STEPS_UP - 1] - slope.sunk
-    return max(0.0, min(_HIGHEST, higher))
+    before = min(0.0, slope.steps_up[_STEPS_UP - 2] + _EVEN)
+    return max(0.0, min(_HIGHEST, higher + before))
 
 
 @compiled
