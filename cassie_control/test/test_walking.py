@@ -152,7 +152,7 @@ def test_after_a_step_up_the_other_foot_swings_higher_by_as_much(stance, law, hi
 @pytest.mark.parametrize(("law", "waits"), [("pendulum", True), ("paper", False)])
 @STANCES
 def test_a_leg_whose_foot_is_held_down_is_not_wound_up(stance, law, waits):
-    """It sprang free at 5 m/s and up by 0.4 m, and landed behind the other foot."""
+    """It sprang free at 5 m/s, up by as much as 0.4 m, and landed behind the other foot."""
     core, command = walking(stance, config=replace(CONFIG, law=law), period=1e-9), MotorCommand()
     held = swinging(stance)
     core.timing.phase = 0.5
