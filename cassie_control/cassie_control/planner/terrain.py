@@ -214,7 +214,7 @@ def _sink(slope: GroundSlope, error: float) -> None:
 def stepped_up(slope: GroundSlope) -> float:
     """By how much the stance foot landed higher than both feet before. In m, at most `_HIGHEST`."""
     higher: float = slope.steps_up[_STEPS_UP - 1] - slope.sunk
-    before = min(0.0, slope.steps_up[_STEPS_UP - 2] + _EVEN)
+    before: float = min(0.0, slope.steps_up[_STEPS_UP - 2] + _EVEN)
     return max(0.0, min(_HIGHEST, higher + before))
 
 
