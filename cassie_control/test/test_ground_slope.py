@@ -10,7 +10,7 @@ from closed_loop import Robot
 from robot_states import leg_joints, put_ankle, readings_of, state_of
 from walkers import CONFIG
 
-from cassie_control.planner.terrain import GroundSlope, begin_on, stand_on, touch_down
+from cassie_control.planner.terrain import GroundSlope, begin_on, stand_on, stepped_up, touch_down
 from cassie_gaits import virtual_leg
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
@@ -88,6 +88,18 @@ def test_risers_that_one_foot_always_climbs_are_no_slope_to_the_side():
         put_ankle(readings, new, (x, y, z - 0.8))
         touch_down(slope.records, readings.records, new)
         assert abs(slope.left) < 0.1
+
+
+@pytest.mark.parametrize(("before", "higher"), [(0.0, 0.1), (-0.005, 0.1), (-0.2, 0.0)])
+def test_a_foot_that_comes_back_up_from_a_step_down_has_not_stepped_up(before, higher):
+    """Swung higher after that, robots fell that took a step of 20 cm down."""
+    slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
+    for new, height in ((LEFT, before), (RIGHT, 0.1)):
+        slope.ahead = slope.left = 0.0
+        put_ankle(readings, 1 - new, (0.0, 0.0, -0.8))
+        put_ankle(readings, new, (0.0, 0.0, height - 0.8))
+        touch_down(slope.records, readings.records, new)
+    assert stepped_up(slope.records[0]) == pytest.approx(higher)
 
 
 def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
