@@ -4,9 +4,12 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 from dataclasses import replace
 
 import pytest
+import rclpy
 from std_msgs.msg import Empty
 
 from cassie_msgs.layout import Sensors
@@ -23,6 +26,7 @@ from cassie_teleop.doctor import (
     findings,
     report,
 )
+from cassie_teleop.ros.doctor import Doctor
 
 DRIVEN = (*LANE.items(), ("/cassie/operator_command", "web_console"))
 HEALTHY = Facts(
@@ -192,3 +196,26 @@ def test_it_sees_writers_rates_and_a_silent_controller(node):
     subjects = {each["subject"] for each in told["findings"]}
     assert {"state_estimator", "gait_controller", "QoS of /joy"} <= subjects
     assert "simulator" not in subjects
+
+
+def test_a_writer_that_is_found_late_is_waited_for(node):
+    sensors, sample = LanePublisher(node, Sensors), Sensors()
+    heard = threading.Event()
+
+    def write():
+        time.sleep(1.0)
+        while not heard.wait(0.01):
+            sample.seq[...], sample.stamp_ns = sample.seq + 1, sample.stamp_ns + 10_000_000
+            sensors.publish(sample)
+
+    rclpy.init()
+    writer, doctor = threading.Thread(target=write), Doctor()
+    writer.start()
+    try:
+        doctor.listen(0.5)
+        assert doctor.facts().rates["/cassie/sensors"] > 0.0
+    finally:
+        heard.set()
+        writer.join()
+        doctor.destroy_node()
+        rclpy.shutdown()
