@@ -7,6 +7,7 @@ import math
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, IntArray, Record, array, whole
+from cassie_gaits.vectors import cross, dot, minus
 
 _KEPT = 192  # ticks of expected acceleration: more than the longest of `DELAYS` at 2 kHz
 
@@ -27,6 +28,8 @@ _NEAREST = 0.005  # s, between the delays of which a blow fits none
 # What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may
 # look like a delay.
 _BLOW, _BLOW_TIME = 4.0, 0.1
+_LOAD_TIME = 5.0  # s, in which what was learned of a load is forgotten
+_NO_LOAD = 5.0  # s/m^2, information that there is none: of some 15 ms of walking
 
 # Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead
 # and aside, the force itself (1/kg), the torques of hip pitch and knee (1/(kg m)), ...
@@ -48,7 +51,10 @@ class Accelerometer(Record):
         measured: Newest first. In m/s^2.
         same: Ticks for which it has had the same bits.
         spikes: Their fading count.
-        smooth: Measured smoothed fast and slow, expected likewise. In m/s^2.
+        smooth: Measured smoothed fast and slow, expected and the pelvis's angular acceleration
+            likewise. In m/s^2 and rad/s^2.
+        load: Place of a load in the pelvis, by its share of what the legs move there. In m.
+        known: Information about it, and times it. In s/m^2 and s/m.
         expected: Ring of what is expected to change within a step. In m/s^2.
         power: Of that. In (m/s^2)^2.
         late: Time for which it fitted each of `DELAYS` better. In s.
@@ -62,7 +68,9 @@ class Accelerometer(Record):
     measured: FloatArray = array(3, 3)
     same: IntArray = whole(3)
     spikes: FloatArray = array(3)
-    smooth: FloatArray = array(4, 3)
+    smooth: FloatArray = array(6, 3)
+    load: FloatArray = array(3)
+    known: FloatArray = array(4, 3)
     expected: FloatArray = array(_KEPT, 3)
     power: FloatArray = array(3)
     late: FloatArray = array(len(DELAYS), 3)
@@ -178,6 +186,8 @@ def look_at_acceleration(
     axes.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - axes.carried)
     # Neither what a gantry does is expected, nor anything true of sensors that fail.
     known = trusted and axes.carried > _CARRIED_SHARE
+    _smooth(axes, dt, ticks)
+    healthy = known
     for k in range(3):
         axes.bad[k] = max(0.0, axes.bad[k] - dt)
         axes.same[k] = axes.same[k] + 1 if a[0, k] == a[1, k] else 0
@@ -189,11 +199,79 @@ def look_at_acceleration(
         wrong = not abs(a[0, k]) <= limit.largest
         wrong = wrong or dt * axes.same[k] > _FROZEN - 0.5 * dt
         wrong = wrong or axes.spikes[k] > _SPIKES
-        late = _late(axes, limit, ticks, k, axes.now[k])
+        late = _late(axes, limit, ticks, k)
         if not known:
             axes.late[:, k] = 0.0
         if wrong or (late and known):
             axes.bad[k] = limit.hold
+        healthy = healthy and axes.bad[k] == 0.0
+    if healthy:
+        _weigh(axes, dt)
+
+
+@compiled
+def _smooth(axes: Accelerometer, dt: float, ticks: int) -> None:
+    """Bring `smooth` up to date: of one sample ago."""
+    a, now, v = axes.measured, axes.now, axes.velocities
+    for k in range(3):
+        if ticks == 0:
+            axes.smooth[:4, k] = a[1, k], a[1, k], now[k], now[k]
+        latest = a[1, k], now[k], 0.5 / dt * (v[0, 10 + k] - v[2, 10 + k])
+        for j in range(3):
+            fast, slow = axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k]
+            fast += (1.0 - math.exp(-dt / _FAST)) * (latest[j] - fast)
+            slow += (1.0 - math.exp(-dt / _SLOW)) * (fast - slow)
+            axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k] = fast, slow
+
+
+@compiled
+def _changes(axes: Accelerometer, j: int) -> tuple[float, float, float]:
+    """What changes within a step of the measured (0), the expected (1), the turning (2)."""
+    fast, slow = axes.smooth[2 * j], axes.smooth[2 * j + 1]
+    return fast[0] - slow[0], fast[1] - slow[1], fast[2] - slow[2]
+
+
+@compiled
+def _weigh(axes: Accelerometer, dt: float) -> None:
+    """Learn where a load is fixed to the pelvis, by recursive least squares.
+
+    A mass m at r from the IMU takes part in the pelvis's acceleration a and turns with it. With M
+    what the legs' forces move there without it, they give M a_0 = M a + m (a + w' x r), and
+
+        a = M / (M + m) a_0 - w' x load,    load = m / (M + m) r.
+
+    The first factor changes the expected acceleration's size alone, which no delay is taken from.
+    """
+    measured, expected, turning = _changes(axes, 0), _changes(axes, 1), _changes(axes, 2)
+    left = minus(measured, expected)
+    keep = 1.0 - dt / _LOAD_TIME
+    for i in range(4):
+        for k in range(3):
+            axes.known[i, k] *= keep
+    for k in range(3):
+        row = _turning_with(turning, k)
+        weight = dt / (_UNSURE * axes.power[k] + _NOISE)
+        for i in range(3):
+            for j in range(3):
+                axes.known[i, j] += weight * row[i] * row[j]
+            axes.known[3, i] += weight * row[i] * left[k]
+    x = axes.known[0, 0] + _NO_LOAD, axes.known[0, 1], axes.known[0, 2]
+    y = axes.known[1, 0], axes.known[1, 1] + _NO_LOAD, axes.known[1, 2]
+    z = axes.known[2, 0], axes.known[2, 1], axes.known[2, 2] + _NO_LOAD
+    yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)
+    told, whole = axes.known[3], dot(x, yz)
+    for k in range(3):
+        axes.load[k] = (told[0] * yz[k] + told[1] * zx[k] + told[2] * xy[k]) / whole
+
+
+@compiled
+def _turning_with(turning: tuple[float, float, float], k: int) -> tuple[float, float, float]:
+    """By what each coordinate of a load adds to the acceleration along axis k, -w' x load."""
+    if k == 0:
+        return 0.0, turning[2], -turning[1]
+    if k == 1:
+        return -turning[2], 0.0, turning[0]
+    return turning[1], -turning[0], 0.0
 
 
 @compiled
@@ -207,31 +285,20 @@ def _alone(a: FloatArray, k: int, out: float) -> bool:
 
 
 @compiled
-def _late(
-    axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int, expected: float
-) -> bool:
+def _late(axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int) -> bool:
     """Whether axis k follows what was expected a while ago, and not by chance."""
-    dt, measured = limit.period, axes.measured[1, k]
-    if ticks == 0:
-        axes.smooth[:, k] = measured, measured, expected, expected
-    band = [measured, expected]
-    for j in range(2):
-        fast, slow = axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k]
-        fast += (1.0 - math.exp(-dt / _FAST)) * (band[j] - fast)
-        slow += (1.0 - math.exp(-dt / _SLOW)) * (fast - slow)
-        axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k] = fast, slow
-        band[j] = fast - slow
-    now = band[1]
+    dt, measured = limit.period, _changes(axes, 0)[k]
+    now = _changes(axes, 1)[k] + dot(_turning_with(_changes(axes, 2), k), axes.load)
     axes.expected[ticks % _KEPT, k] = now
     axes.power[k] += (1.0 - math.exp(-dt / _POWER_TIME)) * (now * now - axes.power[k])
     scale = _UNSURE * axes.power[k] + _NOISE
-    misfit, late = min(1.0, (band[0] - now) ** 2 / scale), False
-    if _unexplained(axes, ticks, dt, k, band[0]) > _BLOW * scale:
+    misfit, late = min(1.0, (measured - now) ** 2 / scale), False
+    if _unexplained(axes, ticks, dt, k, measured) > _BLOW * scale:
         axes.blow = _BLOW_TIME
     for j in range(len(DELAYS)):
         count = int(DELAYS[j] / dt + 0.5)
         before = axes.expected[(ticks - count) % _KEPT, k] if ticks >= count else now
-        gain = misfit - _DOUBT * min(1.0, (band[0] - before) ** 2 / scale) - _NORMAL
+        gain = misfit - _DOUBT * min(1.0, (measured - before) ** 2 / scale) - _NORMAL
         if axes.blow > 0.0:
             gain = min(0.0, gain)
         total = max(0.0, axes.late[j, k] + dt * gain)
