@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import pytest
+
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import load_experiment
 from cassie_bags.run.seed import resolve
@@ -55,3 +57,9 @@ def test_the_hard_landings_of_random_sticks_are_no_late_accelerometer():
 
 def test_a_robot_that_is_let_down_has_no_spikes():
     assert first_alarm(experiment_of(trial("stand_recovery.fore", 2)), 2.0) == (2.0, ())
+
+
+@pytest.mark.parametrize("seed", [3, 7])
+def test_a_load_on_the_pelvis_is_no_late_accelerometer(seed):
+    """8 kg: it turns with the pelvis, and what was expected explained nothing of what came."""
+    assert first_alarm(experiment_of(trial("payload.in_place", seed)), 12.0) == (12.0, ())
