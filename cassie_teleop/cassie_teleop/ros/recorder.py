@@ -14,6 +14,9 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from cassie_msgs.processes import end_with_parent
 
 _TIMEOUT = 10.0  # s, for a recorder to write the end of its bag
+_AGAIN = (
+    3.0  # s after which it is asked once more: Python loses a signal in a callback of an import
+)
 
 
 class Recorder:
@@ -28,7 +31,7 @@ class Recorder:
         self._folder, self._tell = folder, tell
         self._process: subprocess.Popen[bytes] | None = None
         self._file = Path()
-        self._ending = False
+        self._asked: float | None = None  # when it was told to end
         self._program = _program()
 
     @property
@@ -45,16 +48,19 @@ class Recorder:
         """Begin a recording, or end the one that runs."""
         if self._process is None:
             self._start()
-        elif not self._ending:
-            self._ending = True
-            self._process.send_signal(signal.SIGINT)
+        elif self._asked is None:
+            self._ask()
 
     def look(self) -> None:
-        """Tell how a recording has ended, if one has."""
-        if self._process is None or (status := self._process.poll()) is None:
+        """Tell how a recording has ended, if one has; ask again one that was told to end."""
+        if self._process is None:
+            return
+        if (status := self._process.poll()) is None:
+            if self._asked is not None and time.monotonic() - self._asked > _AGAIN:
+                self._ask()
             return
         self._process = None
-        ended = self._ending and status == 0
+        ended = self._asked is not None and status == 0
         told = f"recorded {self._file}" if ended else f"recording ended with status {status}"
         self._tell(told)
 
@@ -62,15 +68,23 @@ class Recorder:
         """End the recording that runs, with all that was recorded."""
         if self._process is None:
             return
+        for _ in range(round(_TIMEOUT / _AGAIN)):
+            self._ask()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_AGAIN)
+                return
+
+    def _ask(self) -> None:
+        """Have the recorder end, as by Ctrl-C; one that is ending already goes on with that."""
+        assert self._process is not None
         self._process.send_signal(signal.SIGINT)
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_TIMEOUT)
+        self._asked = time.monotonic()
 
     def _start(self) -> None:
         if self._program is None:
             return
         self._file = self._folder / time.strftime("cassie_%Y-%m-%d_%H-%M-%S.mcap")
-        self._ending = False
+        self._asked = None
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             command: list[str | Path] = [self._program, "-o", self._file]
