@@ -181,14 +181,16 @@ class StandingController:
         return self._balance.beyond
 
     @property
-    def com_error(self) -> tuple[float, float]:
+    def bias(self) -> tuple[float, float]:
         """What the CoM was found to be farther forward and to the left than estimated. In m."""
-        return self._balance.com_error
+        return self._balance.bias
 
-    def start(self, readings: Readings) -> None:
+    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin from the present pose: feet stay where they are, legs keep their length at first.
 
-        What has been found of the CoM is kept.
+        Args:
+            readings: The robot now.
+            bias: What is known of the CoM's error. In m.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
@@ -196,7 +198,7 @@ class StandingController:
         self._rise.start()
         self._ground = [leg.contact for leg in readings.legs]
         self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
-        self._balance.start(readings)
+        self._balance.start(readings, bias)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
         """Fill in the set-points.
@@ -219,7 +221,9 @@ class StandingController:
         # The CoM goes to a side as the whole robot leans about the feet.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
-        balance.step(readings, mode, com_y, self._ground, leans=lean != 0.0)
+        if lean != 0.0:
+            balance.unsettle()
+        balance.step(readings, mode, com_y, self._ground)
         roll = float(mode.roll) - com_y / height
         # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
         difference = (max(self._ground) if self._lands else both) * (
