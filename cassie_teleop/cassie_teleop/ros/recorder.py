@@ -14,9 +14,8 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from cassie_msgs.processes import end_with_parent
 
 _TIMEOUT = 10.0  # s, for a recorder to write the end of its bag
-_AGAIN = (
-    3.0  # s after which it is asked once more: Python loses a signal in a callback of an import
-)
+# s after which it is asked once more: Python can lose a signal that comes during an import
+_AGAIN = 2.5
 
 
 class Recorder:
@@ -31,7 +30,7 @@ class Recorder:
         self._folder, self._tell = folder, tell
         self._process: subprocess.Popen[bytes] | None = None
         self._file = Path()
-        self._asked: float | None = None  # when it was told to end
+        self._asked: float | None = None  # when it was last told to end, if it was
         self._program = _program()
 
     @property
