@@ -116,8 +116,8 @@ def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
     rng, loud, late, wrong = np.random.default_rng(4), 0, [], []
     channels = [f"{part}_{what}.{i}" for part, count in PAIRS.items() for i in range(count)]
     for kind, channel in itertools.product(["spike", 10, 13, 25, 50], channels):
-        # One of every 50 rows: drawn from all of them alike, the share hung on the draw (1 to 2 %).
-        for skip in (np.arange(1100, 2100, 50) + rng.integers(0, 50, 20)).tolist():
+        # One of every 25 rows: of every 50 the share of wrong names was 2.2 to 3.1 % by the draw.
+        for skip in (np.arange(1100, 2100, 25) + rng.integers(0, 25, 40)).tolist():
             rows = samples(ahead, skip)[:420]
             bad = spoil(rows, channel, kind, 250)
             try:
@@ -130,7 +130,7 @@ def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
                 loud += 1
                 if first.get(channel, 10**6) > bad[0] + IN_TIME:
                     late.append((channel, kind, skip, first))
-    assert loud > 780
+    assert loud > 1560
     assert len(late) <= 0.02 * loud, late
     assert len(wrong) <= 0.03 * loud, wrong
 

@@ -128,21 +128,23 @@ def test_the_grounds_acceleration_is_found_and_the_com_held_in_spite_of_it(accel
 
 
 def test_what_standing_learnt_of_the_com_holds_while_riding():
-    pendulum = Pendulum()
-    pendulum.balance.start(pendulum.readings, (0.01, 0.0))
-    pendulum.run(6.0, 0.0, 0.02)
-    assert pendulum.balance.bias == (0.01, 0.0)
-    assert pendulum.x == pytest.approx(0.01, abs=0.005)  # estimated, while 0.02 is where it is
+    seen, felt = crouched(), crouched()
+    seen.com_position[0] += 0.01
+    _, command = ridden(felt, mode_of(height=0.65), 500, com_error=(0.01, 0.0))
+    _, same = ridden(seen, mode_of(height=0.65), 500)
+    np.testing.assert_allclose(command.torque, same.torque, atol=1e-9)
+    _, other = ridden(felt, mode_of(height=0.65), 500)
+    assert np.abs(command.torque - other.torque).max() > 1.0
 
 
-def ridden(state, mode, ticks=1, config=CONFIG):
+def ridden(state, mode, ticks=1, config=CONFIG, com_error=(0.0, 0.0)):
     """The controller and its command after so many ticks in one state."""
     core, command, readings = (
         RidingController(config, STAND, PERIOD),
         MotorCommand(),
         readings_of(state),
     )
-    core.start(readings)
+    core.start(readings, com_error)
     for _ in range(ticks):
         core.step(readings, mode, command)
     return core, command

@@ -175,8 +175,16 @@ def test_the_com_is_held_to_be_where_the_feet_press(side):
     """More force on one foot at rest: the CoM is there, whatever its estimate, and is sent back."""
     share = 0.5 + 0.1 * side
     aside = both_feet(forces=(share * WEIGHT, (1.0 - share) * WEIGHT))
-    at_first, later = (stood(aside, ticks=ticks).torque[KNEES] for ticks in (1, 5000))
-    assert (later[0] - at_first[0]) * side > 1.0
+    core, command, readings = StandingController(CONFIG, PERIOD), MotorCommand(), readings_of(aside)
+    core.start(readings)
+    knees = []
+    for _ in range(5000):
+        readings.update(aside, core.com_error)
+        core.step(readings, mode_of(height=0.9), command, 0.0)
+        knees.append(command.torque[KNEES][0])
+    assert (knees[-1] - knees[0]) * side > 1.0
+    left, right = readings.legs
+    assert core.com_error[1] == pytest.approx(0.1 * side * (left.foot[1] - right.foot[1]), abs=1e-3)
 
 
 def settled(state, config=CONFIG):

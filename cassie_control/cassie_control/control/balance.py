@@ -18,9 +18,10 @@ _LOST = 0.3  # contact of the heavier one at which it starts anew
 _BOUNCE = 0.1  # m/s, speed of the pelvis up to which it does
 _RUSH = 0.016  # m of the capture point that are due to speed, more than when it moves by itself
 _GAP = 1.5  # periods between estimates from which their difference is no rate
-_SAFE, _FADE = 0.35, 0.15  # capture point over reach at which, and over what, the torso may bend
-_BIAS = 0.05  # m, bound of the learnt error of the CoM
-_BIAS_STEP = 0.02  # m, so that a push teaches little
+_SAFE, _FADE = 0.75, 0.15  # capture point over reach at which, and over what, the torso may bend
+_UNKNOWN = 0.08  # m, bound of what the CoM is found to be off: 8 kg may hang 0.05 m off centre
+_TEACHES = 0.02  # m, so that a push teaches little
+_FIRST = 0.7  # s, in which it is found at first
 _SWAY = 0.5  # bound of the sideways force over the weight: less than a dry floor's friction
 
 
@@ -33,8 +34,13 @@ class Balance:
         p       = c + (kp (c - c*) + kd v) / W, cut to the edges of each sole, and to both feet,
         excess  = what was cut off.
 
-    - CoM: at rest it is above the centre of pressure, whatever the IMU's tilt is worth. What the
-      feet press tells how far the estimate is off, learnt over `bias_time`.
+    - CoM: at rest it is above the centre of pressure, whatever the IMU's tilt is worth and
+      whatever the robot carries. What the feet press tells how far the estimate is off, over
+      `bias_time`. Who has just been set down may fall before that, and a pendulum tells it sooner:
+
+          c = p + (1 - settled) h / g c'',   over 0.7 s at first.
+
+      `Readings` has it in every CoM, for all laws alike.
     - The ground's force leans from p towards the CoM, so that it turns the torso by no more than
       its own regulation asks for.
     - Excess: the torso bends towards the fall, which pushes the CoM back (hip strategy); its own
@@ -53,6 +59,8 @@ class Balance:
         capture: Capture point from the middle of the feet, forward and to the left. In m.
         urgent: Whether a push drives it forward to the toes, so that legs that push up help.
         beyond: How far the capture point is outside the support, forward and sideways. In m.
+        com_error: What the CoM was found to be farther forward and to the left than estimated, in
+            m. It outlasts a start: what it carries it still carries.
 
     Args:
         config: Gains.
@@ -65,11 +73,11 @@ class Balance:
     def __init__(self, config: StandConfig, period: float) -> None:
         self.config = config
         self._period = period
-        self._bias = [0.0, 0.0]
+        self.com_error = (0.0, 0.0)
         self._velocity = [0.0, 0.0]
         self.pressed = self.settled = 0.0
         self._rest = (0.0, 0.0)
-        self._time, self._com = -math.inf, (0.0, 0.0, 0.0)
+        self._time, self._com = -math.inf, (0.0, 0.0)
         self.left = 0.5
         self.lean = (0.0, 0.0)
         self.moment = 0.0
@@ -78,23 +86,12 @@ class Balance:
         self.urgent = False
 
     @property
-    def bias(self) -> tuple[float, float]:
-        """What the CoM was found to be farther forward and to the left than estimated. In m."""
-        return self._bias[0], self._bias[1]
-
-    @property
     def lean_length(self) -> float:
         """Leg length difference by the roll that is wanted. In m/rad."""
         return 0.0
 
-    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Begin with the velocity that the robot has.
-
-        Args:
-            readings: The robot now.
-            bias: What is known of the CoM's error. In m.
-        """
-        self._bias = list(bias)
+    def start(self, readings: Readings) -> None:
+        """Begin with the velocity that the robot has."""
         self._velocity = list(readings.com_velocity[:2])
         self.pressed = self.settled = 0.0
         self.capture = self.beyond = (0.0, 0.0)
@@ -108,23 +105,29 @@ class Balance:
         and toe torques by that would feed the mode when commands come late.
         """
         passed, before = readings.time - self._time, self._com
-        self._time, self._com = readings.time, readings.com
+        # Without its error: to find the CoM elsewhere is no motion.
+        (x, y, _), (error_x, error_y) = readings.com, self.com_error
+        com = (x - error_x, y - error_y)
+        self._time, self._com = readings.time, com
         estimated, settled = readings.com_velocity, self.settled
         if not 0.0 < passed < _GAP * self._period:
             return estimated[0], estimated[1]
-        x, y = (
+        vx, vy = (
             _between(
                 estimated[k], readings.velocity[k] + (self._com[k] - before[k]) / passed, settled
             )
             for k in (0, 1)
         )
-        return x, y
+        return vx, vy
 
-    def unsettle(self) -> None:
-        """Go back to the gains before it settled: it is told to move itself."""
-        self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
-
-    def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
+    def step(
+        self,
+        readings: Readings,
+        mode: Mode,
+        com_y: float,
+        ground: Sequence[float],
+        leans: bool = False,
+    ) -> None:
         """Set the attributes.
 
         Args:
@@ -132,19 +135,24 @@ class Balance:
             mode: Set-points for CoM x and pitch.
             com_y: Where the CoM is wanted, to the left of the feet's midpoint. In m.
             ground: Contact of each foot, 0..1.
+            leans: Whether it moves itself onto one foot: that unsettles it, and teaches nothing.
         """
         c, both = self.config, min(ground)
+        if leans:
+            self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
         settled = self._settle(readings, ground)
         bandwidth = _between(c.velocity_bandwidth, c.settled_bandwidth, settled)
         share = 1.0 - math.exp(-self._period * bandwidth)
+        before = tuple(self._velocity)
         for k, speed in enumerate(self._com_velocity(readings)):
             self._velocity[k] += share * (speed - self._velocity[k])
-        if both > 0.7:
-            self._learn(readings)
+        if both > 0.7 and not leans:
+            acceleration = [(self._velocity[k] - before[k]) / self._period for k in (0, 1)]
+            self._learn(readings, acceleration)
         # The foot that carries it is what it stands on, wherever a lifted one swings.
         middle = self._standing_on(readings, ground)
-        x = readings.com[0] - middle + self._bias[0]
-        y = readings.com_from_feet[1] + self._bias[1]
+        x = readings.com[0] - middle
+        y = readings.com_from_feet[1]
         height = max(0.3, readings.com_from_feet[2])
         apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
         self._look_ahead(x, y, math.sqrt(height / GRAVITY), 0.5 * apart)
@@ -191,7 +199,7 @@ class Balance:
 
         None as long as the capture point is safely inside: the feet will do.
         """
-        return max(0.0, min(1.0, (abs(self.capture[k]) / reach - _SAFE) / _FADE))
+        return fades_in(abs(self.capture[k]) / reach, _SAFE)
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
         """How far it has settled, 0..1: gains that meet a push would shake a landing."""
@@ -239,12 +247,23 @@ class Balance:
         carried = max(1.0, left.force + right.force)
         return (left.force * left.foot[1] + right.force * right.foot[1]) / carried - middle
 
-    def _learn(self, readings: Readings) -> None:
-        share = self._period / self.config.bias_time
-        for k, pressed in enumerate((self.pressed, self._carried(readings))):
-            error = pressed - readings.com_from_feet[k] - self._bias[k]
-            learnt = self._bias[k] + share * max(-_BIAS_STEP, min(_BIAS_STEP, error))
-            self._bias[k] = max(-_BIAS, min(_BIAS, learnt))
+    def _learn(self, readings: Readings, acceleration: Sequence[float]) -> None:
+        """Draw `com_error` to what the feet press; `acceleration` is the CoM's, in m/s^2."""
+        share = self._period / _between(_FIRST, self.config.bias_time, self.settled)
+        falls = (1.0 - self.settled) * readings.com_from_feet[2] / GRAVITY
+        pressed = (self.pressed, self._carried(readings))
+
+        def found(k: int) -> float:
+            error = pressed[k] + falls * acceleration[k] - readings.com_from_feet[k]
+            learnt = self.com_error[k] + share * max(-_TEACHES, min(_TEACHES, error))
+            return max(-_UNKNOWN, min(_UNKNOWN, learnt))
+
+        self.com_error = (found(0), found(1))
+
+
+def fades_in(share: float, safe: float) -> float:
+    """How far the torso may bend, 0..1, with the capture point at that share of the reach."""
+    return max(0.0, min(1.0, (share - safe) / _FADE))
 
 
 def _between(first: float, last: float, share: float) -> float:

@@ -184,7 +184,7 @@ class GaitController:
         wanted = int(mode.mode)
         if wanted > _SEGWAY:
             raise ControlError(f"mode is {wanted}, must be 0 .. {_SEGWAY}")
-        self.readings.update(state)
+        self.readings.update(state, self.standing.com_error)
         if self.latency.observe(state):
             self._allow_for(self.latency.latency)
         command = self._command
@@ -213,9 +213,8 @@ class GaitController:
                 self._enter(Activity.STANDING)
                 self.standing.start(self.readings)
         elif mode == _SEGWAY and self.activity is not Activity.RIDING:
-            stood = self.activity is Activity.STANDING
             self._enter(Activity.RIDING)
-            self.riding.start(self.readings, self.standing.bias if stood else (0.0, 0.0))
+            self.riding.start(self.readings, self.standing.com_error)
         elif mode == _WALK and self.activity is not Activity.WALKING:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:

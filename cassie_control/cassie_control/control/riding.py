@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 from cassie_control.config import SegwayConfig, StandConfig
-from cassie_control.control.balance import Balance
+from cassie_control.control.balance import Balance, fades_in
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_gaits.robot import GRAVITY, SOLE_RADIUS, WEIGHT
@@ -81,6 +81,7 @@ class Level:
 
 _SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
 _FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
+_SAFE = 0.35  # capture point over reach at which the torso may bend: sooner than on plain ground
 
 
 class MovingBalance(Balance):
@@ -97,7 +98,7 @@ class MovingBalance(Balance):
 
     A Segway accelerates by what the feet press on its platform, W p / (r M): there this law holds c
     at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
-    stiff, and it needs to know nothing of the vehicle. The error of c is that learnt by who stood
+    stiff, and it needs to know nothing of the vehicle. The error of c is that found by who stood
     before: on ground that moves it cannot be told from an acceleration.
 
     A platform that rolls on uneven ground presses the steering bar against its knees: it turns by
@@ -136,9 +137,9 @@ class MovingBalance(Balance):
         self._mean = [0.0, 0.0]
         self._slow = list(self._velocity)
 
-    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+    def start(self, readings: Readings) -> None:
         """Begin on ground at rest."""
-        super().start(readings, bias)
+        super().start(readings)
         self._forget()
 
     def rest(self, readings: Readings) -> tuple[float, float]:
@@ -147,19 +148,26 @@ class MovingBalance(Balance):
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
 
-    def step(self, readings: Readings, mode: Mode, com_y: float, ground: Sequence[float]) -> None:
+    def step(
+        self,
+        readings: Readings,
+        mode: Mode,
+        com_y: float,
+        ground: Sequence[float],
+        leans: bool = False,
+    ) -> None:
         """Set the attributes; arguments as `Balance.step`."""
         per_acceleration = max(0.3, readings.com_from_feet[2]) / GRAVITY
         self._rest = self.rest(readings)
         before = self._velocity[0]
-        super().step(readings, mode, com_y, ground)
+        super().step(readings, mode, com_y, ground, leans)
         self._observe(readings, min(ground), per_acceleration)
         self.speed -= self._velocity[0] - before
 
     def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
         share = self._period / self.riding.moving_time
         for k, pressed in enumerate((self.pressed, self._carried(readings))):
-            away = readings.com_from_feet[k] + self._bias[k] - pressed
+            away = readings.com_from_feet[k] - pressed
             falling = both * away / per_acceleration
             if k == 0:
                 self.speed += self._period * falling
@@ -183,9 +191,9 @@ class MovingBalance(Balance):
 
     def _bends(self, k: int, reach: float) -> float:
         # To the side the torso bends at once: the foot bars are narrow.
-        return super()._bends(k, reach) if k == 0 else 1.0
+        return fades_in(abs(self.capture[k]) / reach, _SAFE) if k == 0 else 1.0
 
-    def _learn(self, readings: Readings) -> None:
+    def _learn(self, readings: Readings, acceleration: Sequence[float]) -> None:
         return
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
@@ -266,6 +274,7 @@ class RidingController:
         self._neutral = self._went = self._slow = 0.0
         self._turn = self._lifted = 0.0
         self._heading = math.nan
+        self._com_error = (0.0, 0.0)
 
     @property
     def config(self) -> SegwayConfig:
@@ -286,16 +295,17 @@ class RidingController:
         """Where the CoM is wanted after all bounds, forward and to the left of the feet. In m."""
         return float(self._mode.com_x), float(self._mode.com_y)
 
-    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+    def start(self, readings: Readings, com_error: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin at rest, from the present pose.
 
         Args:
             readings: The robot now.
-            bias: What standing has learnt of the CoM's error. In m.
+            com_error: What standing has found of the CoM, forward and to the left. In m.
         """
-        self._stand.start(readings, bias)
+        self._stand.start(readings)
         self._level.start(readings.state)
         self._forget()
+        self._com_error = com_error
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points.
@@ -309,7 +319,7 @@ class RidingController:
             readings.state, self.config.level_time, self._balance.acceleration
         )
         readings = self._readings
-        readings.update(state)
+        readings.update(state, self._com_error)
         readings.height = height_above_soles(readings)
         wanted = self._mode
         wanted.copy_from(mode)

@@ -102,11 +102,17 @@ def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
 
 
 @compiled
-def read_robot(states: RecordArray, pairs: Records[LegPair], robots: Records[Robot]) -> None:
+def read_robot(
+    states: RecordArray,
+    com_error: tuple[float, float],
+    pairs: Records[LegPair],
+    robots: Records[Robot],
+) -> None:
     """What the control laws read of a state estimate.
 
     Args:
         states: `RobotState.record`. Shape (1,).
+        com_error: What the CoM is farther forward and to the left than estimated. In m.
         pairs: Result, kinematics of both legs. Shape (1,).
         robots: Result. Shape (1,).
     """
@@ -131,6 +137,9 @@ def read_robot(states: RecordArray, pairs: Records[LegPair], robots: Records[Rob
         robot.com_from_feet[k] = estimate.com_position[k]
         robot.com[k] = estimate.com_position[k] + middle
         robot.com_velocity[k] = estimate.com_velocity[k]
+    for k in range(2):
+        robot.com_from_feet[k] += com_error[k]
+        robot.com[k] += com_error[k]
     c, s = math.cos(q[3]), math.sin(q[3])
     robot.velocity[0] = c * v[0] + s * v[1]
     robot.velocity[1] = c * v[1] - s * v[0]
@@ -289,12 +298,17 @@ class Readings:
         self._memory = self.records.view(np.uint8).data
         self._bare = dict(self.__dict__)
 
-    def update(self, state: RobotState) -> None:
-        """Take in a state estimate."""
+    def update(self, state: RobotState, com_error: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Take in a state estimate.
+
+        Args:
+            state: The estimate.
+            com_error: What the CoM is known to be farther forward and to the left. In m.
+        """
         self.__dict__ = {**self._bare, "_bare": self._bare, "state": state}
         for leg in self.legs:
             leg.forget()
-        read_robot(state.record, self.pair, self.records)
+        read_robot(state.record, com_error, self.pair, self.records)
 
     def __getattr__(self, name: str) -> Any:
         return _unpacked(self, name)

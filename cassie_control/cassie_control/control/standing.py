@@ -181,16 +181,14 @@ class StandingController:
         return self._balance.beyond
 
     @property
-    def bias(self) -> tuple[float, float]:
+    def com_error(self) -> tuple[float, float]:
         """What the CoM was found to be farther forward and to the left than estimated. In m."""
-        return self._balance.bias
+        return self._balance.com_error
 
-    def start(self, readings: Readings, bias: tuple[float, float] = (0.0, 0.0)) -> None:
+    def start(self, readings: Readings) -> None:
         """Begin from the present pose: feet stay where they are, legs keep their length at first.
 
-        Args:
-            readings: The robot now.
-            bias: What is known of the CoM's error. In m.
+        What has been found of the CoM is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
@@ -198,7 +196,7 @@ class StandingController:
         self._rise.start()
         self._ground = [leg.contact for leg in readings.legs]
         self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
-        self._balance.start(readings, bias)
+        self._balance.start(readings)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
         """Fill in the set-points.
@@ -221,9 +219,7 @@ class StandingController:
         # The CoM goes to a side as the whole robot leans about the feet.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
-        if lean != 0.0:
-            balance.unsettle()
-        balance.step(readings, mode, com_y, self._ground)
+        balance.step(readings, mode, com_y, self._ground, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
         # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
         difference = (max(self._ground) if self._lands else both) * (

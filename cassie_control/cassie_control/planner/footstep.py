@@ -15,7 +15,7 @@ from cassie_control.planner.plan import Commanded, Placement, StepAhead, SwingEn
 
 _LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
 _FARTHEST = 0.1  # m, offset; in steady walking up to 0.04 m are needed
-_FORGETS = 2.0  # times as fast as it learns
+_FORGETS = 2.5  # times as fast as it learns, what is beyond `observer_error`
 _EXPLAINED = 0.3  # m/s, error in place that this offset makes up for, by the map
 
 
@@ -75,7 +75,9 @@ class PendulumPlacement:
     d grows by an error of up to `observer_error`: what holds the robot back by more, or pushes it,
     is no error of the map and ends at once, when a foot that leans against it would throw the
     robot. It grows by less where no offset would make up for the error (`_EXPLAINED`). What such a
-    thing has left behind is forgotten by the whole error, and twice as fast as it is learned.
+    thing has left behind is forgotten by the whole error, and 2.5 times as fast by what is beyond
+    `observer_error`. Small errors count alike both ways, or the mean speed would not be the
+    commanded one where errors go to and fro around an offset, as under a payload.
 
     Constraints: the foot stays within the swing leg's reach (a box about the hip) and apart from
     the stance foot. Where the law's foot lies outside, the step ends sooner or later, within
@@ -159,5 +161,7 @@ def _observed(offset: float, error: float, c: WalkConfig) -> float:
     growth = c.observer_gain * c.observer_error * _EXPLAINED / max(_EXPLAINED, abs(error))
     least = max(-_FARTHEST, min(offset, 0.0) - growth)
     most = min(_FARTHEST, max(offset, 0.0) + growth)
-    gain = c.observer_gain * (_FORGETS if offset * error < 0.0 else 1.0)
-    return max(least, min(most, offset + gain * error))
+    if offset * error < 0.0:
+        small = max(-c.observer_error, min(c.observer_error, error))
+        error = small + _FORGETS * (error - small)
+    return max(least, min(most, offset + c.observer_gain * error))
