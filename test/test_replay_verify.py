@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bringup import Robot
+from bringup import Eyes, Robot
 from test_command_lane import Stranger
 
 from cassie_bags.bag.node_events import IN_FORCE_TOPIC
@@ -25,15 +26,26 @@ CHANGES = {
 """A parameter of each node that is changed while the robot walks."""
 
 
-def drive(command: Sample, number: int) -> None:
-    """Stand, then walk with speeds that never rest."""
-    assert isinstance(command, OperatorCommand)
-    command.power[...] = command.link[...] = True
-    command.height[...] = 0.9 + 0.05 * math.sin(0.01 * number)
-    command.mode[...] = int(RobotMode.STAND if number < 300 else RobotMode.WALK)
-    if number > 350:
-        command.vx[...] = 0.3 * math.sin(0.01 * number)
-        command.yaw_rate[...] = 0.2 * math.cos(0.03 * number)
+def driver(eyes: Eyes) -> Callable[[Sample, int], None]:
+    """Stand, then walk with speeds that never rest; it begins once the robot is seen to stand.
+
+    Who asks for walking while power comes on is refused, so no clock may decide on it.
+    """
+    begun: list[int] = []
+
+    def drive(command: Sample, number: int) -> None:
+        assert isinstance(command, OperatorCommand)
+        if not begun and eyes.mode == "stand":
+            begun.append(number)
+        since = number - begun[0] if begun else 0
+        command.power[...] = command.link[...] = True
+        command.height[...] = 0.9 + 0.05 * math.sin(0.01 * number)
+        command.mode[...] = int(RobotMode.STAND if since < 200 else RobotMode.WALK)
+        if since > 250:
+            command.vx[...] = 0.3 * math.sin(0.01 * since)
+            command.yaw_rate[...] = 0.2 * math.cos(0.03 * since)
+
+    return drive
 
 
 @pytest.mark.parametrize("pacing", ["realtime", "lockstep"])
@@ -50,7 +62,7 @@ def test_a_drive_by_hand_with_changes_of_parameters_gives_the_same_bits(
         eyes = robot.eyes
         bag = robot.record()
         robot.start("state_estimator", "gait_controller", "mode_supervisor", "simulator")
-        with Stranger(robot.domain, (OperatorCommand,), drive):
+        with Stranger(robot.domain, (OperatorCommand,), driver(eyes)):
             robot.go()
             eyes.wait_for(lambda: eyes.mode == "stand", "standing in the gantry")
             assert robot.call("gantry", action="lower", height=0.8).success

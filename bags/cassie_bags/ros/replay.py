@@ -31,7 +31,6 @@ from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
-from cassie_msgs.ros.fast_lane import WRITER
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
 from cassie_msgs.ros.process import Stop, run
 from cassie_teleop.terminal import Terminal
@@ -42,6 +41,7 @@ CLOCK_PERIOD = 10_000_000
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
+_PLAYED = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)  # 1 s at four times the rate
 _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
 """Topics by which a robot is moved: played only where that is asked for."""
@@ -149,7 +149,7 @@ class Replay(Node):
                     raise
                 self.get_logger().warning(f"{topic} is not replayed: {error}")
                 continue
-            qos = _LATCHED if topic in _LATCHED_TOPICS else WRITER
+            qos = _LATCHED if topic in _LATCHED_TOPICS else _PLAYED
             self._publishers_by_topic[topic] = self.create_publisher(kind, topic, qos)
         if not self._publishers_by_topic:
             raise BagError(f"{path} has no messages")
