@@ -19,7 +19,7 @@ PROFILE = Path(__file__).parent / "loopback.xml"
 QUIET = 0.5
 """Discovery is over once nothing was found for this long. In s."""
 
-ALONE = 2.0
+ALONE = 4.0
 """The same while nobody was found at all: on a busy machine the first answers take longer. In s."""
 
 LONGEST = 10.0
