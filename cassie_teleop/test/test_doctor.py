@@ -170,6 +170,9 @@ def test_it_sees_writers_rates_and_a_silent_controller(node):
     other = node.create_publisher(Empty, "/joy", 10)  # of another type than rc_teleop wants
     rc = [sys.executable, "-c", "from cassie_teleop.ros.rc_teleop import main; main()"]
     radio = subprocess.Popen([*rc, "--ros-args", "-p", "rate:=60.0"])
+    begin = time.monotonic()
+    while not node.count_subscribers("/joy") and time.monotonic() < begin + 60.0:
+        time.sleep(0.05)
     code = "from cassie_teleop.ros.doctor import main; main()"
     looking = subprocess.Popen(
         [sys.executable, "-c", code, "--json", "--seconds", "2"],

@@ -68,8 +68,9 @@ class Doctor(Node):
     def listen(self, seconds: float) -> None:
         """Look at some of the messages: those between two looks cost nothing here.
 
-        A topic of every tick whose node or writer is there gets up to `_PATIENCE` more until two
-        samples of it came: on a busy machine, a reader may be found late.
+        A topic of every tick whose node or writer is there, and that of the sensors where any node
+        is, get up to `_PATIENCE` more until two samples came: on a busy machine, a reader may be
+        found late, and a word of discovery that is lost comes again after 3 s.
         """
         begin = time.monotonic()
         while (gone := time.monotonic() - begin - seconds) < 0.0 or (
@@ -82,9 +83,14 @@ class Doctor(Node):
 
     def _waits(self) -> bool:
         """Whether a topic of every tick should be written and was hardly heard."""
-        nodes = self.get_node_names()
+        nodes = {name.rpartition("/")[2] for name in self._names()}
         return any(
-            len(heads) < 2 and (LANE[topic] in nodes or self.count_publishers(topic) > 0)
+            len(heads) < 2
+            and (
+                LANE[topic] in nodes
+                or self.count_publishers(topic) > 0
+                or (topic == "/cassie/sensors" and nodes)
+            )
             for topic, heads in self._heads.items()
         )
 
