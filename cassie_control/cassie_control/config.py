@@ -221,26 +221,6 @@ class SegwayConfig:
     corner: float = tunable(
         0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
     )
-    speed_time: float = tunable(
-        5.0, "s", 0.5, 1000.0, "In which the speed is taken to be the vx of who leans it"
-    )
-    turn_time: float = tunable(
-        1.0, "s", 0.1, 1000.0, "In which a fast turn tells the speed; a slow one takes longer"
-    )
-    rest_speed: float = tunable(
-        0.4,
-        "m/s",
-        0.0,
-        2.0,
-        "Estimated speed that counts as rest once it is told to stop",
-    )
-    rest_time: float = tunable(2.0, "s", 0.1, 60.0, "In which the estimate then goes to zero")
-    rest_back: float = tunable(
-        0.003, "m", 0.0, 0.02, "CoM x against the way it came, so that what still rolls stops"
-    )
-    speed_sum: float = tunable(
-        0.005, "m/m", 0.0, 0.1, "CoM x by the sum of the error of the speed that it estimates"
-    )
     top_speed: float = tunable(
         5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
     )

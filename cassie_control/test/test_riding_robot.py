@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from closed_loop import Robot
@@ -59,10 +60,12 @@ def test_leant_to_a_side_after_a_walk_on_plain_ground_it_does_not_tip_over():
         assert not robot.fallen
 
 
-def put_on(gantry, seconds: float, **scene_parameters) -> Robot:
+def put_on(gantry, seconds: float, seed: int = 0, **scene_parameters) -> Robot:
     """Let down onto it in 5 s and riding for so many seconds, held by its bar until 8 s."""
     parameters = {"let_go": 8.0, **scene_parameters}
     scenario = Scenario.from_mapping({**LET_DOWN, "gantry": gantry, "scene_parameters": parameters})
+    if seed:
+        scenario = replace(scenario, draw=Draw.from_seed(seed))
     robot = Robot(scenario, "faithful", record=True)
     robot.ask(height=0.65)
     robot.run(5.0)
@@ -98,8 +101,10 @@ def test_a_segway_is_stopped_and_left_only_when_it_is_lifted(riding):
     assert riding.plant.pelvis_pose[0][2] > 0.95
 
 
-def test_without_the_operators_link_it_brakes_and_stays_on_it():
-    robot = put_on(LET_DOWN["gantry"][:2], 4.0)
+@pytest.mark.parametrize("seed", [0, 5, 8])
+def test_without_the_operators_link_it_brakes_and_stays_on_it(seed):
+    """Drawn robots rolled on at up to 0.5 m/s, as they did not know how fast they were."""
+    robot = put_on(LET_DOWN["gantry"][:2], 4.0, seed)
     robot.ask(com_x=0.05)
     robot.run(3.0)
     assert _forward(robot) > 0.8

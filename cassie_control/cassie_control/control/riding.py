@@ -108,7 +108,8 @@ class MovingBalance(Balance):
 
     Attributes:
         acceleration: Of the ground, forward and to the left. In m/s^2.
-        speed: Of the ground, forward: the acceleration without low-pass, summed. In m/s.
+        gained: Speed of the ground, forward, in the last tick: without low-pass. In m/s.
+        speed: Of the ground, forward, as the rider knows it. In m/s.
         riding: Gains of riding.
 
     Args:
@@ -133,7 +134,7 @@ class MovingBalance(Balance):
 
     def _forget(self) -> None:
         self.acceleration = [0.0, 0.0]
-        self.speed = 0.0
+        self.speed = self.gained = 0.0
         self._mean = [0.0, 0.0]
         self._slow = list(self._velocity)
 
@@ -162,7 +163,7 @@ class MovingBalance(Balance):
         before = self._velocity[0]
         super().step(readings, mode, com_y, ground, leans)
         self._observe(readings, min(ground), per_acceleration)
-        self.speed -= self._velocity[0] - before
+        self.gained -= self._velocity[0] - before
 
     def _observe(self, readings: Readings, both: float, per_acceleration: float) -> None:
         share = self._period / self.riding.moving_time
@@ -170,7 +171,7 @@ class MovingBalance(Balance):
             away = readings.com_from_feet[k] - pressed
             falling = both * away / per_acceleration
             if k == 0:
-                self.speed += self._period * falling
+                self.gained = self._period * falling
             self._mean[k] += share * (falling - self._mean[k])
             self._slow[k] += share * (self._velocity[k] - self._slow[k])
             rise = (self._velocity[k] - self._slow[k]) / self.riding.moving_time
@@ -202,26 +203,114 @@ class MovingBalance(Balance):
         return self.settled
 
 
+class RollingFilter:
+    """Kalman filter of how the vehicle rolls: nothing measures its speed.
+
+    With a the acceleration that the feet tell, c the CoM from them, w the turn rate, a_y the
+    acceleration to the left, and s = v / sqrt(v^2 + `_ROLLS`^2) the way it rolls:
+
+        v' = a + b,   b' = 0,   n' = 0,
+
+        a + b = k (c - n - f s)      wherever it rolls; k = 3/4 g / h, as c, held at c* on a
+                                     Segway, is 4 times as far from n as the pressure is,
+        a_y   = w (v + u)            with u the bar's push, known to a factor of two,
+        v     = vx                   by an operator who leans it and has seen the same vx for long,
+        v     = 0                    where it is to stand, and is not known to roll.
+
+    Attributes:
+        speed: v, forward. In m/s.
+        error: b, of the acceleration that is felt. In m/s^2.
+        neutral: n, CoM x at which the vehicle neither gains nor loses speed at rest. In m.
+
+    Args:
+        period: Of control. In s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.start()
+
+    def start(self) -> None:
+        """Begin at rest."""
+        self.speed = self.error = self.neutral = 0.0
+        self._vv, self._bb, self._nn = _START
+        self._vb = self._vn = self._bn = 0.0
+
+    def predict(self, gained: float) -> None:
+        """Let a tick pass, in which the speed rose by so much (m/s) as the feet tell it."""
+        dt = self._period
+        self.speed += gained + dt * self.error
+        self._vv += dt * (2.0 * self._vb + dt * self._bb + _WALK[0])
+        self._vb += dt * self._bb
+        self._vn += dt * self._bn
+        self._bb += dt * _WALK[1]
+        self._nn += dt * _WALK[2]
+
+    def roll(self, acceleration: float, com_x: float, height: float) -> None:
+        """Take in what the vehicle does (m/s^2) at a CoM x from the feet and its height (m)."""
+        k = 0.75 * GRAVITY / height
+        square = self.speed**2
+        if square == 0.0:
+            return
+        expected = k * (com_x - _ROLLING * self.way)
+        self._take(0.0, 1.0, k, expected - acceleration, _LEAN * (1.0 + _ROLLS**2 / square))
+
+    def turn(self, rate: float, acceleration: float) -> None:
+        """Take in the acceleration to the left (m/s^2) at a turn rate (rad/s)."""
+        spread = _ASIDE_NOISE + (_BAR * rate) ** 2
+        self._take(rate, 0.0, 0.0, acceleration - _BAR * rate, spread)
+
+    def see(self, speed: float, spread: float) -> None:
+        """Take in a speed (m/s) with the square of its error over a second."""
+        self._take(1.0, 0.0, 0.0, speed, spread)
+
+    @property
+    def way(self) -> float:
+        """The way it rolls, -1..1."""
+        return self.speed / math.hypot(self.speed, _ROLLS)
+
+    def _take(self, v: float, b: float, n: float, value: float, spread: float) -> None:
+        """Correct by v speed + b error + n neutral = value, `spread` of it over a second."""
+        gv = self._vv * v + self._vb * b + self._vn * n
+        gb = self._vb * v + self._bb * b + self._bn * n
+        gn = self._vn * v + self._bn * b + self._nn * n
+        share = 1.0 / (gv * v + gb * b + gn * n + spread / self._period)
+        off = share * (value - v * self.speed - b * self.error - n * self.neutral)
+        self.speed += gv * off
+        self.error += gb * off
+        self.neutral += gn * off
+        self._vv -= share * gv * gv
+        self._vb -= share * gv * gb
+        self._vn -= share * gv * gn
+        self._bb -= share * gb * gb
+        self._bn -= share * gb * gn
+        self._nn -= share * gn * gn
+
+
 Interval = tuple[float, float]
 """Least and greatest value."""
 
+# Noise of the filter; by the rides of robots 1 to 4 of `sweep segway`.
+_START = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2 before it rolls
+_WALK = (0.02**2, 0.003**2, 0.0005**2)  # of these a second; b changes as the vertical does
+_LEAN = 0.15**2  # (m/s^2)^2 s: a misses k (c - n) by 0.1 m/s^2, for half a second
+_NEAR = 0.01  # m from where the CoM is wanted, beyond which the lean is passing
+_ROLLS = 0.2  # m/s, from which rolling resistance is there
+_ROLLING = 0.001  # m of CoM x that overcomes it, beyond what is part of n
+_ASIDE_NOISE = 0.1**2  # (m/s^2)^2 s: of the acceleration to a side
+_BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
+_SEEN = 0.1**2  # (m/s)^2 s: with `_WALK`, such a speed comes in over 5 s
+_REST, _RESTS = 0.4, 0.1**2  # m/s that count as rest once it is to stand; (m/s)^2 s: of that
+
 _ANYWHERE: Interval = (-math.inf, math.inf)
 _GOES = 0.3  # m/s^2
-_TURNS = 0.05  # (rad/s)^2, square of a turn rate that tells the speed half as well as any
-_BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
 _BACKING, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
 _LIFT_TIME = 0.3  # s, low-pass of the share of its weight that the feet do not carry
 _LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
 _NARROW = 0.8  # by which that lean is less where the feet are nearer to each other
 _LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
 _STEADY = 5.0  # s of the same commanded speed, after which it goes at it
-_LEARN_FROM, _LEARN_UP_TO = (
-    0.15,
-    0.5,
-)  # m/s from the wanted speed, where the CoM's neutral place is learnt
-_NEUTRAL = 0.05  # m, bound of that
 _OFF = 0.3  # rad, by which a heading is missed at most before it is given up
-_ERROR = 0.1  # m/s^2, bound of the learnt error of the ground's acceleration
 
 
 class RidingController:
@@ -230,25 +319,15 @@ class RidingController:
     The body is held as in standing, with gains of its own and with `MovingBalance`. On top:
 
         c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
-        c_x* = n + kp_speed (vx - v)               while he does not: Cassie holds vx, and brakes
+        c_x* = n + f s + kp_speed (vx - v)         while he does not: Cassie holds vx, and brakes
         c_y* = kp_yaw_rate (w - r)                 if that is 0, by what it feels itself,
         w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
 
-    with e the heading's error, v the sum of the ground's acceleration since riding began and r the
-    yaw rate. v drifts, as nothing measures the speed of a vehicle: told to stop, it takes
-    `rest_speed` for rest. A turn tells it, as the ground accelerates to a side by a_y = v r, and
-    the bar presses as well:
+    with e the heading's error, r the yaw rate and n, v, f s of `RollingFilter`. c_x* keeps the
+    feet's pressure, c_x* - h a / g, within `press_limit`.
 
-        v' = a + r (a_y - r (v + 0.4 m/s)) / (turn_time (r^2 + 0.05 rad^2/s^2)).
-
-    Who leans it sees how fast it goes: once his vx has been the same for a while, it is that,
-
-        v' = a + b + (vx - v) / speed_time,    b' = (vx - v) / (2 speed_time)^2,
-
-    and b, the error of a, is known from then on; so is n, the CoM x by which it neither gains nor
-    loses speed: his lean then, or the sum of vx - v. Rolling resistance is part of n: coming to
-    rest it leans `rest_back` less, so that the Segway stops. c_x*
-    keeps the feet's pressure, c_x* - h a / g, within `press_limit`.
+    Attributes:
+        rolling: What is known of how the vehicle rolls.
 
     Args:
         config: Gains of riding.
@@ -266,13 +345,14 @@ class RidingController:
         self._stand = StandingController(stand, period, self._balance)
         self._mode = Mode()
         self._level = Level(period)
+        self.rolling = RollingFilter(period)
         self._readings = Readings()
         self._forget()
 
     def _forget(self) -> None:
-        self._said = self._since = self._error = 0.0
-        self._neutral = self._went = self._slow = 0.0
+        self._said = self._since = 0.0
         self._turn = self._lifted = 0.0
+        self.rolling.start()
         self._heading = math.nan
         self._com_error = (0.0, 0.0)
 
@@ -288,7 +368,7 @@ class RidingController:
     @property
     def speed(self) -> float:
         """Forward, as Cassie estimates it. In m/s."""
-        return self._balance.speed
+        return self.rolling.speed
 
     @property
     def lean(self) -> tuple[float, float]:
@@ -321,50 +401,45 @@ class RidingController:
         readings = self._readings
         readings.update(state, self._com_error)
         readings.height = height_above_soles(readings)
+        held = float(mode.com_x) == 0.0 == float(mode.com_y)
+        self._know(readings, mode, held)
         wanted = self._mode
         wanted.copy_from(mode)
-        self._balance.speed += self._period * self._error
-        self._feel_turn(readings.yaw_rate)
-        held = float(mode.com_x) == 0.0 == float(mode.com_y)
         if held:
             self._hold(readings, mode, wanted)
         else:
             self._heading = math.nan
-            self._hear(float(mode.vx), float(mode.com_x))
         (back, ahead), (right, left) = self._bounds(readings, held)
         share = self._carried(readings)
         wanted.com_x[...] = share * max(back, min(ahead, float(wanted.com_x)))
         wanted.com_y[...] = share * max(right, min(left, float(wanted.com_y)))
         self._stand.step(readings, wanted, command, 0.0)
 
-    def _hear(self, vx: float, com_x: float) -> None:
-        """Take in the speed (m/s) that the operator sees, 0 for none, and his lean (m)."""
+    def _know(self, readings: Readings, mode: Mode, held: bool) -> None:
+        """Take in all that tells how the vehicle rolls."""
+        rolling, balance, vx = self.rolling, self._balance, float(mode.vx)
+        rolling.predict(balance.gained)
+        # As late as the acceleration.
+        self._turn += self._period / self.config.moving_time * (readings.yaw_rate - self._turn)
+        rolling.turn(self._turn, balance.acceleration[1])
+        com_x, _, height = readings.com_from_feet
+        if self._lifted < _LIFTED[0] and abs(com_x - float(self._mode.com_x)) < _NEAR:
+            rolling.roll(balance.acceleration[0], com_x, max(0.3, height))
         self._since = self._since + self._period if vx == self._said else 0.0
         self._said = vx
-        if vx == 0.0 or self._since < _STEADY:
-            return
-        time, away = self.config.speed_time, vx - self._balance.speed
-        self._balance.speed += self._period / time * away
-        error = self._error + self._period / (2.0 * time) ** 2 * away
-        self._error = max(-_ERROR, min(_ERROR, error))
-        self._learn_neutral(com_x, time)
+        if held:
+            if vx == 0.0 and abs(rolling.speed) < _REST:
+                rolling.see(0.0, _RESTS)
+        elif vx != 0.0 and self._since >= _STEADY:
+            rolling.see(vx, _SEEN)
+        balance.speed = rolling.speed
 
     def _hold(self, readings: Readings, mode: Mode, wanted: Mode) -> None:
         """Lean so as to keep the commanded speed and yaw rate."""
-        c, balance = self.config, self._balance
+        c, rolling = self.config, self.rolling
         vx, yaw_rate = float(mode.vx), float(mode.yaw_rate)
-        away, back = vx - balance.speed, 0.0
-        if vx == 0.0 and abs(balance.speed) < c.rest_speed:
-            balance.speed *= math.exp(-self._period / c.rest_time)
-            self._slow = c.rest_back / 3.0 + (self._slow - c.rest_back / 3.0) * math.exp(
-                -self._period / c.rest_time
-            )
-            back = math.copysign(self._slow, self._went) if self._went else 0.0
-        else:
-            self._went, self._slow = balance.speed, c.rest_back
-        if _LEARN_FROM < abs(away) < _LEARN_UP_TO:
-            self._learn_neutral(self._neutral + c.speed_sum * away, 1.0)
-        wanted.com_x[...] = self._neutral - back + c.kp_speed * away
+        resists = _ROLLING * rolling.way if vx != 0.0 else 0.0
+        wanted.com_x[...] = rolling.neutral + resists + c.kp_speed * (vx - rolling.speed)
         if vx == 0.0 == yaw_rate:
             self._heading = math.nan
             return
@@ -379,11 +454,6 @@ class RidingController:
         off = max(-_OFF, min(_OFF, off))
         self._heading = yaw + off
         return off
-
-    def _learn_neutral(self, com_x: float, time: float) -> None:
-        """Draw the CoM x at which nothing accelerates to a value (m) over a time (s)."""
-        self._neutral += self._period / time * (com_x - self._neutral)
-        self._neutral = max(-_NEUTRAL, min(_NEUTRAL, self._neutral))
 
     def _bounds(self, readings: Readings, held: bool) -> tuple[Interval, Interval]:
         """Where the CoM may be wanted; of bounds that exclude each other the later one counts.
@@ -406,8 +476,8 @@ class RidingController:
         speed, (rest_x, rest_y) = balance.speed, balance.rest(readings)
         x = y = _ANYWHERE
         if not held:
-            highest = self._neutral + c.kp_speed * (c.top_speed - speed)
-            lowest = self._neutral + c.kp_speed * (-c.back_speed - speed)
+            highest = self.rolling.neutral + c.kp_speed * (c.top_speed - speed)
+            lowest = self.rolling.neutral + c.kp_speed * (-c.back_speed - speed)
             x = (min(0.0, lowest), max(0.0, highest))
         along = balance.acceleration[0] / _GOES
         ahead = c.press_limit + c.press_more * max(0.0, min(1.0, along))
@@ -435,15 +505,6 @@ class RidingController:
         self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
         least, most = _LIFTED
         return 1.0 - max(0.0, min(1.0, (self._lifted - least) / (most - least)))
-
-    def _feel_turn(self, rate: float) -> None:
-        """Draw the speed to what a turn tells of it; `rate` is the yaw rate, in rad/s."""
-        c, balance = self.config, self._balance
-        # As late as the acceleration.
-        self._turn += self._period / c.moving_time * (rate - self._turn)
-        away = balance.acceleration[1] - self._turn * (balance.speed + _BAR)
-        share = self._period / c.turn_time * self._turn / (self._turn**2 + _TURNS)
-        balance.speed += share * away
 
 
 def _cut(bounds: Interval, least: float, greatest: float) -> Interval:
