@@ -91,7 +91,7 @@ def open_ways_in(robot: Robot) -> str:
     return found[0]
 
 
-@pytest.mark.timeout(SECONDS + 300.0)
+@pytest.mark.timeout(SECONDS + 600.0)
 def test_noise_on_every_way_in_beside_an_operator_who_drives(robot: Robot) -> None:
     person = Person(robot, "first-1")
     eyes = robot.eyes

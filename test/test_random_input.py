@@ -119,7 +119,7 @@ def memory(robot: Robot, name: str) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-@pytest.mark.timeout(SECONDS + 300.0)
+@pytest.mark.timeout(SECONDS + 600.0)
 def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None:
     with Robot(tmp_path, [*WALK, {"t": 3.0, "vx": 0.3}], simulator={"paused": True}) as robot:
         bring_up(robot, "walk")

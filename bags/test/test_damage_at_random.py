@@ -29,7 +29,7 @@ DAMAGES = 100  # in a batch, so that 1000 in all
 
 def write(path: Path, *, compress: bool) -> None:
     with BagWriter(path, compress=compress) as bag:
-        write_messages(bag, glide_messages(1.1))
+        write_messages(bag, glide_messages(1.1), stride=5)  # soon read, in as many chunks
         bag.add_file("gaits.json", bytes(range(256)) * 8)
 
 

@@ -59,6 +59,20 @@ def test_a_damaged_chunk_costs_what_is_in_it_and_no_more(tmp_path: Path, bag: Pa
     assert [seq for _, seq, *_ in read_messages(copy, [RobotState.TOPIC])] == left
 
 
+def test_an_index_that_became_a_message_by_one_bit_is_none(bag: Path):
+    """Its channel is a known one: what it holds was given as a message of that."""
+    before = list(read_messages(bag))
+    content = bytearray(bag.read_bytes())
+    for kind, start, _ in parts(bag):
+        if kind == Opcode.MESSAGE_INDEX:
+            content[start] = Opcode.MESSAGE
+    bag.write_bytes(content)
+    index = BagIndex()
+    assert list(read_messages(bag, None, index)) == before
+    assert not index.complete
+    assert index.lost_bytes
+
+
 @pytest.mark.parametrize("kind", [Opcode.HEADER, Opcode.METADATA])
 def test_a_damaged_record_between_the_chunks_costs_only_itself(
     tmp_path: Path, bag: Path, kind: Opcode

@@ -63,7 +63,6 @@ def test_errors_are_compared_over_the_robots_that_walked_both_ways():
     assert "71 %" in table([found])
 
 
-@pytest.mark.timeout(400)
 def test_a_lesson_takes_tracking_error_away():
     learned = nothing_learned((0.5,))
     found = learn(LearningRun(3, 0.5, learned, 8.0))
@@ -72,7 +71,6 @@ def test_a_lesson_takes_tracking_error_away():
     assert np.abs(found.torques).max() > 2.0
 
 
-@pytest.mark.timeout(400)
 def test_the_torques_of_the_package_take_three_tenths_of_the_tracking_error_away():
     found = run_trial(comparison(1004, 0.5, 4.0, ()))
     assert left_over(found) < 0.7

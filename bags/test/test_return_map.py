@@ -71,7 +71,6 @@ def test_a_run_with_a_step_too_many_is_not_in_line():
     assert not in_line(np.array([0.1, 0.4, 0.8, 1.2]), nominal)
 
 
-@pytest.mark.timeout(200)
 def test_a_push_at_half_speed_is_forgotten():
     found = measure(experiment_of(0.5, 0, None, False), 0.5, 4.0, steps=8)
     assert found.fell == found.dropped == 0

@@ -268,12 +268,12 @@ def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side(turn):
             forces=(0.5 * WEIGHT - push, 0.5 * WEIGHT + push),
         )
         state.v[3] = turn
-        return ridden(state, mode_of(height=0.65, com_x=0.001), 20000)[0].speed
+        return ridden(state, mode_of(height=0.65, com_x=0.001), 40000)[0].speed
 
     standing = readings_of(crouched())
     height, half = standing.com_from_feet[2], standing.legs[0].foot[1]
     slow, fast = (speed(v * turn) for v in (0.5, 1.5))
-    assert fast - slow == pytest.approx(1.0, abs=0.3)
+    assert fast - slow == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_its_own():

@@ -109,7 +109,6 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path, capsys, monkeypatch):
     assert not partial.exists()
 
 
-@pytest.mark.timeout(120)
 def test_a_cluster_finds_the_same_gaits(tmp_path, capsys, monkeypatch):
     local, remote = tmp_path / "local.json", tmp_path / "remote.json"
     arguments = ["--speeds", "0", "0.1", "--jobs", "1", "--out"]

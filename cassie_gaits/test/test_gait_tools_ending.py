@@ -45,7 +45,6 @@ def wait_for(condition, seconds):
     return condition()
 
 
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_a_run_that_is_ended_leaves_its_findings_and_no_process(tmp_path, kind, capsys):
     out = tmp_path / "gaits.json"
@@ -77,7 +76,6 @@ def test_a_run_that_is_ended_leaves_its_findings_and_no_process(tmp_path, kind, 
     assert len(load_certified(out).gaits) == len(found) + 1
 
 
-@pytest.mark.timeout(120)
 def test_a_check_that_is_stopped_ends_at_once_and_leaves_no_process():
     command = [sys.executable, "-m", "cassie_gaits.ros.check_gaits", "dense", "--jobs", "2"]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

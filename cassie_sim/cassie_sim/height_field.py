@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,6 +33,8 @@ def random_heights(
         grain: Distance over which the height changes. In m.
         rng: For the noise.
     """
+    from scipy.ndimage import gaussian_filter  # takes half a second, which most scenes spare
+
     cell = min(CELL, 0.5 * grain)
     along = round(length / cell) + 1
     across = round(2.0 * FIELD_HALF_WIDTH / cell) + 1

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
 
 from cassie_sim.ground import Surface, make_ground
 from cassie_sim.scene_parameters import Segway
@@ -54,6 +53,8 @@ _BASE = 0.5
 
 def heights(settings: Segway, way: Way) -> FloatArray:
     """Heights above level ground, which the field's edges meet. Shape (across, along), in m."""
+    from scipy.ndimage import gaussian_filter  # takes half a second, which most scenes spare
+
     along = round(settings.length / _CELL) + 1
     across = round(2.0 * _HALF_WIDTH / _CELL) + 1
     rng = np.random.default_rng(settings.seed)

@@ -116,7 +116,7 @@ def _message(what, echo, rng):
     return {"echo": echo, "visible": bool(rng.random() < 0.9), **axes}
 
 
-@pytest.mark.timeout(SECONDS + 240.0)
+@pytest.mark.timeout(SECONDS + 600.0)
 def test_fifty_pages_of_random_input_break_nothing(node, capfd):
     robot = Robot(node)
     with WebConsole() as console, Crowd(console.address, seed=20) as crowd:

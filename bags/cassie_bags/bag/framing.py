@@ -83,11 +83,15 @@ class RecordReader:
 
         The index at the end is checked and not given.
         """
-        position, checksum = len(MAGIC), zlib.crc32(MAGIC)
+        position, checksum, chunked = len(MAGIC), zlib.crc32(MAGIC), False
         while position < self._size:
             opcode, length = self._frame(position)
             end = position + _FRAME.size + length
             body = self._read(position + _FRAME.size, length) if opcode else b""
+            chunked |= opcode == Opcode.CHUNK
+            if chunked and opcode == Opcode.MESSAGE and _index_is_whole(body):
+                opcode = Opcode.MESSAGE_INDEX  # of one bit more; messages are in the chunks
+                self.lost_bytes += 1
             try:
                 # All that is in a chunk is looked at before any of it is used.
                 found = list(whole(opcode, body))

@@ -17,6 +17,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.run.experiment import load_experiment
+    from cassie_bags.run.yaml_file import consistent
+
+    changes = consistent(arguments.set)
+    for file in arguments.files:  # what is wrong in one is told before all the rest is loaded
+        load_experiment(file, changes)
     from cassie_bags.ros.experiments import run
 
     return run(arguments)

@@ -19,7 +19,6 @@ from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.results import check_folder
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
-from cassie_bags.studies.sweep.picture import draw
 from cassie_bags.studies.sweep.results_file import merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import (
@@ -136,6 +135,8 @@ def _measure(
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(kept)
             _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
+            from cassie_bags.studies.sweep.picture import draw  # with what draws, a second
+
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
         _merge(arguments.results, _text(arguments.results), read_rows(kept))
