@@ -22,7 +22,6 @@ from cassie_bags.bag.rosbag2 import (
     RECORD,
     Contents,
     Topic,
-    profiles_text,
     read_profiles,
     record_of,
     write_metadata,
@@ -178,12 +177,12 @@ class _Copy:
     def _take_channel(self, channel: Channel) -> None:
         if channel.id in self._channels or channel.schema_id not in self._schemas:
             return
-        profiles = read_profiles(channel.metadata.get(QOS_KEY, ""))
+        profiles, text = read_profiles(channel.metadata.get(QOS_KEY, ""))
         self._channels[channel.id] = self._writer.register_channel(
             channel.topic,
             channel.message_encoding,
             self._schemas[channel.schema_id],
-            channel.metadata | {QOS_KEY: profiles_text(profiles)},
+            channel.metadata | {QOS_KEY: text},
         )
         self._topics[channel.id] = self.contents.topics.setdefault(
             channel.topic, Topic(self._types[channel.schema_id], profiles)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,11 @@ class Qos:
             "avoid_ros_namespace_conventions": False,
         }
 
+    @cached_property
+    def text(self) -> str:
+        """It as the only one, as the metadata of a channel has it."""
+        return _profiles_text([self.profile])
+
 
 QOS_LANE = Qos(depth=100)
 QOS_DEFAULT = Qos()
@@ -78,7 +84,7 @@ class Topic:
     """
 
     type: str
-    profiles: list[dict[str, Any]]
+    profiles: Sequence[Mapping[str, Any]]
     count: int = 0
 
 
@@ -103,22 +109,24 @@ class Contents:
         return sum(topic.count for topic in self.topics.values())
 
 
-def profiles_text(profiles: Sequence[Mapping[str, Any]]) -> str:
+def _profiles_text(profiles: Sequence[Mapping[str, Any]]) -> str:
     """QoS as the metadata of a channel has it."""
     return str(yaml.safe_dump(list(profiles), sort_keys=False)) if profiles else ""
 
 
-def read_profiles(text: str) -> list[dict[str, Any]]:
-    """QoS from the metadata of a channel, numbers of older versions as words.
+@lru_cache(maxsize=64)  # most topics have the same, and YAML takes its time
+def read_profiles(text: str) -> tuple[tuple[Mapping[str, Any], ...], str]:
+    """QoS from the metadata of a channel, numbers of older versions as words; and as text again.
 
     What cannot be read is left out: a bag can be used without it.
     """
     try:
         content = parse_yaml(text, QOS_KEY)
     except YamlError:
-        return []
+        content = None
     entries = content if isinstance(content, list) else []
-    return [_in_words(entry) for entry in entries if isinstance(entry, dict)]
+    profiles = tuple(_in_words(entry) for entry in entries if isinstance(entry, dict))
+    return profiles, _profiles_text(profiles)
 
 
 def _in_words(profile: Mapping[str, Any]) -> dict[str, Any]:
@@ -217,7 +225,7 @@ def contents_of(path: Path) -> Contents:
         schema = summary.schemas.get(channel.schema_id)
         found.topics[channel.topic] = Topic(
             schema.name if schema else "",
-            read_profiles(channel.metadata.get(QOS_KEY, "")),
+            read_profiles(channel.metadata.get(QOS_KEY, ""))[0],
             statistics.channel_message_counts.get(number, 0),
         )
     return found

@@ -27,7 +27,6 @@ from cassie_bags.bag.rosbag2 import (
     Contents,
     Qos,
     Topic,
-    profiles_text,
     record_of,
     write_metadata,
 )
@@ -108,7 +107,7 @@ class BagWriter:
             if type_name not in self._schemas:
                 text = definition(type_name).encode()
                 self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text)
-            metadata = {QOS_KEY: profiles_text([qos.profile])}
+            metadata = {QOS_KEY: qos.text}
             channel = self._writer.register_channel(
                 topic, "cdr", self._schemas[type_name], metadata
             )
