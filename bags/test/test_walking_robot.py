@@ -161,6 +161,16 @@ def crosses(name, level, seed):
     return not measures["fell"] and row.holds(measures, level)
 
 
+def most_cross(name, level, seeds, may_fall=1):
+    """Whether all but so many robots cross it; no more are run than decide that."""
+    seeds = list(seeds)
+    crossed = fell = 0
+    while fell <= may_fall and crossed < len(seeds) - may_fall:
+        good = crosses(name, level, seeds[crossed + fell])
+        crossed, fell = crossed + good, fell + (not good)
+    return fell <= may_fall
+
+
 @pytest.mark.parametrize(("name", "level"), [("step_fast.up", 0.1), ("step_fast.down", 0.2)])
 @pytest.mark.parametrize("seed", [12, 13])
 def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level, seed):
@@ -185,7 +195,7 @@ def test_stairs_are_climbed():
 
     18 of 20 robots must walk; which one falls hangs on the last bit.
     """
-    assert sum(crosses("stairs.up", 0.1, seed) for seed in range(1, 21)) >= 18
+    assert most_cross("stairs.up", 0.1, range(1, 21), may_fall=2)
 
 
 def test_hard_ground_of_4_cm_is_crossed():
@@ -193,16 +203,16 @@ def test_hard_ground_of_4_cm_is_crossed():
 
     9 of 10 robots must walk; which one falls hangs on the last bit.
     """
-    assert sum(crosses("rough.hard", 0.04, seed) for seed in range(11, 21)) >= 9
+    assert most_cross("rough.hard", 0.04, range(11, 21))
 
 
-@pytest.mark.parametrize(("speed", "seeds", "least"), [(0.8, [5], 1), (1.2, range(11, 21), 9)])
-def test_feet_that_tufts_of_grass_tilt_do_not_make_it_run_away(speed, seeds, least):
+@pytest.mark.parametrize(("speed", "seeds", "may_fall"), [(0.8, [5], 0), (1.2, range(11, 21), 1)])
+def test_feet_that_tufts_of_grass_tilt_do_not_make_it_run_away(speed, seeds, may_fall):
     """A tilt was taken for a rise: the next foot landed late and far ahead.
 
     At 1.2 m/s 9 of 10 robots must walk; which one falls hangs on the last bit.
     """
-    assert sum(crosses(f"grass.{speed}", speed, seed) for seed in seeds) >= least
+    assert most_cross(f"grass.{speed}", speed, seeds, may_fall)
 
 
 @pytest.mark.parametrize(
