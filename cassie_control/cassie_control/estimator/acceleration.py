@@ -54,7 +54,7 @@ class Accelerometer(Record):
         smooth: Measured smoothed fast and slow, expected and the pelvis's angular acceleration
             likewise. In m/s^2 and rad/s^2.
         load: Place of a load in the pelvis, by its share of what the legs move there. In m.
-        known: Information about it, and times it. In s/m^2 and s/m.
+        evidence: Information about it, and times it. In s/m^2 and s/m.
         expected: Ring of what is expected to change within a step. In m/s^2.
         power: Of that. In (m/s^2)^2.
         late: Time for which it fitted each of `DELAYS` better. In s.
@@ -70,7 +70,7 @@ class Accelerometer(Record):
     spikes: FloatArray = array(3)
     smooth: FloatArray = array(6, 3)
     load: FloatArray = array(3)
-    known: FloatArray = array(4, 3)
+    evidence: FloatArray = array(4, 3)
     expected: FloatArray = array(_KEPT, 3)
     power: FloatArray = array(3)
     late: FloatArray = array(len(DELAYS), 3)
@@ -247,19 +247,19 @@ def _weigh(axes: Accelerometer, dt: float) -> None:
     keep = 1.0 - dt / _LOAD_TIME
     for i in range(4):
         for k in range(3):
-            axes.known[i, k] *= keep
+            axes.evidence[i, k] *= keep
     for k in range(3):
         row = _turning_with(turning, k)
         weight = dt / (_UNSURE * axes.power[k] + _NOISE)
         for i in range(3):
             for j in range(3):
-                axes.known[i, j] += weight * row[i] * row[j]
-            axes.known[3, i] += weight * row[i] * left[k]
-    x = axes.known[0, 0] + _NO_LOAD, axes.known[0, 1], axes.known[0, 2]
-    y = axes.known[1, 0], axes.known[1, 1] + _NO_LOAD, axes.known[1, 2]
-    z = axes.known[2, 0], axes.known[2, 1], axes.known[2, 2] + _NO_LOAD
+                axes.evidence[i, j] += weight * row[i] * row[j]
+            axes.evidence[3, i] += weight * row[i] * left[k]
+    x = axes.evidence[0, 0] + _NO_LOAD, axes.evidence[0, 1], axes.evidence[0, 2]
+    y = axes.evidence[1, 0], axes.evidence[1, 1] + _NO_LOAD, axes.evidence[1, 2]
+    z = axes.evidence[2, 0], axes.evidence[2, 1], axes.evidence[2, 2] + _NO_LOAD
     yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)
-    told, whole = axes.known[3], dot(x, yz)
+    told, whole = axes.evidence[3], dot(x, yz)
     for k in range(3):
         axes.load[k] = (told[0] * yz[k] + told[1] * zx[k] + told[2] * xy[k]) / whole
 
