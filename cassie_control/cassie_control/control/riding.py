@@ -211,7 +211,7 @@ class RollingFilter:
 
         v' = a + b,   b' = 0,   n' = 0,
 
-        a + b = k (c - n - f s)      wherever it rolls; k = 3/4 g / h, as c, held at c* on a
+        a + b = k (c - n - f s)      where it rolls and c is near c*; k = 3/4 g / h, as c, held on a
                                      Segway, is 4 times as far from n as the pressure is,
         a_y   = w (v + u)            with u the bar's push, known to a factor of two,
         v     = vx                   by an operator who leans it and has seen the same vx for long,
