@@ -90,7 +90,7 @@ class RecordReader:
             body = self._read(position + _FRAME.size, length) if opcode else b""
             chunked |= opcode == Opcode.CHUNK
             if chunked and opcode == Opcode.MESSAGE and _index_is_whole(body):
-                opcode = Opcode.MESSAGE_INDEX  # of one bit more; messages are in the chunks
+                opcode = Opcode.MESSAGE_INDEX  # that lost a bit: messages are in the chunks
                 self.lost_bytes += 1
             try:
                 # All that is in a chunk is looked at before any of it is used.
