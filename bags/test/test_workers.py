@@ -64,13 +64,14 @@ def wait_a_second(number: int) -> int:
 def test_a_process_lost_when_no_more_is_wanted_says_nothing(monkeypatch: pytest.MonkeyPatch):
     said: list[object] = []
     monkeypatch.setattr(threading, "excepthook", said.append)
+    before = set(threading.enumerate())
     pool = LocalProcesses(1)
     results = pool.results(wait_a_second, [0] * 10)
     next(results)
     results.close()
     for process in multiprocessing.active_children():
         process.kill()
-    for thread in set(threading.enumerate()) - {threading.current_thread()}:
+    for thread in set(threading.enumerate()) - before:
         thread.join(10.0)
     pool.close()
     assert not said
