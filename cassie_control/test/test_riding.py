@@ -256,24 +256,31 @@ def test_at_rest_a_lean_tells_nothing():
     assert abs(still.speed) < 1e-3
 
 
-@pytest.mark.parametrize("turn", [0.6, -0.6])
-def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side(turn):
-    """Feet that press beside the CoM all the time: the ground goes away to the other side."""
+def turned(turn, pushed, ticks):
+    """Speed that it knows after a turn (rad/s) on feet that press beside the CoM all the time.
 
-    def speed(aside: float) -> float:
-        push = 0.5 * WEIGHT * aside * height / (GRAVITY * half)
-        state = state_of(
-            *(leg_joints(), leg_joints()),
-            height=0.65,
-            forces=(0.5 * WEIGHT - push, 0.5 * WEIGHT + push),
-        )
-        state.v[3] = turn
-        return ridden(state, mode_of(height=0.65, com_x=0.001), 40000)[0].speed
-
+    The ground goes away to the other side, with the acceleration of a speed `pushed` (m/s).
+    """
     standing = readings_of(crouched())
     height, half = standing.com_from_feet[2], standing.legs[0].foot[1]
-    slow, fast = (speed(v * turn) for v in (0.5, 1.5))
+    push = 0.5 * WEIGHT * pushed * turn * height / (GRAVITY * half)
+    state = state_of(
+        *(leg_joints(), leg_joints()),
+        height=0.65,
+        forces=(0.5 * WEIGHT - push, 0.5 * WEIGHT + push),
+    )
+    state.v[3] = turn
+    return ridden(state, mode_of(height=0.65, com_x=0.001), ticks)[0].speed
+
+
+def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side():
+    slow, fast = (turned(0.6, speed, 40000) for speed in (0.5, 1.5))
     assert fast - slow == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_turn_to_either_side_tells_the_same():
+    left, right = (turned(turn, 1.0, 4000) for turn in (0.6, -0.6))
+    assert left == pytest.approx(right, abs=0.005)
 
 
 def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_its_own():
