@@ -33,7 +33,7 @@ def random_heights(
         grain: Distance over which the height changes. In m.
         rng: For the noise.
     """
-    from scipy.ndimage import gaussian_filter  # takes half a second, which most scenes spare
+    from scipy.ndimage import gaussian_filter  # loads for half a second; few need it
 
     cell = min(CELL, 0.5 * grain)
     along = round(length / cell) + 1

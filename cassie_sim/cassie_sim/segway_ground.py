@@ -53,7 +53,7 @@ _BASE = 0.5
 
 def heights(settings: Segway, way: Way) -> FloatArray:
     """Heights above level ground, which the field's edges meet. Shape (across, along), in m."""
-    from scipy.ndimage import gaussian_filter  # takes half a second, which most scenes spare
+    from scipy.ndimage import gaussian_filter  # loads for half a second; few need it
 
     along = round(settings.length / _CELL) + 1
     across = round(2.0 * _HALF_WIDTH / _CELL) + 1

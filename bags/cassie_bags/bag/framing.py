@@ -90,7 +90,8 @@ class RecordReader:
             body = self._read(position + _FRAME.size, length) if opcode else b""
             chunked |= opcode == Opcode.CHUNK
             if chunked and opcode == Opcode.MESSAGE and _index_is_whole(body):
-                opcode = Opcode.MESSAGE_INDEX  # that lost a bit: messages are in the chunks
+                # An index that lost a bit: a file with chunks has its messages in them.
+                opcode = Opcode.MESSAGE_INDEX
                 self.lost_bytes += 1
             try:
                 # All that is in a chunk is looked at before any of it is used.

@@ -65,7 +65,7 @@ class Qos:
 
     @cached_property
     def text(self) -> str:
-        """It as the only one, as the metadata of a channel has it."""
+        """This profile alone, as the metadata of a channel has it."""
         return _profiles_text([self.profile])
 
 
@@ -116,7 +116,7 @@ def _profiles_text(profiles: Sequence[Mapping[str, Any]]) -> str:
 
 @lru_cache(maxsize=64)  # most topics have the same, and YAML takes its time
 def read_profiles(text: str) -> tuple[tuple[Mapping[str, Any], ...], str]:
-    """QoS from the metadata of a channel, numbers of older versions as words; and as text again.
+    """QoS from the metadata of a channel, in words where older versions had numbers; and its text.
 
     What cannot be read is left out: a bag can be used without it.
     """

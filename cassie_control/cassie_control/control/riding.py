@@ -290,10 +290,10 @@ class RollingFilter:
 Interval = tuple[float, float]
 """Least and greatest value."""
 
-# Noise of the filter; by the rides of robots 1 to 4 of `sweep segway`.
+# Noise of the filter, by rides of robots 1 to 10; DECISIONS.md has what else was tried.
 _START = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2 before it rolls
 _WALK = (0.02**2, 0.003**2, 0.0005**2)  # of these a second; b changes as the vertical does
-_LEAN = 0.15**2  # (m/s^2)^2 s: a misses k (c - n) by 0.1 m/s^2, for half a second
+_LEAN = 0.15**2  # (m/s^2)^2 s: a misses k (c - n) by 0.15 m/s^2, for half a second
 _NEAR = 0.01  # m from where the CoM is wanted, beyond which the lean is passing
 _ROLLS = 0.2  # m/s, from which rolling resistance is there
 _ROLLING = 0.001  # m of CoM x that overcomes it, beyond what is part of n
@@ -323,8 +323,9 @@ class RidingController:
         c_y* = kp_yaw_rate (w - r)                 if that is 0, by what it feels itself,
         w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
 
-    with e the heading's error, r the yaw rate and n, v, f s of `RollingFilter`. c_x* keeps the
-    feet's pressure, c_x* - h a / g, within `press_limit`.
+    with e the heading's error, r the yaw rate and n, v, f s of `RollingFilter`; f s is left out for
+    vx = 0, so that rolling resistance stops the Segway. c_x* keeps the feet's pressure,
+    c_x* - h a / g, within `press_limit`.
 
     Attributes:
         rolling: What is known of how the vehicle rolls.

@@ -135,7 +135,7 @@ def _measure(
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(kept)
             _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
-            from cassie_bags.studies.sweep.picture import draw  # with what draws, a second
+            from cassie_bags.studies.sweep.picture import draw  # matplotlib loads for a second
 
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
