@@ -10,7 +10,10 @@ import pytest
 
 import cassie_bags.cli
 
-HEAVY = {"matplotlib", "mujoco", "numba", "numpy", "pinocchio", "rclpy", "scipy", "yaml"}
+SECONDS = {"matplotlib", "mujoco", "numba", "pinocchio", "rclpy", "scipy"}
+"""Modules that load for a second or more."""
+
+HEAVY = SECONDS | {"numpy", "yaml"}
 NO_COMMANDS = {"__init__", "arguments", "frame", "verify"}
 VERBS = sorted(
     path.stem
@@ -30,8 +33,8 @@ sys.exit(100 if loaded else code)
 """
 
 
-def play(verb: str, *words: str) -> subprocess.CompletedProcess[str]:
-    text = SEE.format(verb=verb, words=list(words), heavy=HEAVY)
+def play(verb: str, *words: str, heavy: set[str] = HEAVY) -> subprocess.CompletedProcess[str]:
+    text = SEE.format(verb=verb, words=list(words), heavy=heavy)
     return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
 
 
@@ -48,4 +51,30 @@ def test_an_unknown_option_is_told_at_once(verb: str):
     done = play(verb, "--nonsense")
     assert done.returncode == 2
     assert "--nonsense" in done.stderr or "required" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("compare", "nosuch", "other"),
+        ("estimators", "nosuch"),
+        ("experiment", "nosuch"),
+        ("failsafes", "nosuch"),
+        ("faults", "nosuch"),
+        ("faults", "drive_position.3", "--kinds", "nosuch"),
+        ("fingerprint", "nosuch"),
+        ("info", "nosuch"),
+        ("recover", "nosuch"),
+        ("report", "nosuch"),
+        ("sweep", "nosuch"),
+        ("tune", "nosuch"),
+        ("tune", "--objective", "nosuch"),
+    ],
+    ids=" ".join,
+)
+def test_what_is_not_there_is_told_before_the_robot_loads(words: tuple[str, ...]):
+    done = play(*words, heavy=SECONDS)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("nosuch") >= 1
     assert "Traceback" not in done.stderr

@@ -8,9 +8,9 @@ import pytest
 
 from cassie_bags.cli.failsafes import main
 from cassie_bags.studies.failsafes import table
+from cassie_bags.studies.failsafes.people import UnsafeError
 from cassie_bags.studies.failsafes.rows import ON_FOOT, ROWS
 from cassie_bags.studies.failsafes.table import Case, cases, play, with_table
-from cassie_bags.studies.failsafes.wall_paced import UnsafeError
 
 README = Path(__file__).parents[2] / "cassie_control" / "README.md"
 

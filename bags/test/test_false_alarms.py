@@ -10,9 +10,10 @@ import pytest
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import load_experiment
 from cassie_bags.run.seed import resolve
+from cassie_bags.studies.run_trial import experiment_of
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.table import chosen_rows
-from cassie_bags.studies.trial import Trial, experiment_of
+from cassie_bags.studies.trial import Trial
 from cassie_control.estimator import channels
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState

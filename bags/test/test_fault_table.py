@@ -18,8 +18,8 @@ from cassie_bags.studies.faults import (
     run_table,
     table,
 )
+from cassie_bags.studies.run_trial import experiment_of
 from cassie_bags.studies.sweep.course import Budget, walk
-from cassie_bags.studies.trial import experiment_of
 from cassie_msgs.layout import RobotMode, Sensors
 
 CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")

@@ -15,15 +15,14 @@ from cassie_bags.studies.learn import (
     LearningResult,
     LearningRun,
     compared,
-    comparison,
     learn,
     learning_runs,
-    left_over,
     merged,
 )
 from cassie_bags.studies.learn_torques import table
-from cassie_bags.studies.sweep.course import Budget, walk
-from cassie_bags.studies.trial import TRACKING, experiment_of, run_trial
+from cassie_bags.studies.run_trial import TRACKING, experiment_of, run_trial
+from cassie_bags.studies.sweep.course import Budget, comparison, walk
+from cassie_bags.studies.trial import left_over
 from cassie_control.learning.torques import JOINTS, nothing_learned, save_torques
 
 

@@ -17,11 +17,11 @@ from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_bags.signals.riding import gate_miss, measure_ride
 from cassie_bags.signals.track import rolled
+from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.random_commands import riding_commands
 from cassie_bags.studies.sweep.segway_rows import GO, segway_rows, shaking_rows
 from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
-from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.experiment.script import RiderScript
 from cassie_msgs.structured import structure

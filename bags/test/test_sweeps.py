@@ -16,13 +16,7 @@ from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.signals.effort import measure_effort
-from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
-from cassie_bags.studies.sweep.random_commands import radio_commands
-from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
-from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
-from cassie_bags.studies.trial import (
-    Measures,
-    Trial,
+from cassie_bags.studies.run_trial import (
     _slip,
     _velocity_off,
     _without_sway,
@@ -30,6 +24,11 @@ from cassie_bags.studies.trial import (
     run_trial,
     unbelieved_channels,
 )
+from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, push, step_time, walk
+from cassie_bags.studies.sweep.random_commands import radio_commands
+from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
+from cassie_bags.studies.sweep.table import all_rows, chosen_rows, load, read_rows, save, table
+from cassie_bags.studies.trial import Measures, Trial
 from cassie_bags.studies.workers import CachedWorkers, LocalProcesses, ThisProcess
 from cassie_gaits.robot import GRAVITY
 from cassie_msgs.layout import RobotState

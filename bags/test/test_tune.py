@@ -16,7 +16,7 @@ from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import apply_changes, spelled_out
-from cassie_bags.studies.trial import experiment_of
+from cassie_bags.studies.run_trial import experiment_of
 from cassie_bags.studies.tune.objective import DEFAULT, load_objective
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import JOINT_GAINS, Parameter, parameters, values

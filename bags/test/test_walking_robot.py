@@ -16,9 +16,9 @@ from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.track import Track, make_track
+from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.sweep.table import chosen_rows
-from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_msgs.layout import ControllerStatus, RobotState
 
 TEXT = """

@@ -7,7 +7,7 @@ import datetime
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.arguments import add_jobs, add_results, count
+from cassie_bags.cli.arguments import add_jobs, add_results, count, one_of
 from cassie_bags.cli.frame import exit_codes, play
 
 
@@ -29,15 +29,29 @@ def _parser() -> argparse.ArgumentParser:
         "does and how long after the error's bound the channel is reported.",
         epilog=exit_codes("all faults end safely and are reported within 100 ms", "some do not"),
     )
-    parser.add_argument("channels", nargs="*", metavar="CHANNEL", help="drive_position.3; all")
     parser.add_argument(
-        "--kinds", nargs="+", metavar="KIND", help="off, stuck, nan, spike, delay; all"
+        "channels", nargs="*", type=_channel, metavar="CHANNEL", help="drive_position.3; all"
+    )
+    parser.add_argument(
+        "--kinds", nargs="+", type=_kind, metavar="KIND", help="off, stuck, nan, spike, delay; all"
     )
     parser.add_argument("--modes", nargs="+", metavar="MODE", help="standing, walking; both")
     parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
     add_jobs(parser)
     add_results(parser, "all channels, kinds and modes")
     return parser
+
+
+def _channel(word: str) -> str:
+    from cassie_control.estimator.channels import CHANNELS
+
+    return one_of([name for name, _ in CHANNELS], "channel")(word)
+
+
+def _kind(word: str) -> str:
+    from cassie_msgs.experiment.scenario import FAULT_KINDS
+
+    return one_of(FAULT_KINDS, "kind")(word)
 
 
 if __name__ == "__main__":

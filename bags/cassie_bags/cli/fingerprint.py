@@ -17,6 +17,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from cassie_bags.run.experiment import load_experiment
+
+    for file in arguments.files:  # what is wrong in one is told before all the rest is loaded
+        load_experiment(file)
     from cassie_bags.studies.fingerprints import run
 
     return run(arguments)

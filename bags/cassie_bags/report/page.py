@@ -11,7 +11,8 @@ from typing import Any
 import jinja2
 from PIL import Image
 
-from cassie_bags.report.text import finite, outcome_content, phase_content
+from cassie_bags.report.json_values import finite
+from cassie_bags.report.text import outcome_content, phase_content
 from cassie_bags.report.view import View
 from cassie_bags.run.judge import RunResult
 from cassie_bags.signals.metrics import Metrics

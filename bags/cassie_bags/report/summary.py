@@ -7,7 +7,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from cassie_bags.bag.summary import Interval, Summary
-from cassie_bags.report.text import aligned, finite
+from cassie_bags.report.json_values import finite
+from cassie_bags.report.text import aligned
 
 _WIDTH = 80  # of a terminal, in characters
 

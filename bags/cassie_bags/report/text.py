@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cassie_bags.report.json_values import finite
 from cassie_bags.run.judge import RunResult, checks
 from cassie_bags.signals.metrics import PhaseMetrics
 from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
@@ -158,14 +159,3 @@ def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
         "commanded": phase.commanded,
         "achieved": {name: phase.values[name] for name in PHASE_METRICS},
     }
-
-
-def finite(content: Any) -> Any:
-    """NaN and infinity as null, through nested mappings and lists."""
-    if isinstance(content, float):
-        return content if math.isfinite(content) else None
-    if isinstance(content, Mapping):
-        return {key: finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [finite(value) for value in content]
-    return content

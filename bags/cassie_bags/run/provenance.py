@@ -11,11 +11,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cassie_msgs.experiment.file import Experiment, to_yaml
 from cassie_msgs.tunables import as_mapping
+
+if TYPE_CHECKING:
+    from cassie_msgs.experiment.file import Experiment
 
 _OURS = ("cassie_bags", "cassie_control", "cassie_gaits", "cassie_sim", "cassie_teleop")
 _OTHERS = ("mujoco", "numpy", "pin", "mcap")
@@ -107,6 +108,8 @@ def metadata_of(experiment: Experiment) -> dict[str, dict[str, str]]:
     Args:
         experiment: What is run, drawn.
     """
+    from cassie_msgs.experiment.file import to_yaml  # NumPy loads with it
+
     return {
         "cassie_experiment": {
             "name": experiment.name,
@@ -131,6 +134,8 @@ def versions() -> dict[str, str]:
 
 def environment() -> dict[str, str]:
     """What the last bit of a result depends on besides this project's code."""
+    import numpy as np
+
     found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
     used = np.show_config(mode="dicts")["SIMD Extensions"]
     found["vector instructions"] = " ".join([*used["baseline"], *used["found"]])

@@ -16,15 +16,12 @@ from tqdm import tqdm
 from cassie_bags.bag.recording import Recording
 from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import Store
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
 from cassie_bags.studies.results import check_folder, put_table
-from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState, Sensors
@@ -93,6 +90,9 @@ def compare(ground: str, seed: int, show: Callable[[range], Iterable[int]]) -> I
         seed: Of the robot.
         show: Passes ticks on and shows how far they are.
     """
+    from cassie_bags.run.cores import make_loop, tick_count  # the robot loads for seconds
+    from cassie_bags.run.simulate import Store
+
     experiment, store = experiment_on(ground, seed), Store()
     loop = make_loop(experiment, store)
     for _ in show(range(tick_count(experiment))):
@@ -113,6 +113,8 @@ def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
     Returns:
         Rows of `RobotState`.
     """
+    from cassie_control.estimator.choice import make_estimator
+
     period = float(np.median(np.diff(stamps(sensors))))
     core, sample, states = make_estimator(config, period), Sensors(), []
     raw, size = sensors.tobytes(), Sensors.SIZE

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.run.cores import connect, make_cores, tick_count
-from cassie_bags.studies.sweep.course import Budget, steady, walk
-from cassie_bags.studies.trial import TRACKING, Measures, Trial, experiment_of, has_fallen
+from cassie_bags.studies.run_trial import TRACKING, experiment_of, has_fallen
+from cassie_bags.studies.sweep.course import Budget, comparison, steady, walk
+from cassie_bags.studies.trial import Measures, Trial
 from cassie_control.learning.torques import LearnedTorques
 
 FloatArray = npt.NDArray[np.float64]
 
 LEARNING = "controller.learned_torques=learn"
-NONE = "controller.learned_torques=none"
 
 _LOOKS = 25  # ticks between looks at whether the robot fell
 
@@ -108,20 +108,6 @@ def comparisons(
     return [
         comparison(seed, v, seconds, changes) for v in learned.speeds.tolist() for seed in seeds
     ]
-
-
-def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
-    """Walking at a speed with learned torques and, beside, without."""
-    window = steady(Budget(), speed, seconds)
-    trial = walk(Budget(changes=changes), seed, window, vx=speed)
-    return Trial(trial.content, seed, window, None, trial.changes, (NONE,))
-
-
-def left_over(measures: Measures, name: str = "tracking") -> float:
-    """Tracking error with learned torques by that without; NaN if one of the runs fell."""
-    if measures["fell"] or measures["beside_fell"]:
-        return math.nan
-    return measures[name] / measures[f"beside_{name}"]
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from cassie_bags.studies.learn import (
     merged,
 )
 from cassie_bags.studies.learn_picture import draw
+from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, walk
-from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_bags.studies.workers import Workers, workers
 from cassie_control.learning.torques import (
     SPEEDS,

@@ -23,7 +23,7 @@ from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
-from cassie_bags.studies.trial import has_fallen
+from cassie_bags.studies.run_trial import has_fallen
 from cassie_gaits import robot
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push

@@ -7,19 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cassie_bags.studies.failsafes.wall_paced import (
+from cassie_bags.studies.failsafes.people import (
     CONTROLLER,
     ESTIMATOR,
     SUPERVISOR,
     SimulatedOperator,
     UnsafeError,
-    WallPaced,
 )
 from cassie_msgs.layout import OperatorCommand, RobotMode
+
+if TYPE_CHECKING:
+    from cassie_bags.studies.failsafes.wall_paced import WallPaced
 
 Rng = np.random.Generator
 

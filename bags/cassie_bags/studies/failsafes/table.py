@@ -11,8 +11,8 @@ import numpy as np
 
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
+from cassie_bags.studies.failsafes.people import UnsafeError
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, Row
-from cassie_bags.studies.failsafes.wall_paced import UnsafeError, WallPaced
 from cassie_bags.studies.workers import Workers
 from cassie_msgs.experiment.file import Experiment
 
@@ -49,6 +49,8 @@ def cases(rows: Sequence[Row], phases: int, first: int = 0) -> list[Case]:
 
 def play(case: Case) -> str:
     """Run a case; returns what went wrong, empty if nothing did."""
+    from cassie_bags.studies.failsafes.wall_paced import WallPaced  # the robot loads for seconds
+
     row = next(row for row in ROWS if row.name == case.row)
     stream = zlib.crc32(f"{case.row}/{case.state}".encode())
     rng = np.random.default_rng([stream, case.phase])

@@ -7,13 +7,18 @@ every machine.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from cassie_bags.run.cores import Cores, make_cores
-from cassie_bags.studies.trial import has_fallen
+from cassie_bags.studies.failsafes.people import (
+    CONTROLLER,
+    ESTIMATOR,
+    SUPERVISOR,
+    SimulatedOperator,
+    UnsafeError,
+)
+from cassie_bags.studies.run_trial import has_fallen
 from cassie_control.guarded import (
     BRIDGED,
     GuardedController,
@@ -22,60 +27,13 @@ from cassie_control.guarded import (
 )
 from cassie_control.schedule import ModeInForce
 from cassie_msgs.experiment.file import Experiment
-from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
-from cassie_msgs.operators import Operators, write_sender
+from cassie_msgs.layout import Mode, RobotMode, RobotState
+from cassie_msgs.operators import Operators
 from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
-from cassie_teleop.script import ScriptedOperator
-
-ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_supervisor"
 
 _LOOK = 25  # ticks between looks at whether the robot has fallen
-
-
-class UnsafeError(Exception):
-    """The robot did not do what the table promises; the message says what and when."""
-
-
-@dataclass
-class SimulatedOperator:
-    """An operator: a script's commands, as a person sends them.
-
-    Attributes:
-        name: Who speaks.
-        script: What is asked for by time; None asks for stand without a speed.
-        changes: Fields that are said in place of the script's.
-        silent: Whether nothing is sent.
-        garble: Changes a command on its way, or None.
-    """
-
-    name: str
-    script: ScriptedOperator | None = None
-    changes: dict[str, Any] = field(default_factory=dict)
-    silent: bool = False
-    garble: Callable[[OperatorCommand], None] | None = None
-
-    @property
-    def writer(self) -> bytes:
-        """Identity, as DDS would give it."""
-        return self.name.encode().ljust(16, b"\0")
-
-    def say(self, state: RobotState) -> OperatorCommand:
-        """The command that is sent after a state."""
-        command = OperatorCommand()
-        if self.script is not None:
-            command.copy_from(self.script.answer(state))
-        else:
-            command.power[...] = command.link[...] = True
-            command.mode[...], command.height[...] = RobotMode.STAND, 0.9
-        command.scripted[...] = False
-        for name, value in self.changes.items():
-            getattr(command, name)[...] = value
-        write_sender(command, self.name)
-        if self.garble is not None:
-            self.garble(command)
-        return command
 
 
 class WallPaced:

@@ -9,7 +9,6 @@ from cassie_bags.studies.sweep.ground_rows import (
     LEVEL_PART,
     PAST_STEP,
     SPEED,
-    Parameters,
     aslant,
     crossed,
     falling,
@@ -103,7 +102,7 @@ def _rough() -> Row:
             "start": LEVEL_PART,
             "seed": seed,
         },
-        distance=ROUGH_DISTANCE,
+        distance=lambda _: ROUGH_DISTANCE,
         speed=FAST,
         share=MOST,
     )
@@ -118,15 +117,10 @@ def _grass(speed: float, title: str, share: float) -> Row:
         [0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6],
         "grass",
         lambda _, seed, __: {"uneven": 0.02, "sinking": 0.02, "start": LEVEL_PART, "seed": seed},
-        distance=GRASS_DISTANCE,
+        distance=lambda _: GRASS_DISTANCE,
         speed=None,
         share=share,
     )
-
-
-def _steep(name: str, title: str, target: float, levels: range, ground: Parameters) -> Row:
-    title = f"steep slope {title}"
-    return slope(f"steep.{name}", title, target, [float(n) for n in levels], ground)
 
 
 def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
@@ -141,7 +135,7 @@ def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
             "height": sign * height,
             "start": LEVEL_PART + _further(seed, budget),
         },
-        distance=_stride() + PAST_STEP,
+        distance=lambda _: _stride() + PAST_STEP,
         speed=FAST,
     )
 
@@ -163,7 +157,7 @@ def _stairs(way: str, title: str, target: float, levels: list[float]) -> Row:
         levels,
         "stairs",
         parameters,
-        distance=_stride() + over + PAST_STEP,
+        distance=lambda _: _stride() + over + PAST_STEP,
         speed=FAST,
         share=MOST,
     )
@@ -178,7 +172,7 @@ def _course() -> Row:
         [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, FIVE_KILOMETRES],
         "random_course",
         lambda _, seed, __: {"seed": seed},
-        distance=None,
+        distance=lambda metres: metres,
         speed=COURSE_SPEED,
         kept=KEPT,
     )
@@ -232,7 +226,7 @@ def _ice() -> Row:
         [0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08],
         "course",
         parameters,
-        distance=ICE_DISTANCE,
+        distance=lambda _: ICE_DISTANCE,
         speed=FAST,
         sections={"draw": {"friction": 1.0}},
         share=MOST,

@@ -10,7 +10,6 @@ from typing import Any
 
 from cassie_bags.studies.trial import Trial
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_gaits.gait_library_file import default_library_path, load_library
 
 WALK_AT = 2.0
 """When walking is asked for; it begins about a second later. In s."""
@@ -30,6 +29,7 @@ AFTER_EVENT = 6.0
 PAPER_LAW = f"@{Path(__file__).with_name('paper_law.yaml')}"
 """Change to the paper's own law, with gains of the drives with which it walks."""
 
+_WITHOUT_LEARNED = "controller.learned_torques=none"
 _LIMITS = SupervisorConfig()
 
 
@@ -89,6 +89,8 @@ def tenths(first: int, last: int) -> list[float]:
 
 def step_time(speed: float) -> float:
     """Nominal duration of a step. In s."""
+    from cassie_gaits.gait_library_file import default_library_path, load_library  # loads Numba
+
     return load_library(default_library_path()).interpolate(speed)[2]
 
 
@@ -126,6 +128,13 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
         **commanded,
     }
     return Trial(content, seed, window, ahead, budget.changes, kept=kept)
+
+
+def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
+    """Walking at a speed with learned torques and, beside, without."""
+    window = steady(Budget(), speed, seconds)
+    trial = walk(Budget(changes=changes), seed, window, vx=speed)
+    return Trial(trial.content, seed, window, None, trial.changes, (_WITHOUT_LEARNED,))
 
 
 def opened_limits(command: Mapping[str, float]) -> dict[str, float]:

@@ -79,7 +79,7 @@ def crossed(
     scene: str,
     parameters: Parameters,
     *,
-    distance: float | None = DISTANCE,
+    distance: Callable[[float], float] = lambda level: DISTANCE,
     speed: float | None = SPEED,
     kept: float | None = None,
     sections: dict[str, Any] | None = None,
@@ -91,7 +91,7 @@ def crossed(
         name, title, unit, target, levels: See `Row`.
         scene: Its name.
         parameters: Of the scene.
-        distance: To walk beyond its level part. In m; None: the level.
+        distance: To walk beyond its level part, by the level. In m.
         speed: Commanded. In m/s; None: the level.
         kept: See `Trial`. In s.
         sections: Other sections of the experiment.
@@ -99,7 +99,7 @@ def crossed(
     """
 
     def way(level: float) -> tuple[float, float]:
-        return level if distance is None else distance, level if speed is None else speed
+        return distance(level), level if speed is None else speed
 
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         ground = parameters(level, seed, budget)
@@ -197,7 +197,7 @@ def _sinking(
         [n / 100 for n in range(1, 15)],
         "course",
         parameters,
-        distance=DISTANCE - LEVEL_PART,
+        distance=lambda _: DISTANCE - LEVEL_PART,
         figure=figure,
         start=first_cm - 1,
     )
@@ -218,5 +218,5 @@ def _step(name: str, sign: float, target: float, levels: list[float]) -> Row:
         levels,
         "step",
         lambda height, *_: {"height": sign * height, "start": LEVEL_PART},
-        distance=PAST_STEP,
+        distance=lambda _: PAST_STEP,
     )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from cassie_bags.studies.learn import comparison, left_over
-from cassie_bags.studies.sweep.course import Budget, robots, steady, walk
+from cassie_bags.studies.sweep.course import Budget, comparison, robots, steady, walk
 from cassie_bags.studies.sweep.row import Figure, Row
-from cassie_bags.studies.trial import Trial
+from cassie_bags.studies.trial import Trial, left_over
 
 SPEED = 0.5
 """At which these are measured. In m/s."""

@@ -11,8 +11,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin, origin
@@ -31,8 +30,10 @@ from cassie_bags.studies.sweep.table import (
     save,
     table,
 )
-from cassie_bags.studies.trial import experiment_of
 from cassie_bags.studies.workers import CachedWorkers, Workers, completed, workers
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
@@ -98,6 +99,8 @@ def _measure(
     rows: list[Row], arguments: argparse.Namespace, made: Origin
 ) -> dict[str, dict[str, RowResult]]:
     """Measure rows, each with every variant; what there is is kept after each row."""
+    from cassie_bags.studies.run_trial import experiment_of  # robot and law load for seconds
+
     own = spelled_out(arguments.set)
     variants: dict[str, tuple[str, ...]] = {MEASURED: own}
     if not arguments.no_compare:
@@ -173,6 +176,8 @@ def _measured(
     open_rows: list[tuple[Row, str, Budget]], arguments: argparse.Namespace
 ) -> Iterator[tuple[Row, str, RowResult]]:
     """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
+    from tqdm import tqdm
+
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
     pool = CachedWorkers(workers(arguments.jobs, arguments.scheduler))
     lanes = max(1, 2 * pool.count // max(arguments.seeds, arguments.phases))
@@ -188,12 +193,14 @@ def _measured(
 
 
 def _row(row: Row, variant: str, budget: Budget, pool: Workers, bar: tqdm) -> RowResult:
+    from cassie_bags.studies.run_trial import run_trial
+
     def progress(word: str) -> None:
         bar.update()
         bar.set_postfix_str(word)
 
     try:
-        result = measure_row(row, budget, pool, progress)
+        result = measure_row(row, budget, pool, progress, run_trial)
     except ExperimentError as error:
         result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
     bar.write(f"{row.title} ({variant}): {cell(result)}", file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import Any
 
 from cassie_bags.run.provenance import Origin
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.trial import Measures, Trial, run_trial
+from cassie_bags.studies.trial import Measures, Trial
 from cassie_bags.studies.workers import Workers
 
 Figure = str | Callable[[Measures, float], float]
@@ -137,9 +137,16 @@ def measure_row(
     budget: Budget,
     workers: Workers,
     progress: Progress,
-    run: Callable[[Trial], Measures] = run_trial,
+    run: Callable[[Trial], Measures],
 ) -> RowResult:
     """Measure a row.
+
+    Args:
+        row: What is measured.
+        budget: How much is run.
+        workers: Who compute it.
+        progress: Told after each trial.
+        run: Runs a trial.
 
     Raises:
         ExperimentError: if its trials cannot be run, naming the key or parameter.

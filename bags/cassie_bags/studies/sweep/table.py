@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.report.text import finite
+from cassie_bags.report.json_values import finite
 from cassie_bags.run.provenance import Origin, versions
 from cassie_bags.studies.sweep.beyond_ground_rows import beyond_ground_rows
 from cassie_bags.studies.sweep.beyond_rows import beyond_rows

@@ -17,7 +17,6 @@ from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import apply_changes, spelled_out
-from cassie_bags.studies.trial import experiment_of, run_trial
 from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objective
 from cassie_bags.studies.tune.result import Score, table, write_result
 from cassie_bags.studies.tune.search import Search
@@ -61,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _task(arguments: argparse.Namespace) -> Task:
+    """What is asked for; what is wrong in it is told before the robot loads."""
     content: dict[str, Any] = {}
     changes = spelled_out(arguments.set)
     apply_changes(content, changes)
@@ -72,6 +72,8 @@ def _task(arguments: argparse.Namespace) -> Task:
         raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
     objective = load_objective(arguments.objective or DEFAULT)
     task = Task(space, objective, arguments.seeds, changes)
+    from cassie_bags.studies.run_trial import experiment_of
+
     for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
         experiment_of(trial)
     return task
@@ -157,6 +159,8 @@ def score(
     bar: tqdm,
 ) -> list[Score]:
     """Candidates on all courses by the robots of some seeds, all runs at once."""
+    from cassie_bags.studies.run_trial import run_trial
+
     trials, owners = [], []
     for index, candidate in enumerate(candidates):
         some = task.objective.trials(values(task.space, candidate), seeds, task.changes)
