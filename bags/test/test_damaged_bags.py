@@ -134,3 +134,20 @@ def test_a_full_disk_is_one_clear_error():
         channel = bag.add_topic(RobotState.TOPIC, RobotState.TYPE)
         for tick in range(1000):
             bag.write(channel, RobotState().to_bytes(), tick * TICK_NS, tick * TICK_NS)
+
+
+@pytest.mark.parametrize("place", [0, 3, 7])
+def test_a_bag_whose_first_bytes_lost_a_bit_is_read_and_recovered(
+    tmp_path: Path, bag: Path, place: int
+):
+    before = list(read_messages(bag))
+    content = bytearray(bag.read_bytes())
+    content[place] ^= 16
+    bag.write_bytes(content)
+    index = BagIndex()
+    assert list(read_messages(bag, None, index)) == before
+    assert not index.complete
+    assert index.lost_bytes == 8
+    saved = recover(bag, tmp_path / "saved.mcap")
+    assert (saved.messages, saved.lost_bytes) == (len(before), 8)
+    assert list(read_messages(tmp_path / "saved.mcap")) == before

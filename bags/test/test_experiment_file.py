@@ -145,6 +145,9 @@ def test_a_change_that_leads_nowhere_is_refused(file: Path, change: str, reason:
             "controller: walk.law is given twice: 'paper' and 'ours'",
         ),
         ("duration: 1\noperator:\n- {t: 0, vx: 1, vx: 2}", "try.yaml:3: key vx is given twice"),
+        ("duration: 0", r"duration = 0 is too short: at least 0\.02 s"),
+        ("duration: 0.001", r"duration = 0\.001 is too short"),
+        ("start: standing", "duration must be given"),
         ("duration: 1\nmodel: &m {mass: 1.0}\ndraw: *m", "try.yaml:3: aliases"),
     ],
 )
@@ -293,3 +296,12 @@ def test_phases_without_expectations_are_the_operators_intervals():
     assert [(phase.t0, phase.t1) for phase in phases] == [(0.0, 4.0), (4.0, 4.1), (4.1, 20.0)]
     assert phases[0].name == "power on, stand, height 0.9"
     assert phases[2].name == "vx 0.5"
+
+
+def test_a_seed_is_given_once(tmp_path: Path):
+    path = tmp_path / "try.yaml"
+    path.write_text("duration: 1\nseed: 5", "utf-8")
+    assert load_experiment(path, (), 2).seed == 2
+    assert load_experiment(path, ("seed=1",)).seed == 1
+    with pytest.raises(ExperimentError, match="seed is given twice: --set seed=1, --seed 2"):
+        load_experiment(path, ("seed=1",), 2)

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from synthetic import TICK_NS, glide, glide_messages, standing_height
-from test_bag import write_bag
+from test_bag import write_bag, write_messages
 from test_commands import play
 
 from cassie_bags.bag import fields
@@ -444,3 +444,101 @@ def test_a_missing_bag_is_told_before_anything_heavy_is_loaded(verb: str):
     done = play(verb, "missing.mcap", *(["other.mcap"] if VERBS[verb] else []))
     assert done.returncode == 2, done.stderr
     assert "missing.mcap: No such file or directory" in done.stderr
+
+
+def test_what_is_in_one_bag_only_is_said_beside_the_verdict(tmp_path: Path, bag: Path, messages):
+    """Two bags without a control lane were "the same to the last bit"."""
+    more, none = tmp_path / "more.mcap", tmp_path / "none.mcap"
+    with BagWriter(none) as writer:
+        channel = writer.add_topic("/clock", "rosgraph_msgs/msg/Clock")
+        writer.write(channel, bytes(12), 1, 1)
+    with BagWriter(more) as writer:
+        write_messages(writer, messages)
+        writer.write(writer.add_topic("/clock", "rosgraph_msgs/msg/Clock"), bytes(12), 1, 1)
+    done = command("compare", none, none)
+    assert done.returncode == 2
+    assert "nothing to compare" in done.stderr
+    done = command("compare", bag, more)
+    assert done.returncode == 1
+    assert done.stdout.index("the same to the last bit") < done.stdout.index("only: /clock")
+    done = command("compare", bag, none)
+    assert "no figures: " in done.stdout
+
+
+def test_a_topic_alone_or_empty_is_told_as_such(tmp_path: Path, bag: Path):
+    with pytest.raises(BagError, match=r"mode is a topic: name a field of it, mode\.FIELD"):
+        read_curves(bag, ["mode"])
+    with BagWriter(tmp_path / "empty.mcap") as writer:
+        writer.add_topic(Mode.TOPIC, Mode.TYPE)
+        writer.write(writer.add_topic("/clock", "rosgraph_msgs/msg/Clock"), bytes(12), 1, 1)
+    with pytest.raises(BagError, match="holds no message of /cassie/mode"):
+        read_curves(tmp_path / "empty.mcap", ["mode.vx"])
+    done = command(
+        "export", tmp_path / "empty.mcap", "-o", tmp_path / "out", "--topics", "/clock", Mode.TOPIC
+    )
+    assert done.returncode == 0, done.stderr
+    assert "/cassie/mode holds no message: left out" in done.stderr
+
+
+def test_constants_of_a_message_are_no_data(tmp_path: Path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind, types = "diagnostic_msgs/msg/DiagnosticStatus", store.types
+    path = tmp_path / "status.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/status", kind)
+        message = types[kind](1, "battery", "low", "", [])
+        writer.write(channel, bytes(store.serialize_cdr(message, kind)), 1, 1)
+    assert list(read_tables(path)["/status"].fields) == ["level", "name", "message", "hardware_id"]
+
+
+def test_the_rate_of_a_topic_is_that_of_the_run(tmp_path: Path, messages):
+    """Others wrote to it as well: in their shorter span there was no such rate."""
+    with BagWriter(tmp_path / "mixed.mcap") as writer:
+        for topic, list_ in messages.items():
+            channel = writer.add_topic(topic, TYPES[topic])
+            for tick, raw in enumerate(list_):
+                if topic == Sensors.TOPIC and tick % 2:
+                    stray = Sensors()
+                    stray.load(raw)
+                    stray.episode[...] = 99
+                    writer.write(channel, stray.to_bytes(), 1_900_000_000, tick)
+                writer.write(channel, raw, tick * TICK_NS, tick * TICK_NS)
+    summary = summarize(tmp_path / "mixed.mcap")
+    (sensors,) = (topic for topic in summary.topics if topic.topic == Sensors.TOPIC)
+    assert sensors.count == 1500
+    assert round(sensors.rate) == 500
+
+
+def test_wall_time_is_told_without_a_robot_too(tmp_path: Path):
+    with BagWriter(tmp_path / "clock.mcap") as writer:
+        channel = writer.add_topic("/clock", "rosgraph_msgs/msg/Clock")
+        for second in range(3):
+            writer.write(channel, bytes(12), 0, (5 + second) * 1_000_000_000)
+    assert summarize(tmp_path / "clock.mcap").wall_time == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("verb", ["info", "plot"])
+def test_a_closed_stdout_is_no_traceback(bag: Path, verb: str, tmp_path: Path):
+    words = " ".join([sys.executable, "-m", f"cassie_bags.cli.{verb}", str(bag)])
+    more = f"-o {tmp_path / 'out.png'}" if verb == "plot" else ""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        ["sh", "-c", f"{words} {more} >&-"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_page_is_html_and_links_in_a_circle_are_no_traceback(tmp_path: Path, bag: Path):
+    done = command("report", bag, "-o", tmp_path / "page.pdf")
+    assert done.returncode == 2
+    assert "page.pdf does not end in .html" in done.stderr
+    (tmp_path / "a.mcap").symlink_to(tmp_path / "b.mcap")
+    (tmp_path / "b.mcap").symlink_to(tmp_path / "a.mcap")
+    done = command("recover", tmp_path / "a.mcap")
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

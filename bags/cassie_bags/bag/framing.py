@@ -72,11 +72,14 @@ class RecordReader:
             BagError: if it is not an MCAP file.
         """
         self._stream = stream
+        self._repeated = False  # whether the definitions at the end were given
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
         if self._read(0, len(MAGIC)) != MAGIC:
-            raise BagError(f"{name} is not an MCAP file")
+            if not self._has_header():
+                raise BagError(f"{name} is not an MCAP file")
+            self.lost_bytes = len(MAGIC)
 
     def records(self) -> Iterator[Record]:
         """Each whole record of messages, definitions and metadata; a chunk after those in it.
@@ -97,7 +100,8 @@ class RecordReader:
                 # All that is in a chunk is looked at before any of it is used.
                 found = list(whole(opcode, body))
             except BagError:
-                definitions = [] if self.lost_bytes else self._definitions()
+                definitions = [] if self._repeated else self._definitions()
+                self._repeated = True
                 next_position = end if opcode and self._frame(end)[0] else self._sound(position + 1)
                 self.lost_bytes += next_position - position
                 position = next_position
@@ -112,6 +116,19 @@ class RecordReader:
             if not self.lost_bytes:
                 checksum = zlib.crc32(body, zlib.crc32(_FRAME.pack(opcode, length), checksum))
             position = end
+
+    def _has_header(self) -> bool:
+        """Whether the first record is a header, and another record follows it."""
+        position = len(MAGIC)
+        opcode, length = self._frame(position)
+        end = position + _FRAME.size + length
+        if opcode != Opcode.HEADER or not self._frame(end)[0]:
+            return False
+        try:
+            _parsed(mcap.records.Header, self._read(position + _FRAME.size, length))
+        except BagError:
+            return False
+        return True
 
     def _frame(self, position: int) -> tuple[int, int]:
         """Opcode and length of a record; opcode 0 if none of a known kind can be there."""

@@ -78,7 +78,8 @@ class Recording:
             force (m/s^2), chassis axes.
         strays: Number of messages left out of each topic that others published than the run's
             nodes (`without_strays`).
-        wall_time: Wall time that the run took, from the first sensor sample to the last. In s.
+        wall_time: Wall time that the run took, from the first sensor sample to the last; NaN if
+            it is not known. In s.
         metadata: Named records of words: seed, what it drew, versions, the experiment's file.
     """
 

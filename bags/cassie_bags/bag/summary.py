@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress, pairwise
@@ -30,7 +31,7 @@ _OK = 0
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic: its type, number of messages and their mean rate in robot time (Hz)."""
+    """One topic: its type, number of messages, and mean rate of the run's in robot time (Hz)."""
 
     topic: str
     type: str
@@ -64,7 +65,8 @@ class Summary:
         complete: Whether each was closed properly and nothing in it is damaged.
         lost_bytes: Bytes that could not be read.
         duration: Robot time from the first message to the last. In s.
-        wall_time: Wall time from the first sensor sample to the last, 0 if it is not known. In s.
+        wall_time: Wall time from the first sensor sample to the last, or of all messages where
+            there is none. In s.
         topics: In the order of their names.
         gaps: Missing samples of the control lane, one line each.
         strays: Messages that others published than the run's nodes, one line each.
@@ -103,17 +105,21 @@ def summarize(bag: Path | str) -> Summary:
     files, index = bag_files(bag), BagIndex()
     messages: dict[str, list[bytes]] = {}
     times: dict[str, list[int]] = {}
-    walls: list[int] = []
+    walls: list[int] = []  # of samples
+    begun = ended = 0
     for topic, log_time, wall_time, data in read_messages(bag, None, index):
         messages.setdefault(topic, []).append(data)
         times.setdefault(topic, []).append(log_time)
+        begun, ended = begun or wall_time, wall_time
         if topic == Sensors.TOPIC:
             walls.append(wall_time)
     if not messages and not index.complete:
         raise BagError(f"{bag} holds no whole message")
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
+    # A run without ROS is stamped with robot time: how long it took is not known.
+    took = math.nan if walls == times.get(Sensors.TOPIC) else wall
     recording = from_messages(
-        {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, wall, index.metadata
+        {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, took, index.metadata
     )
     kept = of_the_run(recording.lane, recording.beside)
     recording = recording.without_strays(kept)
@@ -129,8 +135,10 @@ def summarize(bag: Path | str) -> Summary:
         complete=index.complete,
         lost_bytes=index.lost_bytes,
         duration=(last - first) * 1e-9,
-        wall_time=wall,
-        topics=[_topic(t, index.types[t], times.get(t, [])) for t in sorted(index.types)],
+        wall_time=wall if walls else (ended - begun) * 1e-9,
+        topics=[
+            _topic(t, index.types[t], times.get(t, []), of_run.get(t)) for t in sorted(index.types)
+        ],
         gaps=gaps(recording, from_start=False),
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
         episodes=_episodes(recording, of_run[Sensors.TOPIC]),
@@ -193,9 +201,13 @@ def _decoded(
         yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
 
 
-def _topic(topic: str, kind: str, times: list[int]) -> TopicSummary:
-    span = (max(times) - min(times)) * 1e-9 if times else 0.0
-    return TopicSummary(topic, kind, len(times), (len(times) - 1) / span if span > 0.0 else 0.0)
+def _topic(
+    topic: str, kind: str, times: list[int], of_run: list[int] | None = None
+) -> TopicSummary:
+    """A topic with all its times (ns), and those of the run's own messages if they are known."""
+    own = times if of_run is None else of_run
+    span = (max(own) - min(own)) * 1e-9 if own else 0.0
+    return TopicSummary(topic, kind, len(times), (len(own) - 1) / span if span > 0.0 else 0.0)
 
 
 def _episodes(recording: Recording, times: list[int]) -> list[Interval]:

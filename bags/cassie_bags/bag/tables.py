@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +110,7 @@ def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[
         if topic not in index.types:
             raise BagError(f"{bag}: {unknown_name(topic, index.types, 'topic')}")
     if not messages:
-        raise BagError(f"{bag} holds no whole message{' of these topics' if topics else ''}")
+        raise BagError(f"{bag} holds no message of {', '.join(topics or ('any topic',))}")
     return {topic: _table(topic, messages[topic], index) for topic in sorted(messages)}
 
 
@@ -161,6 +161,8 @@ def _topic_of(name: str, topics: Collection[str]) -> tuple[str, str]:
         for alias in (topic, topic.strip("/"), topic.removeprefix("/cassie/")):
             if name.startswith(f"{alias}."):
                 return topic, name[len(alias) + 1 :]
+            if name == alias:
+                raise BagError(f"{name} is a topic: name a field of it, {name}.FIELD")
     raise BagError(unknown_name(name.partition(".")[0], topics, "topic"))
 
 
@@ -239,8 +241,8 @@ def _decoded(
 def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[str, Any]]:
     """Numbers and words of a message by dotted name; joints by their names."""
     if hasattr(value, "__msgtype__"):
-        entries = {key: getattr(value, key) for key in value.__dataclass_fields__}
-        entries.pop("__msgtype__", None)
+        names = (field.name for field in fields(value) if field.default is MISSING)  # no constants
+        entries = {key: getattr(value, key) for key in names}
         joints = entries.pop("name") if value.__msgtype__ == "sensor_msgs/msg/JointState" else None
         for key, entry in entries.items():
             if joints and len(joints) == len(_sized(entry)):

@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="compare",
         description="Say whether two bags hold the same samples, where they first differ, and how "
         "far the figures of the runs are apart.",
-        epilog=exit_codes("the same", "different"),
+        epilog=exit_codes("the same", "different", runs=False),
     )
     for name in ("a", "b"):
         parser.add_argument(
@@ -49,14 +49,17 @@ def _run(arguments: argparse.Namespace) -> int:
     path = None if arguments.output is None else new_file(arguments.output)
     from cassie_bags.bag.comparison import compare_recordings
     from cassie_bags.bag.summary import summarize
-    from cassie_bags.report.compared import comparison_text, other_topics_differ
+    from cassie_bags.report.compared import comparison_text, in_one_bag
 
     summaries = summarize(arguments.a), summarize(arguments.b)
     one, other = summaries
     topics = compare_recordings(one.recording, other.recording)
-    figures = _figures(one), _figures(other)
-    both = (figures[0], figures[1]) if figures[0] and figures[1] else None
-    print(comparison_text(summaries, topics, both))
+    figures: tuple[dict[str, float], dict[str, float]] | str
+    try:
+        figures = _figures(one), _figures(other)
+    except BagError as error:
+        figures = str(error)
+    print(comparison_text(summaries, topics, figures))
     if path is not None:
         from cassie_bags.report.plots import save_overlay
         from cassie_bags.report.view import view_of
@@ -67,20 +70,20 @@ def _run(arguments: argparse.Namespace) -> int:
         )
         save_overlay(a, b, path)
         print(path)
-    same = all(topic.same for topic in topics) and not other_topics_differ(summaries)
+    same = all(topic.same for topic in topics) and not in_one_bag(summaries)
     return OK if same else NOT_AS_EXPECTED
 
 
 def _figures(summary: Summary) -> dict[str, float]:
-    """Figures of a run by name; none if it cannot be measured."""
+    """Figures of a run by name.
+
+    Raises:
+        BagError: if it cannot be measured.
+    """
     from cassie_bags.signals.metrics import measure
     from cassie_bags.signals.track import make_track
 
-    try:
-        track = make_track(summary.recording)
-    except BagError:
-        return {}
-    return measure(summary.recording, track, ()).run
+    return measure(summary.recording, make_track(summary.recording), ()).run
 
 
 if __name__ == "__main__":

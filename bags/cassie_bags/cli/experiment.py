@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         default=None,
         help="keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
-        "folder in it (build/experiments)",
+        "folder in it (build/experiments). What an earlier run left there is replaced",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument(

@@ -23,7 +23,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="export",
         description="Write topics of a bag into files for other programs, one for each topic, and "
         "fields.csv with the unit of every column.",
-        epilog=exit_codes("done"),
+        epilog=exit_codes("done", runs=False),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
     parser.add_argument(
@@ -50,6 +50,9 @@ def _run(arguments: argparse.Namespace) -> int:
     for table in tables.values():
         for name in table.left_out:
             print(f"export: {table.topic}: {name} is too long, left out", file=sys.stderr)
+    for topic in arguments.topics or ():
+        if topic not in tables:
+            print(f"export: {topic} holds no message: left out", file=sys.stderr)
     files = export(tables, folder, arguments.format)
     count = sum(len(table.log_time) for table in tables.values())
     print(f"{count} messages of {len(tables)} topics in {len(files)} files in {folder}")

@@ -19,14 +19,20 @@ OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 
-def exit_codes(ok: str, not_as_expected: str = "") -> str:
-    """What the exit codes of a command mean, for the end of its help."""
+def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True) -> str:
+    """What the exit codes of a command mean, for the end of its help.
+
+    Args:
+        ok: What the first means.
+        not_as_expected: What the second means, if there is one.
+        runs: Whether it makes runs, which may come to no end.
+    """
     words = [f"{OK} {ok}"]
     if not_as_expected:
         words.append(f"{NOT_AS_EXPECTED} {not_as_expected}")
     words += [
         f"{WRONG_INPUT} wrong file or arguments",
-        f"{NO_RUN} a run did not come to its end",
+        *([f"{NO_RUN} a run did not come to its end"] if runs else []),
         f"{STOPPED} stopped",
     ]
     return f"Exit codes: {', '.join(words)}."
@@ -48,7 +54,8 @@ def play(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = run(arguments)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # it is closed
+            sys.stdout.flush()
         return code
     except KeyboardInterrupt:
         print(f"{parser.prog}: stopped", file=sys.stderr)

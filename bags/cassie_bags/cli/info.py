@@ -19,7 +19,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="info",
         description="Say what is in a bag: duration, topics and their rates, missing samples, "
         "episodes, modes over time, faults, falls, what was drawn, versions.",
-        epilog=exit_codes("done"),
+        epilog=exit_codes("done", runs=False),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
     parser.add_argument("--json", action="store_true", help="one line of JSON instead of text")

@@ -21,7 +21,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Draw fields of a bag over time, or without a field the modes, tracking, "
         "forces and torques of the run.",
         epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
-        "/imu/data.linear_acceleration.x. " + exit_codes("done"),
+        "/imu/data.linear_acceleration.x. " + exit_codes("done", runs=False),
     )
     parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
     parser.add_argument(

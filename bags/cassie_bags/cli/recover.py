@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="recover",
         description="Make an indexed bag of one that is damaged or whose writer was killed.",
         epilog="The bag itself and anything that exists stay as they are. "
-        + exit_codes("something was saved"),
+        + exit_codes("something was saved", runs=False),
     )
     parser.add_argument("file", type=Path, help="the damaged bag: a file, or a folder of ros2 bag")
     parser.add_argument(
@@ -33,9 +34,10 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.bag.recover import recover
 
     source: Path = arguments.file
+    place = Path(os.path.realpath(source))  # also where links go round in a circle
     ending = "" if source.is_dir() else ".mcap"
-    stem = source.resolve().name if source.is_dir() else source.stem
-    target = arguments.output or source.resolve().with_name(f"{stem}_recovered{ending}")
+    stem = place.name if source.is_dir() else source.stem
+    target = arguments.output or place.with_name(f"{stem}_recovered{ending}")
     saved = recover(source, target)
     state = "it was whole" if saved.complete else f"{saved.lost_bytes} bytes could not be read"
     print(f"{saved.messages} messages, {saved.duration:.2f} s saved to {target}; {state}")

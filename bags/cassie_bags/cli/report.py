@@ -30,13 +30,13 @@ def _parser() -> argparse.ArgumentParser:
         description="Make one page of recorded runs, of experiments or drives by hand: what was "
         "expected and what came, modes, tracking, outputs, forces, torques, estimate, footsteps, "
         "images and a video. Up to three bags stand side by side.",
-        epilog=exit_codes("done", "an experiment was not as expected"),
+        epilog=exit_codes("done", "an experiment was not as expected", runs=False),
     )
     parser.add_argument(
         "bags", nargs="+", metavar="BAG", type=bag_argument, help="MCAP file, or folder of ros2 bag"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, default=Path("report.html"), help="default: report.html"
+        "-o", "--output", type=_page, default=Path("report.html"), help="default: report.html"
     )
     parser.add_argument("--no-video", action="store_true", help="leave the video out")
     return parser
@@ -59,6 +59,12 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"{path}: {len(text) / 1e6:.1f} MB")
     failed = any(entry.get("passed") is False for entry in entries)
     return NOT_AS_EXPECTED if failed else OK
+
+
+def _page(word: str) -> Path:
+    if Path(word).suffix not in (".html", ".htm"):
+        raise argparse.ArgumentTypeError(f"{word} does not end in .html")
+    return Path(word)
 
 
 if __name__ == "__main__":

@@ -7,21 +7,27 @@ from collections.abc import Mapping, Sequence
 
 from cassie_bags.bag.comparison import TopicComparison
 from cassie_bags.bag.summary import Summary
+from cassie_bags.errors import BagError
 from cassie_bags.report.text import aligned
 
 
 def comparison_text(
     summaries: tuple[Summary, Summary],
     topics: Sequence[TopicComparison],
-    figures: tuple[Mapping[str, float], Mapping[str, float]] | None,
+    figures: tuple[Mapping[str, float], Mapping[str, float]] | str,
 ) -> str:
     """Samples by topic, the first difference, and the runs' figures beside each other.
 
     Args:
         summaries: Of A and B.
         topics: Compared.
-        figures: Of A and B by name; None if one of them cannot be measured.
+        figures: Of A and B by name; or why they cannot be measured.
+
+    Raises:
+        BagError: if neither bag holds any of the topics compared.
     """
+    if not any(any(one.counts) for one in topics):
+        raise BagError("neither bag holds a topic of the control lane: there is nothing to compare")
     lines = [f"{name}: {s.files[0]}" for name, s in zip("AB", summaries, strict=True)]
     rows: list[Sequence[str]] = [("topic", "A", "B", "common", "different")]
     for one in topics:
@@ -38,15 +44,18 @@ def comparison_text(
         )
     if all(one.same for one in topics):
         lines.append("the control lane is the same to the last bit")
-    if figures is not None:
-        lines += ["", *_figures(*figures)]
+    if only := in_one_bag(summaries):
+        lines.append(f"in one bag only: {', '.join(only)}")
+    lines += (
+        ["", f"no figures: {figures}"] if isinstance(figures, str) else ["", *_figures(*figures)]
+    )
     return "\n".join(lines)
 
 
-def other_topics_differ(summaries: tuple[Summary, Summary]) -> bool:
-    """Whether a topic is in one bag only. Those beside the control lane have no fixed number."""
+def in_one_bag(summaries: tuple[Summary, Summary]) -> list[str]:
+    """Topics that only one bag holds. Those beside the control lane have no fixed number."""
     a, b = ({topic.topic for topic in s.topics if topic.count} for s in summaries)
-    return a != b
+    return sorted(a ^ b)
 
 
 def _other_topics(summaries: tuple[Summary, Summary], known: set[str]) -> list[str]:

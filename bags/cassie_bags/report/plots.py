@@ -16,7 +16,8 @@ from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_mod
 from cassie_bags.report.view import View
 from cassie_msgs.experiment.expectation import TRACKED
 
-_MOST_LABELS = 10  # of a panel
+_MOST_LABELS = 20  # of a panel
+_FEW = 10  # columns that the usual colours tell apart
 
 
 def save_overview(view: View, path: Path) -> None:
@@ -80,11 +81,15 @@ def _apart(one: View, other: View) -> tuple[Any, Any]:
 
 
 def _draw(axes: Any, curve: Curve) -> None:
+    count = len(curve.columns)
+    if count > _FEW:
+        axes.set_prop_cycle(color=matplotlib.colormaps["tab20"](range(_MOST_LABELS)))
     for name, values in curve.columns.items():
         axes.plot(curve.time, values, linewidth=0.7, label=name)
-    if 1 < len(curve.columns) <= _MOST_LABELS:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
-    elif len(curve.columns) > _MOST_LABELS:
-        axes.text(1.0, 1.0, f"{len(curve.columns)} entries", transform=axes.transAxes, color=GREY)
+    if 1 < count <= _MOST_LABELS:
+        columns, size = (1, 7) if count <= _FEW else (2, 6)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=size, ncols=columns)
+    elif count > _MOST_LABELS:
+        axes.text(1.0, 1.0, f"{count} entries", transform=axes.transAxes, color=GREY)
     unit = f" ({curve.unit})" if curve.unit else ""
     axes.set_title(f"{curve.name}{unit}", fontsize=8)

@@ -38,10 +38,13 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
     files = {name: str(path) for name, path in draw(view, folder, film=film).items()}
     if experiment is None or not len(recording.truth):  # which is judged by the true pose
         metrics = measure(recording, view.track, view.phases)
-        view = dataclasses.replace(
-            view, notes=[*view.notes, *(f"Missing: {g}" for g in summary.gaps)]
-        )
-        return drive_entry(view, metrics, files, versions)
+        notes = [*view.notes, *(f"Missing: {g}" for g in summary.gaps)]
+        if experiment is not None:
+            notes.append("Not judged, as the experiment's file asks for the true pose.")
+        entry = drive_entry(dataclasses.replace(view, notes=notes), metrics, files, versions)
+        if experiment is None:
+            return entry
+        return {**entry, "name": experiment.name, "seed": experiment.seed}
     broken = lockstep_broken(list(summary.problems))
     outcome = evaluate(experiment, recording, "recorded", lockstep_broken=broken)
     return run_entry(dataclasses.replace(outcome, files=files), view, versions)

@@ -205,6 +205,8 @@ class Session:
         self._next_look = 0.0
         self._check_disk()
         self._bag = _writer(arguments)
+        # The times of an experiment count from the robot's first tick, however late that comes.
+        self._experiment = "cassie_experiment" in metadata
         for name, content in metadata.items():
             self._bag.add_metadata(name, content)
         for topic in TYPES if self._all else self._wanted & TYPES.keys():
@@ -299,7 +301,7 @@ class Session:
         if self._wall_clock or self._robot_clock.known:
             self._held = []
             self._write(batch)
-        elif batch and wall - batch[0][3] > _WITHOUT_ROBOT:
+        elif batch and wall - batch[0][3] > _WITHOUT_ROBOT and not self._experiment:
             self._release()
         return come
 

@@ -33,6 +33,7 @@ from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
 from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.tunables import unknown_name
 from cassie_teleop.terminal import Terminal
 
 CLOCK_PERIOD = 10_000_000
@@ -137,6 +138,8 @@ class Replay(Node):
             self.get_logger().warning(f"{path} is damaged or was not closed: {lost}")
         names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC} - OWN_TOPICS)
         for topic in topics:
+            if topic not in index.types:
+                raise BagError(f"{path}: {unknown_name(topic, index.types, 'topic')}")
             if topic not in names:
                 raise BagError(f"{path} has no message on {topic}")
         if not commands:

@@ -15,6 +15,9 @@ from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.structured import structure
 from cassie_msgs.tunables import ParameterError
 
+LEAST_DURATION = 0.02
+"""Shortest run. In s."""
+
 
 def packaged_folder() -> Path:
     """Where the package's experiments are: beside its sources, or where it was installed."""
@@ -47,9 +50,13 @@ def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
-    content = read_mapping(path)
+    content, changes = read_mapping(path), tuple(changes)
     apply_changes(content, changes)
     if seed is not None:
+        if any(change.partition("=")[0] == "seed" for change in changes):
+            raise ExperimentError(
+                f"seed is given twice: --set seed={content['seed']}, --seed {seed}"
+            )
         content["seed"] = seed
     content.setdefault("name", path.stem)
     try:
@@ -73,6 +80,10 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         experiment = structure(Experiment, content)
     except ParameterError as error:
         raise ExperimentError(str(error)) from None
-    if not experiment.duration:
+    if "duration" not in content:
         raise ExperimentError("duration must be given: robot time of the run in s")
+    if experiment.duration < LEAST_DURATION:
+        raise ExperimentError(
+            f"duration = {experiment.duration:g} is too short: at least {LEAST_DURATION:g} s"
+        )
     return experiment

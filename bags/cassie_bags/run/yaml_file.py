@@ -97,7 +97,7 @@ def _values(change: str) -> dict[str, Any]:
         return flat(read_mapping(Path(change[1:])), change)
     key, equals, value = change.partition("=")
     if not equals or not key:
-        raise ExperimentError(f"--set {change}: expected key=value")
+        raise ExperimentError(f"{change}: expected key=value")
     return {key: _in_words(parse_yaml, value, f"--set {change}")}
 
 

@@ -74,7 +74,7 @@ def measure(
     run["fall_time"] = math.nan if fell_at is None else fell_at
     run["peak_torque_ratio"] = float((peak / torque_limits()).max())
     status = recording.rows(ControllerStatus)
-    run["steps"] = float(status["step_count"].max()) if len(status) else 0.0
+    run["steps"] = float(status["step_count"].max()) if len(status) else math.nan
     run["gate_miss"] = gate_miss(recording, rider)
     run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
     last = track.sensors[-1]
