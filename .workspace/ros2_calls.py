@@ -526,6 +526,9 @@ def _converted(value: Any, name: str, type_name: str) -> Any:
     kind = _KINDS.get(type_name.partition("<")[0], int)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if kind is float and isinstance(value, str):  # YAML takes 1e9 and nan for words
+        with contextlib.suppress(ValueError):
+            return float(value)
     if type(value) is not kind:
         raise CallError(f"{what}: {value!r} is no {kind.__name__}")
     if kind is int:

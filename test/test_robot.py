@@ -107,6 +107,17 @@ def nodes_of(logs: Path) -> list[str]:
     return found
 
 
+def process_of(logs: Path, name: str) -> int:
+    """Number of the process whose output goes into the log of a name."""
+    for entry in Path("/proc").glob("[0-9]*/fd/1"):
+        try:
+            if entry.resolve() == (logs / f"{name}.log").resolve():
+                return int(entry.parents[1].name)
+        except OSError:
+            continue
+    raise AssertionError(f"{name} does not run")
+
+
 def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int) -> None:
     with Starter(tmp_path, domain) as starter:
         assert "hangs in the gantry" in starter.ready()
@@ -161,6 +172,7 @@ def test_a_second_one_does_not_take_the_first_one_for_itself(tmp_path: Path, dom
         with Starter(tmp_path / "second", domain) as second:
             said, errors = second.process.communicate(timeout=TIMEOUT)
         assert (second.process.returncode, said) == (2, "")
+        assert errors.count("allow_second:=true") == 4  # with fewer it is refused again
         nodes = "gait_controller, mode_supervisor, simulator, state_estimator"
         assert f"another {nodes} runs in ROS domain {domain}" in errors
         assert "start this one with ROS_DOMAIN_ID=" in errors
@@ -182,6 +194,25 @@ def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(
     assert starter.process.returncode == 1
     assert "state_estimator ended with exit code 2" in errors and "control_rate = 400" in errors
     assert nodes_of(starter.logs) == []
+
+
+def test_a_node_that_hangs_is_named_and_one_that_is_killed_by_its_signal(
+    tmp_path: Path, domain: int
+) -> None:
+    """A supervisor that hung in DDS was missed by nobody; a kill was told by an older line."""
+    with Starter(tmp_path, domain) as starter:
+        starter.ready()
+        pid = process_of(starter.logs, "mode_supervisor")
+        assert starter.process.stdout is not None
+        os.kill(pid, signal.SIGSTOP)
+        lines = (line for line in starter.process.stdout if "mode_supervisor" in line)
+        assert "mode_supervisor runs, but nothing has been heard of it for 5 s" in next(lines)
+        os.kill(pid, signal.SIGCONT)
+        assert "mode_supervisor is back" in next(lines)
+        os.kill(pid, signal.SIGKILL)
+        _, errors = starter.process.communicate(timeout=TIMEOUT)
+    assert starter.process.returncode == 1
+    assert "mode_supervisor was ended by SIGKILL" in errors
 
 
 @pytest.mark.parametrize(

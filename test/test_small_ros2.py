@@ -75,6 +75,10 @@ def test_parameters_are_set_and_services_called(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
+        (
+            ("cassie_msgs/srv/Push", "{force: [1e9, nan, up]}"),
+            "force[2] (double): 'up' is no float",
+        ),
         (("cassie_msgs/srv/Pus", "{}"), "no service type cassie_msgs/srv/Pus"),
         (("cassie_msgs/srv/Push", "{force: [1, 2]}"), "force (double[3]): [1, 2] does not have 3"),
         (("cassie_msgs/srv/Push", "{force: [1, x, 2]}"), "force[1] (double): 'x' is no float"),

@@ -13,8 +13,25 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.limits import asked_for, on_foot, on_segway, situation
 from cassie_control.supervisor.set_points import SetPoints
 from cassie_msgs.layout import RobotMode
+from cassie_msgs.tunables import ParameterError, replace_checked
 
 C = SupervisorConfig()
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"height_low": 0.9, "height_high": 0.8}, "height_low = 0.9 is above height_high = 0.8"),
+        ({"walk_height": 1.05}, "walk_height = 1.05 is above height_high = 1.01"),
+        ({"ride_height_low": 0.7}, "ride_height_low = 0.7 is above ride_height = 0.67"),
+    ],
+)
+def test_bounds_that_contradict_each_other_are_refused(changes, reason):
+    """Between them the height followed no command, and nothing said why."""
+    with pytest.raises(ParameterError, match=reason):
+        replace_checked(C, **changes)
+
+
 MODES = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
 README = Path(__file__).resolve().parents[1] / "README.md"
 

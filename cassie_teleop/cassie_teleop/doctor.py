@@ -53,6 +53,7 @@ class Facts:
         domain: ROS domain that was looked at.
         other_domains: Domains of this computer in which nodes of a robot run.
         discovery: ROS_AUTOMATIC_DISCOVERY_RANGE.
+        held: Kinds of nodes that run on this computer in the domain, also where they are silent.
         nodes: Full names; a name that runs twice stands there twice.
         ends: Of the topics of the robot.
         rates: Ticks in 1/s of wall time, by topic of the control lane that was heard.
@@ -72,6 +73,7 @@ class Facts:
     domain: int
     other_domains: tuple[int, ...] = ()
     discovery: str = "LOCALHOST"
+    held: frozenset[str] = frozenset()
     nodes: tuple[str, ...] = ()
     ends: tuple[End, ...] = ()
     rates: Mapping[str, float] = field(default_factory=dict)
@@ -205,6 +207,8 @@ def _nodes(facts: Facts) -> Iterator[Finding]:
         if not writers:
             package = _PACKAGES.get(node, "cassie_control")
             advice = f"start it: ros2 run {package} {node}"
+            if node in facts.held:
+                advice = f"it runs, but hangs or was stopped: pkill -KILL -f /{node}, then {advice}"
             yield Finding(ERROR, node, f"nobody writes {topic}", advice)
         elif len(writers) > 1:
             problem = f"{', '.join(sorted(writers))} write {topic} at once"

@@ -62,6 +62,11 @@ def test_a_healthy_robot_has_no_findings():
         (Facts(domain=3, other_domains=(7,)), ERROR, "export ROS_DOMAIN_ID=7"),
         (without("/cassie/sensors"), ERROR, "ros2 run cassie_sim simulator"),
         (without("/cassie/mode"), ERROR, "ros2 run cassie_control mode_supervisor"),
+        (
+            replace(without("/cassie/mode"), held=frozenset({"mode_supervisor"})),
+            ERROR,
+            "it runs, but hangs or was stopped: pkill -KILL -f /mode_supervisor, then start it",
+        ),
         (without("/cassie/operator_command"), NOTE, "nobody drives"),
         (
             replace(

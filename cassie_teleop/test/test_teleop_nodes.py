@@ -261,6 +261,7 @@ def test_a_closed_terminal_is_a_stop_and_the_end(node):
         ("scripted_operator", [], "script must be given"),
         ("scripted_operator", ["script:=/nowhere.yaml"], "/nowhere.yaml"),
         ("rc_teleop", ["device:=wheel"], "known by name: gamepad, ps4, ps5, taranis_qx7, xbox"),
+        ("rc_teleop", ["device:=/etc/passwd"], "neither a .yaml file that is there, nor known by"),
         ("rc_teleop", ["device:=xbox", "enable_button:=11"], "enable_button = 11: no such button"),
         ("rc_teleop", ["rate:=9000.0"], "rate = 9000 Hz is outside 10 .. 200 Hz"),
         ("keyboard_teleop", [], "the input is no terminal"),

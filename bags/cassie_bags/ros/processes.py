@@ -153,6 +153,8 @@ class Processes:
             code = process.poll()
             if code is None or (code == 0 and name in may_end):
                 continue
+            if code < 0:
+                raise RunError(f"{name} was ended by {signal.Signals(-code).name}")
             raise RunError(f"{name} ended with exit code {code}: {self._last_words(name)}")
 
     def stop(self, *names: str) -> None:

@@ -31,6 +31,9 @@ ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
 TIMEOUT = 60.0
 """Wall time in which the robot must be ready. In s."""
 
+SILENT_AFTER = 5.0
+"""Time for which a node is out of ROS's graph before that is said. In s."""
+
 NODES = {
     "simulator": "cassie_sim",
     "state_estimator": "cassie_control",
@@ -91,13 +94,52 @@ def _watch(
             _say(f"starting {', '.join(commands)}; logs in {logs}")
             if _await_robot(node, executor, processes, stop):
                 _say(_ready(processes, arguments))
+            names = [n for name in commands for n in (STACK if name == "stack" else (name,))]
+            silent = SilentNodes(names)
             while not stop.wait(_LOOK):
                 processes.check()
+                for word in silent.look(node.get_node_names(), time.monotonic()):
+                    _say(word)
     except RunError as error:
         print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
         return NODE_LOST
     _say("ended")
     return ENDED
+
+
+class SilentNodes:
+    """Nodes that run but have left ROS's graph: they hang, or somebody stopped them.
+
+    Args:
+        names: Of the nodes that are to be there.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        self._seen: dict[str, float] = {}
+        self._told: set[str] = set()
+
+    def look(self, present: Sequence[str], now: float) -> list[str]:
+        """Say once who has been away for `SILENT_AFTER`, and who is back.
+
+        Args:
+            present: Nodes in the graph.
+            now: In s.
+        """
+        words = []
+        for name in self._names:
+            if name in present:
+                self._seen[name] = now
+                if name in self._told:
+                    words.append(f"{name} is back")
+                    self._told.discard(name)
+            elif name not in self._told and now - self._seen.setdefault(name, now) > SILENT_AFTER:
+                words.append(
+                    f"{name} runs, but nothing has been heard of it for {SILENT_AFTER:g} s: "
+                    "it hangs, or was stopped; Ctrl-C ends all"
+                )
+                self._told.add(name)
+        return words
 
 
 def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
@@ -142,7 +184,8 @@ def _refuse_second(arguments: argparse.Namespace) -> None:
         if f"{role}:allow_second:=true" not in arguments.parameter
     )
     if running:
-        raise second(", ".join(running), domain, f"{running[0]}:allow_second:=true")
+        permission = " -p ".join(f"{role}:allow_second:=true" for role in running)
+        raise second(", ".join(running), domain, permission)
 
 
 def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]:
@@ -181,7 +224,9 @@ def _await_robot(
 def _ready(processes: Processes, arguments: argparse.Namespace) -> str:
     where = f" in scene {arguments.scene}" if arguments.scene != "flat" else ""
     stands = "simulator:start:=standing" in arguments.parameter
-    starts = "begins on its feet, without power" if stands else "hangs in the gantry"
+    starts = "hangs in the gantry"
+    if stands:
+        starts = "begins on its feet, without power, and sinks down unless that comes at once"
     lines = [f"ready: Cassie {starts}{where}; Ctrl-C ends all"]
     if arguments.console:
         printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
@@ -235,7 +280,7 @@ def _arguments() -> argparse.Namespace:
         action="append",
         default=[],
         metavar="NODE:NAME:=VALUE",
-        help="a parameter of a node: simulator:start:=standing",
+        help="a parameter of a node: simulator:max_rate:=1.0",
     )
     parser.add_argument("--logs", type=Path, help="folder for what nodes print (~/.ros/log/...)")
     return parser.parse_args()

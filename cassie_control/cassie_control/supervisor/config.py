@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import ParameterError, tunable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,3 +85,20 @@ class SupervisorConfig:
     missed_share: float = tunable(
         0.2, "", 0.0, 1.0, "Share of missed control ticks in a second from which the robot stops"
     )
+
+    def __post_init__(self) -> None:
+        """Hold that bounds agree with each other.
+
+        Raises:
+            ParameterError: naming two that do not, and their values.
+        """
+        for low, high in (
+            ("height_low", "height_high"),
+            ("height_low", "walk_height"),
+            ("walk_height", "height_high"),
+            ("ride_height_low", "ride_height"),
+            ("battery_empty", "battery_low"),
+        ):
+            lower, upper = getattr(self, low), getattr(self, high)
+            if lower > upper:
+                raise ParameterError(f"{low} = {lower:g} is above {high} = {upper:g}")

@@ -77,6 +77,7 @@ class ModeSupervisor:
         self._since = 0.0
         self._slow = 0.0
         self._walked = False
+        self._lifted = False  # as it walked, until stand is asked for
         self._posture = Posture()
         self._leaving = Leaving()
         self._loss = TickLoss(self._period)
@@ -124,9 +125,14 @@ class ModeSupervisor:
         powered = float(state.power) > 0.5
         asked = self._requested is RobotMode.STAND if self._linked else None
         if self._current is RobotMode.SEGWAY:
-            self._leaving.step(asked, float(state.foot_force.sum()), self.config, self._period)
+            self._leaving.step(asked, self.config, self._period)
         else:
             self._leaving.reset()
+        if self._current is RobotMode.WALK:
+            # Feet whose force cannot be believed do not tell that somebody lifts it.
+            self._lifted = self._posture.hangs and not failed
+        elif self._requested is RobotMode.STAND:
+            self._lifted = False
         now = Moment(
             state,
             self._posture,
@@ -138,6 +144,7 @@ class ModeSupervisor:
             self._slow,
             self._requested,
             self._ride_confirmed,
+            self._lifted,
             self.config,
         )
         reasons = {mode: refusal(now, self._current, mode) for mode in _MODES}
@@ -203,7 +210,8 @@ class ModeSupervisor:
             return RobotMode.DAMP
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             return RobotMode.DAMP if reasons[RobotMode.STAND] else RobotMode.STAND
-        return self._current if reasons[self._requested] else self._requested
+        wanted = RobotMode.STAND if self._lifted else self._requested
+        return self._current if reasons[wanted] else wanted
 
     def _limit(self) -> None:
         """Move the set-points towards what the mode in force permits of the command."""

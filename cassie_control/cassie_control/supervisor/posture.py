@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 
 from cassie_control.supervisor.config import SupervisorConfig
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import RobotState
 
 _GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
+_HANGING = 0.25  # of the weight on the feet, below which somebody lifts it
+_HANGING_TIME = 0.5  # s
 _SUNK_TIME = 0.1  # s; so late the kinematic estimate finds the ground when let down
 _STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
 
@@ -18,6 +21,7 @@ class Posture:
     Attributes:
         height: Of the pelvis above the ground. In m.
         grounded: Whether a foot is on the ground.
+        hangs: Whether its feet have carried nearly nothing for a while.
         low: Whether the pelvis is too near to it.
         fallen: Since it tilted or sank too far, until it has been upright for `upright_time`.
         upright: For how long it has been. In s.
@@ -27,9 +31,9 @@ class Posture:
 
     def __init__(self) -> None:
         self.height = self.upright = self.still = 0.0
-        self.grounded = self.low = self.fallen = False
+        self.grounded = self.low = self.fallen = self.hangs = False
         self.velocity = (0.0, 0.0)
-        self._lifted = self._sunk = 0.0
+        self._lifted = self._sunk = self._unloaded = 0.0
 
     @property
     def speed(self) -> float:
@@ -75,6 +79,9 @@ class Posture:
         self.height = float(state.q[2])
         forces = state.foot_force.tolist()
         self.grounded = max(forces) > _GROUNDED
+        unloaded = sum(forces) < _HANGING * WEIGHT
+        self._unloaded = self._unloaded + period if unloaded else 0.0
+        self.hangs = self._unloaded >= _HANGING_TIME
         single = self.grounded and min(forces) < _GROUNDED
         self._lifted = _STEP_TIME if single else max(0.0, self._lifted - period)
         low = self.grounded and self.height < config.fall_height

@@ -30,6 +30,7 @@ class Moment:
         slow: For how long it has stepped in place, ready to stand. In s.
         requested: Mode that the operator asks for.
         ride_confirmed: Whether he has asked for riding and for its crouch.
+        lifted: Whether it was lifted as it walked, and stand was not asked for since.
         config: Bounds.
     """
 
@@ -43,6 +44,7 @@ class Moment:
     slow: float
     requested: RobotMode
     ride_confirmed: bool
+    lifted: bool
     config: SupervisorConfig
 
 
@@ -123,9 +125,13 @@ def _is_confirmed(now: Moment) -> str:
     return f"to ride ask for stand at {now.config.ride_height:g} m or less and for segway again"
 
 
+def _is_asked_anew(now: Moment) -> str:
+    return "it was lifted as it walked: ask for stand, then for walk" if now.lifted else ""
+
+
 def _has_slowed_down(now: Moment) -> str:
     c, speed = now.config, now.posture.speed
-    if now.slow >= c.stop_time:
+    if now.slow >= c.stop_time or now.lifted:
         return ""
     if max(abs(now.set_points.vx), abs(now.set_points.vy)) > 0.0:
         return f"slowing down from {speed:.2f} m/s"
@@ -133,7 +139,7 @@ def _has_slowed_down(now: Moment) -> str:
 
 
 def _may_leave(now: Moment) -> str:
-    return now.leaving.refusal(now.config, _is_still(now))
+    return now.leaving.refusal(now.config, _is_still(now), hangs=now.posture.hangs)
 
 
 ALWAYS: tuple[Condition, ...] = (
@@ -146,7 +152,9 @@ ALWAYS: tuple[Condition, ...] = (
 """Conditions of every mode in which the drives do more than damp."""
 
 CONDITIONS: dict[tuple[RobotMode, RobotMode], tuple[Condition, ...]] = {
-    (_STAND, _WALK): (carries_weight, _is_at_walking_height, _is_straight_to(_WALK), _is_still),
+    (_STAND, _WALK): (
+        *(carries_weight, _is_at_walking_height, _is_straight_to(_WALK), _is_still, _is_asked_anew),
+    ),
     # Riding begins at rest, crouched, on both feet; what is below them it cannot know.
     (_STAND, _SEGWAY): (
         *(carries_weight, _is_crouched, _is_straight_to(_SEGWAY), _is_still, _is_confirmed),

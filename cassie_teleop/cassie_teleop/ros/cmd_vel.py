@@ -35,7 +35,7 @@ class Config:
 
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
     timeout: float = tunable(
-        0.5, "s", 0.05, 5, "Age of a velocity command from which the robot is asked to stop"
+        0.5, "s", 0.05, 5, "Time without a velocity command after which the robot is asked to stop"
     )
     stand_after: float = tunable(
         2.0, "s", 0, 1e6, "Time after the stop from which it is asked to stand"

@@ -27,7 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, RobotState, Sensors
 from cassie_msgs.msg import SupervisorStatus
-from cassie_msgs.ros.claim import held_domains
+from cassie_msgs.ros.claim import held_domains, held_roles
 from cassie_msgs.ros.fast_lane import NEWEST, message_type
 from cassie_msgs.ros.parameters import default_of
 from cassie_msgs.ros.transport import PROFILE, use_loopback, wait_for_discovery
@@ -102,6 +102,7 @@ class Doctor(Node):
         return Facts(
             domain=self.context.get_domain_id(),
             other_domains=tuple(sorted(held_domains() - {self.context.get_domain_id()})),
+            held=frozenset(held_roles(self.context.get_domain_id())),
             discovery=_DISCOVERY,
             nodes=tuple(self._names()),
             ends=tuple(self._ends()),

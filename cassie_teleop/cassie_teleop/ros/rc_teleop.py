@@ -120,7 +120,9 @@ def device_path(name: str) -> Path:
     if not path.is_file():
         folder = Path(get_package_share_directory("cassie_teleop"), "config")
         known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise ParameterError(f"device = {name}: no such file; known by name: {known}")
+        raise ParameterError(
+            f"device = {name}: neither a .yaml file that is there, nor known by name: {known}"
+        )
     return path
 
 

@@ -240,6 +240,20 @@ def _attitude(run: WallPaced, rng: Rng, state: str) -> None:
     _recovers(run)
 
 
+def _lifted(run: WallPaced, rng: Rng, state: str) -> None:
+    run.hang_up()
+    run.until(lambda: run.mode is RobotMode.STAND, 2.0, "end walking in the air")
+    run.run(float(rng.uniform(0.0, 4.0)))
+    run.let_down()
+    run.run(2.0)
+    run.hold(lambda: run.mode is RobotMode.STAND, 4.0, "stand although walk is asked for")
+    run.person.changes |= {"mode": RobotMode.STAND}
+    run.run(0.5)
+    run.person.changes |= {"mode": RobotMode.WALK}
+    run.until(lambda: run.mode is RobotMode.WALK, 4.0, "walk once it is asked for anew")
+    run.run(2.0)
+
+
 def _battery(run: WallPaced, rng: Rng, state: str) -> None:
     run.charge = float(rng.uniform(0.12, 0.18))
     run.until(lambda: "stop and charge it" in str(run.faults), 0.1, "the warning")
@@ -400,6 +414,15 @@ ROWS = (
         "drives damp until the torso has been upright for 1 s",
         "power off, hang it up, power on, let it down",
         _attitude,
+    ),
+    Row(
+        "lifted",
+        "Somebody lifts it while it walks",
+        "0.5 s",
+        "ends walking, and stands once it is let down",
+        "ask for stand, then for walk",
+        _lifted,
+        WALKING,
     ),
     Row(
         "battery",
