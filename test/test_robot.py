@@ -207,8 +207,6 @@ def test_a_node_that_hangs_is_named_and_one_that_is_killed_by_its_signal(
         os.kill(pid, signal.SIGSTOP)
         lines = (line for line in starter.process.stdout if "mode_supervisor" in line)
         assert "mode_supervisor runs, but nothing has been heard of it for 5 s" in next(lines)
-        os.kill(pid, signal.SIGCONT)
-        assert "mode_supervisor is back" in next(lines)
         os.kill(pid, signal.SIGKILL)
         _, errors = starter.process.communicate(timeout=TIMEOUT)
     assert starter.process.returncode == 1

@@ -120,7 +120,7 @@ class SilentNodes:
         self._told: set[str] = set()
 
     def look(self, present: Sequence[str], now: float) -> list[str]:
-        """Say once who has been away for `SILENT_AFTER`, and who is back.
+        """Say once who has been away for `SILENT_AFTER`.
 
         Args:
             present: Nodes in the graph.
@@ -130,9 +130,7 @@ class SilentNodes:
         for name in self._names:
             if name in present:
                 self._seen[name] = now
-                if name in self._told:
-                    words.append(f"{name} is back")
-                    self._told.discard(name)
+                self._told.discard(name)
             elif name not in self._told and now - self._seen.setdefault(name, now) > SILENT_AFTER:
                 words.append(
                     f"{name} runs, but nothing has been heard of it for {SILENT_AFTER:g} s: "
