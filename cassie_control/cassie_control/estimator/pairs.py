@@ -50,6 +50,7 @@ _UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
 _SEEN_SPEED = 0.5  # rad/s, as which faster motion counts that a velocity does not see
 _WRONG_SPEED = 0.5  # rad/s
 _NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
+_UNSURE = 0.05  # of a turn, to which the velocity filter's answer is known where a foot is hit
 _LEAP = 0.25  # of the least jump, from which on it is one
 _LEAPT = 0.6  # of what they are apart, from which on a leap of the position explains it
 _WORSE = 3.0  # times what a delay leaves unexplained speaks against it
@@ -196,7 +197,7 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
         if sudden and pair.bad[P] <= 0.0:
             pair.bad[V] = hold
             turn = step
-        elif abs(step - pair.steps[0]) > limit.jump:
+        elif abs(step - pair.steps[0]) > limit.jump and not _is_answered(pair, limit, step, turn):
             pair.bad[P] = hold
             step = turn
     for k in range(limit.response_ticks - 1, 0, -1):
@@ -212,6 +213,19 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
         last[k] = last[k - 1]
     pair.last_position, last[0] = p, v
     return withdrawn
+
+
+@compiled
+def _is_answered(pair: Pair, limit: PairLimits, step: float, turn: float) -> bool:
+    """Whether the velocity's filter answers a sudden step of the position, as when a foot is hit.
+
+    Of two hypotheses the likelier: the joint moved by this step, or went on by the one before.
+    """
+    expected = limit.response[0] * step  # of `turn`
+    for k in range(1, limit.response_ticks):
+        expected += limit.response[k] * pair.steps[k - 1]
+    otherwise = expected - limit.response[0] * (step - pair.steps[0])
+    return abs(turn - expected) < abs(turn - otherwise) + _UNSURE * abs(turn)
 
 
 @compiled
