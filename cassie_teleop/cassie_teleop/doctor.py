@@ -73,7 +73,7 @@ class Facts:
     domain: int
     other_domains: tuple[int, ...] = ()
     discovery: str = "LOCALHOST"
-    held: frozenset[str] = frozenset()
+    held: tuple[str, ...] = ()
     nodes: tuple[str, ...] = ()
     ends: tuple[End, ...] = ()
     rates: Mapping[str, float] = field(default_factory=dict)

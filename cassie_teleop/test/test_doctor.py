@@ -63,7 +63,7 @@ def test_a_healthy_robot_has_no_findings():
         (without("/cassie/sensors"), ERROR, "ros2 run cassie_sim simulator"),
         (without("/cassie/mode"), ERROR, "ros2 run cassie_control mode_supervisor"),
         (
-            replace(without("/cassie/mode"), held=frozenset({"mode_supervisor"})),
+            replace(without("/cassie/mode"), held=("mode_supervisor",)),
             ERROR,
             "it runs, but hangs or was stopped: pkill -KILL -f /mode_supervisor, then start it",
         ),

@@ -102,7 +102,7 @@ class Doctor(Node):
         return Facts(
             domain=self.context.get_domain_id(),
             other_domains=tuple(sorted(held_domains() - {self.context.get_domain_id()})),
-            held=frozenset(held_roles(self.context.get_domain_id())),
+            held=tuple(sorted(held_roles(self.context.get_domain_id()))),
             discovery=_DISCOVERY,
             nodes=tuple(self._names()),
             ends=tuple(self._ends()),
