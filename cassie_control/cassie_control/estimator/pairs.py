@@ -225,7 +225,7 @@ def _is_answered(pair: Pair, limit: PairLimits, step: float, turn: float) -> boo
     for k in range(1, limit.response_ticks):
         expected += limit.response[k] * pair.steps[k - 1]
     otherwise = expected - limit.response[0] * (step - pair.steps[0])
-    return abs(turn - expected) < abs(turn - otherwise) + _UNSURE * abs(turn)
+    return bool(abs(turn - expected) < abs(turn - otherwise) + _UNSURE * abs(turn))
 
 
 @compiled
