@@ -78,7 +78,7 @@ def table(outcome: RunResult) -> str:
         "",
         *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
-        f"{metrics.run['duration']:.2f} s of robot time, {metrics.run['steps']:.0f} steps",
+        f"{metrics.run['duration']:.2f} s of robot time, {_count(metrics.run['steps'])} steps",
         f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
         f"greatest tilt {metrics.run['tilt_deg']:.1f} deg",
     ]
@@ -159,3 +159,8 @@ def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
         "commanded": phase.commanded,
         "achieved": {name: phase.values[name] for name in PHASE_METRICS},
     }
+
+
+def _count(number: float) -> str:
+    """A whole number; what was not recorded is not known."""
+    return f"{number:.0f}" if math.isfinite(number) else "?"

@@ -100,5 +100,6 @@ class SupervisorConfig:
             ("battery_empty", "battery_low"),
         ):
             lower, upper = getattr(self, low), getattr(self, high)
-            if lower > upper:
+            numbers = isinstance(lower, (int, float)) and isinstance(upper, (int, float))
+            if numbers and lower > upper:  # what is no number is told by its own name
                 raise ParameterError(f"{low} = {lower:g} is above {high} = {upper:g}")
