@@ -150,7 +150,7 @@ def test_the_shipped_bags_can_be_reported(tmp_path: Path):
     assert len(bags) == 3 and len(text) < MOST_BYTES
     assert text.count("the estimate stands in its place") == 3
     assert "<td>segway</td>" in text
-    assert "<dt>steps</dt><dd>–</dd>" in text  # of a bag without controller status
+    assert "<dt>steps</dt><dd>\N{EN DASH}</dd>" in text  # of a bag without controller status
 
 
 def test_quaternions_turn_back_into_their_angles():
