@@ -46,9 +46,8 @@ def comparison_text(
         lines.append("the control lane is the same to the last bit")
     if only := in_one_bag(summaries):
         lines.append(f"in one bag only: {', '.join(only)}")
-    lines += (
-        ["", f"no figures: {figures}"] if isinstance(figures, str) else ["", *_figures(*figures)]
-    )
+    told = [f"no figures: {figures}"] if isinstance(figures, str) else _figures(*figures)
+    lines += ["", *told]
     return "\n".join(lines)
 
 
