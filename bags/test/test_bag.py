@@ -13,10 +13,11 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+from same import differences
 from synthetic import TICK_NS, glide_messages
 
 from cassie_bags.bag.clock import RobotClock
-from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.diagnosis import problems
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (

@@ -19,8 +19,9 @@ import pytest
 pytest.importorskip("rclpy")
 
 from rosbags.highlevel import AnyReader
+from same import differences
 
-from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.recording import RECORDED_TOPICS, read_recording
 from cassie_bags.bag.rows import stamps_ns
 from cassie_bags.errors import RunError

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from same import differences
 
-from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, read_recording
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.poses import PosedModel

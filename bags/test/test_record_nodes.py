@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from same import differences
 from synthetic import glide_messages
 from test_bag import write_bag
 
@@ -31,7 +32,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from cassie_bags.bag.continuity import differences, gaps
+from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     RECORDED_TOPICS,
@@ -386,7 +387,7 @@ def test_a_replay_publishes_every_message_with_its_type(
     assert time.monotonic() - started >= 0.5
     processes.check("replay")
     processes.stop("record")
-    assert same(read_recording(copy), messages) == []
+    assert same(read_recording(copy), messages) == [], processes.log("record").read_text()
     with AnyReader([copy]) as reader:
         assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
         assert reader.topics["/clock"].msgcount > 10

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.recording import LANE_TOPICS, Recording
+from cassie_bags.bag.recording import Recording
 from cassie_bags.bag.rows import Rows, stamps_ns, where
 from cassie_bags.bag.strays import episode_of
 from cassie_msgs.layout import (
@@ -119,49 +119,6 @@ def only_episode(recording: Recording, episode: int) -> Recording:
     return dataclasses.replace(
         recording, lane=lane, truth=truth, segway=segway, segway_imu=segway_imu
     )
-
-
-def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> list[str]:
-    """Where two runs of one file differ, compared bit for bit; one line per topic.
-
-    Repeats are left out, and the number of the episode, which tells runs apart.
-
-    Args:
-        one: A run.
-        other: Another run.
-        topics: Some of `recording.TYPES`.
-    """
-    found = []
-    for topic in topics:
-        a, b = (_comparable(recording, topic) for recording in (one, other))
-        if len(a) != len(b):
-            found.append(f"{topic}: {len(a)} samples against {len(b)}")
-            continue
-        equal = a == b
-        if not equal.all():
-            first = int(np.argmin(equal))
-            found.append(f"{topic}: {int((~equal).sum())} of {len(a)} differ, first sample {first}")
-    return found
-
-
-def _comparable(recording: Recording, topic: str) -> npt.NDArray[np.object_]:
-    """Each sample's fields as bytes, without padding, repeats and episode."""
-    if topic in LANE_TOPICS:
-        rows = first_occurrences(recording.lane[topic])
-    else:
-        rows = recording.beside[topic]
-        rows = rows[np.unique(stamps_ns(rows), return_index=True)[1]]
-    packed = np.zeros(len(rows), _packed(rows.dtype))
-    for name in packed.dtype.names or ():
-        if name != "episode":
-            packed[name] = rows[name]
-    return np.array([row.tobytes() for row in packed], dtype=object)
-
-
-def _packed(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
-    """The same fields without gaps between them."""
-    names = dtype.names or ()
-    return np.dtype([(name, dtype[name].base, dtype[name].shape) for name in names])
 
 
 def _seq_gaps(
