@@ -20,7 +20,7 @@ from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.events import Event
 from cassie_bags.signals.footsteps import placements
 from cassie_bags.signals.metrics import torque_limits
-from cassie_bags.signals.track import AVERAGED_OVER
+from cassie_bags.signals.track import AVERAGED_OVER, Track
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_msgs.layout import RobotMode
 
@@ -50,6 +50,7 @@ _PANELS = (
     ("height", "height\n(m)"),
 )
 _LONGEST_NAME = 22  # characters
+_FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
 _BINS = 25  # of the phase
 _AFTER_PUSH = 0.5  # s for which outputs and phase portrait show a push
 _MEAN = 0.2  # s over which the estimator's velocity error is also averaged
@@ -141,15 +142,7 @@ def speed_tracking(view: View) -> Figure:
     track = view.track
     figure, panels = _over_time(view, len(_PANELS), 6.4)
     for axes, (name, label) in zip(panels, _PANELS, strict=True):
-        achieved = np.where(track.carries, track.achieved[name], np.nan)
-        commanded = np.where(track.carries, track.commanded[name], np.nan)
-        if name != "height":
-            axes.plot(track.time, achieved, color=BLUE, alpha=0.25, linewidth=0.5)
-            achieved = moving_mean(track.time, achieved, AVERAGED_OVER)
-        axes.plot(track.time, achieved, color=BLUE, label="achieved")
-        axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
-        axes.set_ylabel(label)
-        axes.set_ylim(*_limits(achieved, commanded))
+        _draw_tracked(axes, track, name, label)
         for index, phase in enumerate(view.phases):
             shade = 0.18 if index % 2 else 0.09
             axes.axvspan(phase.t0, phase.t1, color=GREY, alpha=shade, linewidth=0)
@@ -163,6 +156,19 @@ def speed_tracking(view: View) -> Figure:
     return _titled(figure, panels, view, "Tracking")
 
 
+def _draw_tracked(axes: Any, track: Track, name: str, label: str) -> None:
+    """What was commanded and what came, and its mean over two steps where it sways with each."""
+    achieved = np.where(track.carries, track.achieved[name], np.nan)
+    commanded = np.where(track.carries, track.commanded[name], np.nan)
+    sways = name != "height"
+    axes.plot(track.time, achieved, color=BLUE, label="achieved", **(_FAINT if sways else {}))
+    if sways:
+        mean = moving_mean(track.time, achieved, AVERAGED_OVER)
+        axes.plot(track.time, mean, color=BLUE, label=f"mean over {AVERAGED_OVER:g} s")
+    axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
+    axes.set(ylabel=label, ylim=_limits(achieved, commanded))
+
+
 def overview(view: View) -> Figure:
     """Modes, tracking, foot forces and the largest torque, one above the other."""
     track = view.track
@@ -172,11 +178,7 @@ def overview(view: View) -> Figure:
     draw_modes(modes, view.modes)
     modes.set(yticks=[], ylim=(0.0, 1.0))
     for axes, (name, label) in zip(panels, _PANELS, strict=False):
-        achieved = np.where(track.carries, track.achieved[name], np.nan)
-        commanded = np.where(track.carries, track.commanded[name], np.nan)
-        axes.plot(track.time, achieved, color=BLUE, linewidth=0.7, label="achieved")
-        axes.plot(track.time, commanded, color=ORANGE, linewidth=1.2, label="commanded")
-        axes.set(ylabel=label, ylim=_limits(achieved, commanded))
+        _draw_tracked(axes, track, name, label)
     forces, torque = panels[-2:]
     for leg, colour in enumerate((BLUE, ORANGE)):
         forces.plot(track.time, track.state["foot_force"][:, leg], color=colour, linewidth=0.5)
