@@ -29,7 +29,7 @@ from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.reader import read_messages
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.summary import STATUS_TOPIC, summarize
-from cassie_bags.bag.tables import read_curves, read_tables
+from cassie_bags.bag.tables import Table, read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
 from cassie_bags.signals.falls import falls
@@ -242,6 +242,31 @@ def test_what_is_exported_is_what_was_recorded(tmp_path: Path, bag: Path, form: 
     if form == "parquet":
         schema = parquet.read_schema(tmp_path / "out" / "cassie_sensors.parquet")
         assert schema.field("drive_torque.left_knee").metadata == {b"unit": b"Nm"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "column", "unit"),
+    [
+        ("sensor_msgs/msg/JointState", "position.left_knee", "rad"),
+        ("sensor_msgs/msg/JointState", "effort.left_knee", "Nm"),
+        ("sensor_msgs/msg/Imu", "linear_acceleration.z", "m/s^2"),
+        ("sensor_msgs/msg/Imu", "angular_velocity_covariance.0", ""),
+        ("nav_msgs/msg/Odometry", "pose.pose.position.x", "m"),
+        ("nav_msgs/msg/Odometry", "twist.twist.angular.z", "rad/s"),
+        ("nav_msgs/msg/Odometry", "header.stamp.nanosec", "ns"),
+        ("tf2_msgs/msg/TFMessage", "transforms.3.transform.translation.y", "m"),
+        ("tf2_msgs/msg/TFMessage", "transforms.3.transform.rotation.y", ""),
+    ],
+)
+def test_messages_of_ros_are_exported_with_their_units(
+    tmp_path: Path, kind: str, column: str, unit: str
+):
+    times = np.zeros(1, np.int64)
+    table = Table("/topic", kind, times, times, {column: np.zeros(1)})
+    assert table.unit(column) == unit
+    export({"/topic": table}, tmp_path, "csv")
+    with (tmp_path / "fields.csv").open(newline="") as stream:
+        assert {row["column"]: row["unit"] for row in csv.DictReader(stream)}[column] == unit
 
 
 def test_pandas_reads_an_export(tmp_path: Path, bag: Path):

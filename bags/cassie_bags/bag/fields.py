@@ -1,7 +1,10 @@
 """What each field of a recorded topic is: its unit and the names of its components.
 
-The control lane, the ground truth and the Segway's topics stand here; every other topic is
-described by its ROS definition, in SI units.
+The control lane, the ground truth and the Segway's topics stand here, and the units of ROS's own
+messages. Every other topic is described by its ROS definition, in SI units.
+
+Source:
+    REP 103, "Standard Units of Measure and Coordinate Conventions".
 """
 
 from __future__ import annotations
@@ -202,3 +205,32 @@ FIELDS: dict[str, dict[str, Field]] = {
     },
 }
 """Fields by topic, then by name, as the columns of an export have them."""
+
+_TIME = {"sec": "s", "nanosec": "ns"}
+_TWIST = {**_TIME, "linear": "m/s", "angular": "rad/s"}
+
+STANDARD_UNITS: dict[str, dict[str, str]] = {
+    "geometry_msgs/msg/Twist": _TWIST,
+    "geometry_msgs/msg/TwistStamped": _TWIST,
+    "nav_msgs/msg/Odometry": {**_TWIST, "position": "m"},
+    "rosgraph_msgs/msg/Clock": _TIME,
+    "sensor_msgs/msg/Imu": {
+        **_TIME,
+        "angular_velocity": "rad/s",
+        "linear_acceleration": "m/s^2",
+    },
+    "sensor_msgs/msg/JointState": {
+        **_TIME,
+        "position": "rad",
+        "velocity": "rad/s",
+        "effort": "Nm",
+    },
+    "tf2_msgs/msg/TFMessage": {**_TIME, "translation": "m"},
+}
+"""Units of ROS's own messages by type, then by the part of a field's dotted name that has one."""
+
+
+def standard_field(message_type: str, name: str) -> Field:
+    """What is known of a field of one of ROS's own messages: its unit, or nothing."""
+    units = STANDARD_UNITS.get(message_type, {})
+    return Field(next((units[part] for part in name.split(".") if part in units), ""), "")

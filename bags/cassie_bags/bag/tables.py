@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.fields import FIELDS, Field
+from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
@@ -37,7 +37,6 @@ TIMES = {
 """Columns that every table begins with."""
 
 _RESERVED = frozenset((*TIMES, "file", "allow_pickle"))  # of the tables and of numpy.savez
-_UNKNOWN = Field("", "")
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,8 @@ class Table:
 
     def field(self, name: str) -> Field:
         """Unit and meaning of a field."""
-        return TIMES.get(name) or FIELDS.get(self.topic, {}).get(name, _UNKNOWN)
+        known = TIMES.get(name) or FIELDS.get(self.topic, {}).get(name)
+        return known or standard_field(self.type, name)
 
     def unit(self, column: str) -> str:
         """Unit of a column."""
