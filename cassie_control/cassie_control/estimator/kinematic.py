@@ -23,11 +23,11 @@ class VelocityFilter(Record):
     """The velocity, predicted by the accelerometer and corrected by the loaded feet.
 
     Attributes:
-        bandwidth: Of the correction. In 1/s.
-        noise: Of the feet's velocity. In m/s.
-        velocity: Of the IMU in the world. In m/s.
-        velocity_variance: In m^2/s^2.
-        position_variance: In m^2.
+        bandwidth: Bandwidth of the correction. In 1/s.
+        noise: Standard deviation of the feet's velocity. In m/s.
+        velocity: Velocity of the IMU in the world. In m/s.
+        velocity_variance: Variance of the velocity. In m^2/s^2.
+        position_variance: Variance of the position. In m^2.
     """
 
     bandwidth: float
@@ -45,13 +45,13 @@ def move(
     bodies: Records[Body],
     filters: Records[VelocityFilter],
 ) -> None:
-    """The state over one period.
+    """Propagate the state over one period.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
         pairs: Legs as `read_legs` left them. Shape (1,).
-        bodies: The robot. Shape (1,).
+        bodies: Data of the robot. Shape (1,).
         filters: Changed in place. Shape (1,).
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
@@ -153,7 +153,7 @@ class KinematicEstimator(LegEstimator):
         self._filter.noise = config.velocity_noise
 
     def reset(self) -> None:
-        """Forget everything: at rest, at the origin, height from the next sample's legs."""
+        """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         super().reset()
         self._filter.velocity[:] = 0.0
         self._filter.velocity_variance, self._filter.position_variance = 1.0, 0.0
