@@ -312,10 +312,10 @@ class SensorMonitor:
       fits no delay at all, the legs yield with such a delay; for a while no evidence for a delay is
       added. In the gantry nothing is compared.
 
-    A position is replaced by the integral of its velocity, a velocity by the difference of its
-    position, the orientation by the gyro's integral, the gyro by the orientation's difference, the
-    accelerometer by gravity, a torque by 0. Where both channels of a pair fail there is no
-    replacement, except for the toes, which have two encoders each.
+    A position (or the orientation) is replaced by the integral of its velocity (or the gyro). A
+    velocity (or the gyro) is replaced by the difference of its position (or the orientation). The
+    accelerometer is replaced by gravity, a torque by 0. Where both channels of a pair fail there is
+    no replacement, except for the toes, which have two encoders each.
 
     A violent fall can make healthy sensors contradict each other, and a replacement drifts
     meanwhile. So without power a channel is accepted again if its bits change and nothing else

@@ -132,9 +132,9 @@ def _standing_height(rotation: FloatArray, load: FloatArray, total: float, pair:
 class KinematicEstimator(LegEstimator):
     """Pelvis velocity from the leg that carries load, corrected at the rate of the IMU.
 
-    The velocity is predicted with the accelerometer and pulled towards the velocity at which a
+    The velocity is predicted with the accelerometer. It is corrected by the velocity at which a
     loaded foot stands still, with a gain that follows the load on the feet. Position is the
-    integral, with the height pulled towards the loaded foot's. Orientation is the IMU's own.
+    integral, with the height corrected by the loaded foot's. Orientation is the IMU's own.
 
     Source:
         Velocity from the stance foot weighted by its load: paper-cited gait-library method (Da
