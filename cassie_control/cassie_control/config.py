@@ -9,10 +9,10 @@ from cassie_msgs.tunables import names, tunable
 
 @dataclass(frozen=True, kw_only=True)
 class TransitionConfig:
-    """Between standing and walking."""
+    """Changes between standing and walking."""
 
-    lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Lean before the first step")
-    lean_roll: float = tunable(0.18, "rad", 0.0, 0.2, "Roll to the left of the lean onto one foot")
+    lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Duration of the lean before the first step")
+    lean_roll: float = tunable(0.18, "rad", 0.0, 0.2, "Roll to the left before the first step")
     stop_spread: float = tunable(
         0.03, "m", 0.0, 0.1, "How much farther out each foot lands before walking ends"
     )
@@ -25,26 +25,26 @@ class TransitionConfig:
     )
     stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which walking ends anyway")
     recovery_step: bool = tunable(
-        True, description="Step without being told when standing cannot hold a push"
+        True, description="Step without a command when standing cannot hold a push"
     )
     recovery_x: float = tunable(
         0.035,
         "m",
         0.01,
         0.3,
-        "Capture point ahead of the toes or behind the heels that asks for a recovery step",
+        "Distance of the capture point beyond toes or heels that triggers a recovery step",
     )
     recovery_y: float = tunable(
-        0.03, "m", 0.01, 0.3, "Capture point outside the feet that asks for a recovery step"
+        0.03, "m", 0.01, 0.3, "Capture point beside the feet that triggers a recovery step"
     )
     recovery_height: float = tunable(
-        0.8, "m", 0.4, 1.05, "Pelvis height below which it takes no recovery step"
+        0.8, "m", 0.4, 1.05, "Pelvis height below which there is no recovery step"
     )
     recovery_lift: float = tunable(
         0.05, "m", 0.0, 0.15, "How much more the foot is lifted at the first recovery step"
     )
-    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Recovery steps before it stands again")
-    blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of set-points after a change of mode")
+    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Recovery steps before standing again")
+    blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of torques and gains at a new mode")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class StandConfig:
     kd_knee: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_leg_pitch: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping under load")
     kp_com_x: float = tunable(
-        600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
+        600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, besides the weight's own"
     )
     kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
     settled_kd_com_x: float = tunable(
@@ -69,17 +69,17 @@ class StandConfig:
         "Ns/m",
         0.0,
         1000.0,
-        "Force fore and aft by CoM x velocity once it has settled, to meet a push at once",
+        "Force fore and aft by CoM x velocity after settling, to react to a push at once",
     )
     kp_com_y: float = tunable(
-        250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
+        250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, besides the weight's own"
     )
     kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
     settled_kd_com_y: float = tunable(
-        700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity once it has settled"
+        700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity after settling"
     )
     settled_kp_hip_roll: float = tunable(
-        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness once it has settled"
+        700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness after settling"
     )
     toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
@@ -91,58 +91,58 @@ class StandConfig:
         0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
     give: float = tunable(
-        0.03, "m", 0.001, 1.0, "Excess pressure at which the torso's own regulation has given way"
+        0.03, "m", 0.001, 1.0, "Excess of the centre of pressure that ends torso regulation"
     )
     bend_gain: float = tunable(
-        8.0, "", 0.0, 50.0, "Torque over weight that bends the torso, by excess pressure"
+        8.0, "", 0.0, 50.0, "Torque that bends the torso, per weight and excess of pressure"
     )
     bend_torque: float = tunable(40.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
-    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
+    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend at which the bending torque is 0")
     roll_gain: float = tunable(
-        2.0, "", 0.0, 20.0, "Sideways force by excess pressure, over the pendulum's own"
+        2.0, "", 0.0, 20.0, "Sideways force by excess of pressure, ratio to the pendulum's"
     )
     roll_torque: float = tunable(
         120.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
     )
     roll_limit: float = tunable(
-        0.35, "rad", 0.02, 0.5, "Bend to the side at which it ends, well before the hip's stop"
+        0.35, "rad", 0.02, 0.5, "Sideways bend of zero torque, well before the hip's stop"
     )
     velocity_bandwidth: float = tunable(
-        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the bounce of the springs"
+        80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the springs' frequency"
     )
     settled_bandwidth: float = tunable(
         160.0,
         "1/s",
         5.0,
         1000.0,
-        "Low-pass of the CoM velocity once it has settled and nothing bounces",
+        "Low-pass of the CoM velocity after settling, when nothing bounces",
     )
     settle_time: float = tunable(
-        1.0, "s", 0.1, 10.0, "Both feet down and hardly any vertical speed for so long: settled"
+        1.0, "s", 0.1, 10.0, "Time with both feet down and a nearly still pelvis until settled"
     )
     bias_time: float = tunable(
-        1.5, "s", 0.2, 20.0, "In which the CoM is held to be where the feet press"
+        1.5, "s", 0.2, 20.0, "Time constant of the CoM's correction by the centre of pressure"
     )
     leg_stiffness: float = tunable(
         8000.0,
         "N/m",
         1000.0,
         100000.0,
-        "Stiffness of a leg's springs: shifted weight lengthens its leg",
+        "Stiffness of a leg's springs, whose deflection by shifted weight is compensated",
     )
     height_rate: float = tunable(0.5, "m/s", 0.01, 2.0, "Greatest rate of the pelvis height")
     height_acceleration: float = tunable(
-        1.5, "m/s^2", 0.1, 10.0, "Greatest change of the height's rate, whatever is commanded"
+        1.5, "m/s^2", 0.1, 10.0, "Greatest acceleration of the commanded pelvis height"
     )
-    height_integral: float = tunable(2.5, "1/s", 0.0, 10.0, "Leg length by height error, summed")
+    height_integral: float = tunable(2.5, "1/s", 0.0, 10.0, "Leg length by integrated height error")
     height_damping: float = tunable(
-        0.05, "s", 0.0, 0.3, "Leg length by vertical speed, against the bounce of the springs"
+        0.05, "s", 0.0, 0.3, "Leg length by vertical speed, to damp the springs' oscillation"
     )
     rise: float = tunable(
-        0.13, "m", 0.0, 0.2, "How far the legs push up when a push brings it to the edge"
+        0.13, "m", 0.0, 0.2, "How far the legs push up against a push to the edge of support"
     )
     rise_acceleration: float = tunable(
-        6.0, "m/s^2", 0.5, 20.0, "Change of the rate at which the legs push up"
+        6.0, "m/s^2", 0.5, 20.0, "Acceleration with which the legs push up"
     )
     rise_margin: float = tunable(
         0.04,
@@ -155,81 +155,81 @@ class StandConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SegwayConfig:
-    """Riding a Segway: what differs from standing there, and what keeps speed and heading."""
+    """Riding a Segway: gains that differ from standing, and control of speed and heading."""
 
     kp_com_x: float = tunable(
-        200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, over the weight's own"
+        200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, besides the weight's own"
     )
     kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
     kp_com_y: float = tunable(
-        125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, over the weight's own"
+        125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, besides the weight's own"
     )
     kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
     bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
-    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend of the torso at which it ends")
+    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend at which the bending torque is 0")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     roll_torque: float = tunable(
         80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
     )
     roll_give: float = tunable(
-        0.3, "", 0.0, 1.0, "What is left of the hip roll stiffness when it has given way"
+        0.3, "", 0.0, 1.0, "Least factor on hip roll stiffness at an excess of pressure"
     )
     roll_rate_length: float = tunable(
         0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
     lean_length: float = tunable(
-        0.3, "m/rad", 0.0, 1.0, "Leg length difference by the roll that is wanted"
+        0.3, "m/rad", 0.0, 1.0, "Leg length difference by the desired roll"
     )
     fast_kd_com_y: float = tunable(
-        150.0, "Ns/m", 0.0, 1000.0, "kd_com_y at 3 m/s and faster, where bumps come fast"
+        150.0, "Ns/m", 0.0, 1000.0, "`kd_com_y` at 3 m/s and faster, where bumps come fast"
     )
     moving_time: float = tunable(
-        0.3, "s", 0.05, 5.0, "Low-pass of the acceleration of what Cassie stands on"
+        0.3, "s", 0.05, 5.0, "Time constant of the low-pass of the ground's acceleration"
     )
     level_time: float = tunable(
-        120.0, "s", 1.0, 1000.0, "For which roll and pitch are trusted to the gyro"
+        120.0, "s", 1.0, 1000.0, "Time constant with which the estimate corrects the gyro's tilt"
     )
     press_limit: float = tunable(
-        0.045, "m", 0.01, 0.07, "How far from the middle of the feet they may press for long"
+        0.045, "m", 0.01, 0.07, "Largest lasting centre of pressure, fore or aft of the feet"
     )
     press_more: float = tunable(
-        0.02, "m", 0.0, 0.05, "So much farther once the ground goes along with the lean"
+        0.02, "m", 0.0, 0.05, "Increase of `press_limit` once the ground accelerates with a lean"
     )
     press_limit_y: float = tunable(
         0.08,
         "m",
         0.01,
         0.12,
-        "How far to the side of the middle of the feet they may press for long",
+        "Largest lasting centre of pressure, sideways of the feet's middle",
     )
     press_distance: float = tunable(
         0.29,
         "m",
         0.1,
         0.4,
-        "Distance of the feet from which `press_limit_y` holds; nearer, it is less",
+        "Distance of the feet below which `press_limit_y` is reduced",
     )
     kp_speed: float = tunable(
-        0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the speed that Cassie itself estimates"
+        0.04, "m/(m/s)", 0.0, 0.2, "CoM x by error of the vehicle's estimated speed"
     )
     kp_yaw_rate: float = tunable(
-        0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by error of the yaw rate, while vx or yaw_rate command"
+        0.06, "m/(rad/s)", 0.0, 0.5, "CoM y by yaw rate error, while vx or yaw_rate is not 0"
     )
     heading_gain: float = tunable(
-        0.4, "1/s", 0.0, 2.0, "Yaw rate by error of the heading, while vx or yaw_rate command"
+        0.4, "1/s", 0.0, 2.0, "Yaw rate by heading error, while vx or yaw_rate is not 0"
     )
     corner: float = tunable(
-        0.1, "m", 0.03, 0.3, "CoM back and to a side together: shins and bar are in the way"
+        0.1, "m", 0.03, 0.3, "Bound of CoM shift back plus sideways, as shins may meet the bar"
     )
     top_speed: float = tunable(
-        5.5, "m/s", 0.0, 10.0, "Speed, as it estimates it, beyond which no lean adds"
+        5.5, "m/s", 0.0, 10.0, "Estimated speed beyond which no lean adds speed"
     )
     back_speed: float = tunable(
-        1.0, "m/s", 0.0, 5.0, "Speed backward, as it estimates it, beyond which no lean adds"
+        1.0, "m/s", 0.0, 5.0, "Estimated speed backward beyond which no lean adds speed"
     )
 
     def standing(self, stand: StandConfig) -> StandConfig:
-        """Gains of standing with those of the same name that riding has.
+        """Gains of standing, where those of riding replace the ones of the same name.
 
         A platform always moves: gains do not change as the robot settles, and no legs push up.
         """
@@ -263,17 +263,17 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class LateGains:
-    """What it goes over to where the drives act late on commands, see `control.latency`."""
+    """Gains for drives that act late on commands, see `control.latency`."""
 
-    walking_from: float = tunable(0.01, "s", 0.0, 0.1, "Latency at which walking begins to go over")
+    walking_from: float = tunable(0.01, "s", 0.0, 0.1, "Latency where walking's late gains begin")
     standing_from: float = tunable(
-        0.02, "s", 0.0, 0.1, "Latency at which standing begins to go over"
+        0.02, "s", 0.0, 0.1, "Latency at which standing's late gains begin"
     )
     latency_span: float = tunable(
-        0.006, "s", 0.001, 0.1, "Further latency until walking or standing has gone over"
+        0.006, "s", 0.001, 0.1, "Increase of latency over which gains become the late ones"
     )
     handover: float = tunable(
-        0.06, "s", 0.01, 0.2, "Time in which the weight goes from leg to leg, by the phase"
+        0.06, "s", 0.01, 0.2, "Time in which the weight shifts from leg to leg, by the phase"
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
@@ -282,7 +282,7 @@ class LateGains:
     )
 
     def walking_share(self, latency: float) -> float:
-        """How far walking has gone over to these at a latency (s), 0..1."""
+        """Share of these gains in those of walking at a latency (s), 0..1."""
         return min(1.0, max(0.0, (latency - self.walking_from) / self.latency_span))
 
     def standing(self, gains: StandConfig, latency: float) -> StandConfig:
@@ -302,13 +302,13 @@ class WalkConfig:
 
     joints: JointGains = field(default_factory=JointGains)
     kp_torso_pitch: float = tunable(
-        285.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the stance hip"
+        285.0, "Nm/rad", 0.0, 2000.0, "Stiffness of torso pitch through the stance hip"
     )
     kd_torso_pitch: float = tunable(
         13.5, "Nms/rad", 0.0, 200.0, "Damping of torso pitch through the stance hip"
     )
     kp_torso_roll: float = tunable(
-        446.0, "Nm/rad", 0.0, 2000.0, "Torso roll through the stance hip"
+        446.0, "Nm/rad", 0.0, 2000.0, "Stiffness of torso roll through the stance hip"
     )
     kd_torso_roll: float = tunable(
         20.2, "Nms/rad", 0.0, 200.0, "Damping of torso roll through the stance hip"
@@ -328,7 +328,7 @@ class WalkConfig:
         0.26, "s", 0.15, 0.6, "Duration of the quickest step, to catch a fall"
     )
     slowest_step: float = tunable(
-        1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, over the gait's own"
+        1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, ratio to the gait's"
     )
     reach_inward: float = tunable(
         0.2, "m", 0.05, 0.3, "How far inside its hip the swing foot can be set down"
@@ -341,19 +341,19 @@ class WalkConfig:
         "m",
         0.0,
         0.15,
-        "How much higher than the gait's the foot swings in the middle of a step",
+        "Height added to the gait's swing foot in the middle of a step",
     )
     landing_depth: float = tunable(
         0.035, "m", -0.02, 0.1, "How far below the ground the swing foot aims, to take load at once"
     )
     late_reach: float = tunable(
-        0.12, "m", 0.0, 0.2, "How far the swing leg grows while the ground is late"
+        0.12, "m", 0.0, 0.2, "How far the swing leg extends while touchdown is late"
     )
     late_speed: float = tunable(
-        1.0, "m/s", 0.05, 2.0, "How fast the swing leg grows while the ground is late"
+        1.0, "m/s", 0.05, 2.0, "How fast the swing leg extends while touchdown is late"
     )
     level_back: float = tunable(
-        0.5, "", 0.0, 1.0, "Walking backward: from the gait's leg length, 0, to a level hip, 1"
+        0.5, "", 0.0, 1.0, "Stance leg walking backward: 0 the gait's length, 1 a level hip"
     )
     foot_spread: float = tunable(
         0.01, "m", -0.05, 0.1, "How far each foot lands outside its hip when walking in place"
@@ -363,19 +363,19 @@ class WalkConfig:
         "",
         0.05,
         2.0,
-        "Friction cone that every ground bears; a step to a foot outside of it is made quicker",
+        "Friction that every ground has; a step to a foot outside its cone is made quicker",
     )
     least_foot_distance: float = tunable(
-        0.12, "m", 0.05, 0.3, "Sideways distance of the feet that no step goes below"
+        0.12, "m", 0.05, 0.3, "Least sideways distance of the feet"
     )
     speed_filter: float = tunable(
-        0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity that reads the gait library"
+        0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity's low-pass, for the gait library"
     )
     double_support: float = tunable(
-        0.07, "s", 0.0, 0.2, "Time in which the weight goes over to the new foot"
+        0.07, "s", 0.0, 0.2, "Time in which the weight shifts to the new foot"
     )
     contact_lead: float = tunable(
-        0.04, "s", 0.0, 0.1, "From the swing foot's first contact to the end of the step"
+        0.04, "s", 0.0, 0.1, "Time from the swing foot's first contact to the step's end"
     )
     contact_lead_speed: float = tunable(
         0.03,
@@ -385,32 +385,32 @@ class WalkConfig:
         "Increase of `contact_lead` with speed fore or aft, up to 1.5 m/s",
     )
     map_gain_x: float = tunable(
-        0.97, "", 0.5, 1.5, "a / b of the step-to-step map in place ahead, by the pendulum's"
+        0.97, "", 0.5, 1.5, "Forward a / b of the step-to-step map in place, over the pendulum's"
     )
     map_gain_y: float = tunable(
-        1.1, "", 0.5, 1.5, "a / b of the step-to-step map in place sideways, by the pendulum's"
+        1.1, "", 0.5, 1.5, "Sideways a / b of the step-to-step map in place, over the pendulum's"
     )
     map_loss_x: float = tunable(
-        0.5, "s/m", 0.0, 2.0, "By how much a / b ahead falls with the velocity at touchdown"
+        0.5, "s/m", 0.0, 2.0, "Decrease of forward a / b with forward speed at touchdown"
     )
     map_loss_y: float = tunable(
-        0.17, "s/m", 0.0, 2.0, "By how much a / b sideways falls with the velocity ahead"
+        0.17, "s/m", 0.0, 2.0, "Decrease of sideways a / b with forward speed at touchdown"
     )
     observer_gain: float = tunable(
-        0.045, "m/(m/s)", 0.0, 0.2, "Disturbance observer: foot offset by a step's speed error"
+        0.045, "m/(m/s)", 0.0, 0.2, "Disturbance observer: foot offset by mean speed error"
     )
     observer_error: float = tunable(
         0.05,
         "m/s",
         0.0,
         0.5,
-        "Disturbance observer: speed error of a step by which it grows at most",
+        "Disturbance observer: saturation of the speed error as the offset grows",
     )
     slope_time: float = tunable(
-        0.3, "s", 0.0, 5.0, "In which the ground's slope ahead follows the stance foot; 0: level"
+        0.3, "s", 0.0, 5.0, "Time constant of the slope ahead, by the stance foot; 0: level"
     )
     slope_rise_time: float = tunable(
-        1.0, "s", 0.1, 5.0, "`slope_time` where the foot finds more of a rise than was believed"
+        1.0, "s", 0.1, 5.0, "`slope_time` where the foot shows more of a rise than estimated"
     )
     slope_share: float = tunable(
         0.3, "", 0.0, 1.0, "Share of the slope's error that the height of one foothold corrects"
@@ -423,17 +423,17 @@ class WalkConfig:
         "Share of a foothold's height off the slope that is its own, not the ground's around it",
     )
     hold_gain: float = tunable(
-        0.4, "1/s", 0.0, 2.0, "Speed back to the place where it steps, by distance; 0 lets it drift"
+        0.4, "1/s", 0.0, 2.0, "Stepping in place: speed back to the place by distance; 0: drift"
     )
     hold_distance: float = tunable(
-        0.05, "m", 0.01, 1.0, "Distance at which what pushes it takes the place along"
+        0.05, "m", 0.01, 1.0, "Stepping in place: largest distance to the place that is held"
     )
     paper_kp_x: float = tunable(0.1, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kp")
     paper_kd_x: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: sagittal Kd")
     paper_kp_y: float = tunable(0.4, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kp")
     paper_kd_y: float = tunable(0.35, "rad/(m/s)", 0.0, 1.0, "The paper's law: lateral Kd")
     paper_offset: float = tunable(
-        -0.01, "rad", -0.2, 0.2, "The paper's law: sagittal offset, so that it steps in place"
+        -0.01, "rad", -0.2, 0.2, "The paper's law: sagittal offset, to step in place"
     )
     paper_narrowing: float = tunable(
         0.1, "rad/(m/s)", 0.0, 0.3, "The paper's law: swing leg inward by forward speed"
@@ -444,26 +444,26 @@ class WalkConfig:
         75.0, "Ns/m", 0.0, 300.0, "Force added to the carried weight by downward CoM velocity"
     )
     thigh_track: float = tunable(
-        6.0, "Hz", 0.5, 30.0, "Bandwidth at which the torso's set-points follow the leg"
+        6.0, "Hz", 0.5, 30.0, "Bandwidth of the leg's track in the torso's set-points"
     )
     thigh_angle: float = tunable(
         0.5,
         "",
         0.0,
         1.0,
-        "Share of the followed leg in the torso's angle set-points; all of it with late drives",
+        "Share of the leg's tracked angle in the torso's angle set-points; 1 with late drives",
     )
     thigh_rate: float = tunable(
         0.25,
         "",
         0.0,
         1.0,
-        "Share of the followed leg in the torso's rate set-points; all of it with late drives",
+        "Share of the leg's tracked rate in the torso's rate set-points; 1 with late drives",
     )
 
     @property
     def as_in_paper(self) -> bool:
-        """Whether walking has only what the paper has; all additions to it are left out."""
+        """Whether walking follows the paper alone; all additions to it are left out."""
         return self.law == "paper"
 
 
@@ -472,10 +472,10 @@ class LearningConfig:
     """How feed-forward torques are learned from step to step."""
 
     gain: float = tunable(
-        0.15, "", 0.0, 1.0, "Share of the drives' own tracking torque that a step adds"
+        0.15, "", 0.0, 1.0, "Share of the drives' tracking torque that is learned per step"
     )
     leak: float = tunable(
-        0.05, "", 0.0, 0.5, "Share that a step forgets: gain / (gain + leak) of the error goes"
+        0.05, "", 0.0, 0.5, "Share forgotten per step; gain / (gain + leak) of the error is learned"
     )
     smoothing: float = tunable(
         0.2, "", 0.0, 1.0, "Low-pass along the phase at each step, 1 is (1/4, 1/2, 1/4)"
@@ -483,7 +483,7 @@ class LearningConfig:
     lead: float = tunable(
         0.012, "s", 0.0, 0.05, "How much earlier a torque acts than the error it is learned from"
     )
-    limit: float = tunable(0.4, "", 0.0, 1.0, "Bound of learned torques, by the drive's largest")
+    limit: float = tunable(0.4, "", 0.0, 1.0, "Bound of learned torques over the drive's largest")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Whether the numbers of a message can be computed with."""
+"""Whether the numbers of a message are finite and of a reasonable size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cassie_msgs.layout import Sample
 LARGEST = 1e6
 """Magnitude, in any unit, beyond which no field of a message makes sense.
 
-Such a value would pass a test for being finite, and overflow on the way.
+Such a value would pass a test for being finite, and overflow later.
 """
 
 
@@ -21,7 +21,7 @@ def fault(sample: Sample, unused: Collection[str] = ()) -> str:
 
     Args:
         sample: The message.
-        unused: Fields that nothing is computed with.
+        unused: Fields that are not checked, as no law uses them.
 
     Returns:
         Words that name the first bad field, its value and what is expected.
@@ -44,10 +44,10 @@ def fault(sample: Sample, unused: Collection[str] = ()) -> str:
 def check(
     sample: Sample, what: str, error: type[CassieError], unused: Collection[str] = ()
 ) -> None:
-    """Refuse a message whose numbers cannot be computed with, as `fault` finds them.
+    """Refuse a message with a bad number, as found by `fault`.
 
     Raises:
-        error: naming `what`, the field, its value and what is expected.
+        error: if a number is bad; names `what`, the field, its value and what is expected.
     """
     if _is_small(sample):
         return
@@ -57,7 +57,7 @@ def check(
 
 
 def _is_small(sample: Sample) -> bool:
-    """Whether nothing is wrong for certain; only where it may be, each field is worth a look.
+    """Whether all numbers are good for certain; if not, each field has to be checked.
 
     No field exceeds the norm of all, and NaN compares false. `vdot` overflows without a warning.
     """

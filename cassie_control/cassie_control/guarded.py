@@ -1,6 +1,6 @@
-"""The cores with a safe answer where they have none: drives damp, and the reason is kept.
+"""The cores with a safe answer where they fail: drives damp, and the reason is kept.
 
-The nodes and the run in one process both use these, so that they agree on bad input too.
+The nodes and the run in one process both use these, so that they also agree on bad input.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ BRIDGED = 0.02
 
 
 class Estimator(Protocol):
-    """What a state estimator can do."""
+    """Interface of a state estimator."""
 
     def reset(self) -> None: ...
 
@@ -43,7 +43,7 @@ class Estimator(Protocol):
 
 
 class Controller(Protocol):
-    """What a controller can do."""
+    """Interface of a controller."""
 
     @property
     def status(self) -> ControllerStatus: ...
@@ -54,7 +54,7 @@ class Controller(Protocol):
 
 
 class Supervisor(Protocol):
-    """What a supervisor can do."""
+    """Interface of a supervisor."""
 
     @property
     def status(self) -> SupervisorStatus: ...
@@ -69,13 +69,13 @@ class Supervisor(Protocol):
 class GuardedEstimator:
     """An estimator that answers a sample it cannot use with a state of NaN.
 
-    Samples that were missed are made up: what is measured moves evenly from the last sample to the
-    next, so that the estimator's filters go on at their own rate.
+    Missed samples are interpolated linearly between the last and the next sample, so that the
+    estimator's filters go on at their own rate.
 
     Args:
         core: The estimator.
-        most_missed: Samples in a row that are made up; after more the estimator goes on from the
-            next as if none were missing.
+        most_missed: Largest number of missed samples in a row that are interpolated; after more,
+            the estimator goes on from the next sample as if none were missing.
 
     Attributes:
         problem: Why the last sample could not be used; empty when it could.
@@ -111,7 +111,7 @@ class GuardedEstimator:
         return state
 
     def _bridge(self, sensors: Sensors) -> None:
-        """Step over the samples that were missed."""
+        """Step the estimator with interpolated samples for the missed ones."""
         last, between = self._last, self._between
         steps = int(sensors.seq) - int(last.seq)
         if sensors.episode == last.episode and 1 < steps <= self._most_missed + 1:
@@ -128,14 +128,14 @@ class GuardedEstimator:
 
 
 class GuardedController:
-    """A controller that damps where it cannot compute.
+    """A controller that damps the drives where it fails.
 
     Attributes:
         problem: Why the last state could not be answered; empty when it could.
     """
 
     def __init__(self, core: Controller) -> None:
-        # Here, because it brings the compiler along, which the supervisor can do without.
+        # Imported here, as it loads the compiler, which the supervisor does not need.
         from cassie_control.control.gait_controller import DAMPING
 
         self.core = core
@@ -160,21 +160,21 @@ class GuardedController:
         return command
 
     def status(self, state: RobotState) -> ControllerStatus:
-        """What the step that answered `state` did; blank where it failed. Reused."""
+        """Report of the step that answered `state`; blank where it failed. Reused."""
         if not self.problem:
             try:
                 return self.core.status
-            except Exception as error:  # it must not cost the robot its controller
+            except Exception as error:  # a report that fails must not stop the controller
                 self.problem = _describe(error)
         return _answering(self._blank, state)
 
 
 class GuardedSupervisor:
-    """A supervisor that has the drives damped where it cannot decide.
+    """A supervisor that lets the drives damp where it fails.
 
     Attributes:
         problem: Why the last state could not be answered; empty when it could.
-        status: What the last answer means, for people.
+        status: Status that belongs to the last answer, for people.
     """
 
     def __init__(self, core: Supervisor) -> None:
@@ -196,7 +196,7 @@ class GuardedSupervisor:
         """The mode for the ticks from `effective_seq` on; reused by the next step."""
         try:
             if not math.isfinite(state.q.dot(state.q) + state.v.dot(state.v)):
-                # It must not enter the core's filters.
+                # A state that is not finite must not enter the core's filters.
                 missing = int(state.sensor_faults)
                 raise ControlError(no_estimate(missing) if missing else "the state is not finite")
             mode = self.core.step(state, operator, controller_lost)
@@ -216,7 +216,7 @@ def _answering(answer: SampleT, question: Sample) -> SampleT:
 
 
 def _describe(error: Exception) -> str:
-    """In words; of what nobody foresaw, also where it is."""
+    """The error in words; for an unexpected one also its type and place in the code."""
     text = " ".join(str(error).split())
     if isinstance(error, CassieError):
         return text

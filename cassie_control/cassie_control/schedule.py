@@ -1,8 +1,8 @@
-"""When the supervisor's answers hold, and what holds when they stay away.
+"""For which ticks the supervisor's answers hold, and what holds when they do not arrive.
 
 On every 10th state k the supervisor publishes the mode for tick k + 10 and the nine after it.
-In lock-step the controller computes a tick only with the mode made for it, so the supervisor
-costs the loop no time and the result does not depend on the machine.
+In lock-step the controller computes a tick only with the mode made for it. So the supervisor adds
+no latency to the loop, and the result does not depend on the machine.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from cassie_msgs.layout import Gait, GaitResult, Mode, RobotMode
 from cassie_msgs.schedule import GAIT_TICKS, PERIOD_TICKS, effective_seq, period_of
 
 LEAD = 1000
-"""Control ticks by which a mode, or a script's answer, may be ahead of whoever receives it."""
+"""Control ticks by which a mode, or a script's answer, may be ahead of its receiver."""
 
 _KEPT = 4
 
-_STEP_TIMES = 0.2, 1.0  # s, of a gait that is believed
+_STEP_TIMES = 0.2, 1.0  # s, range of an accepted gait's step time
 
 
 def refusal(mode: Mode, tick: int) -> str:
-    """Why a mode is not believed at a control tick; empty if it is.
+    """Why a mode is refused at a control tick; empty if it is accepted.
 
-    It answers a state at most `PERIOD_TICKS` beyond those that the controller has seen, or
-    `LEAD` where the controller was held up, and holds from `PERIOD_TICKS` after that state on.
+    A mode answers a state at most `LEAD` ticks ahead of the controller, which may be held up. It
+    holds from a tick at most `PERIOD_TICKS` after that state on.
     """
     seq = int(mode.seq)
     return outside("mode seq", seq, 0, tick + LEAD) or outside(
@@ -36,13 +36,13 @@ def refusal(mode: Mode, tick: int) -> str:
 
 
 def gait_refusal(gait: Gait, tick: int) -> str:
-    """Why an answer of the gait optimizer is not believed or not used; empty if it is.
+    """Why an answer of the gait optimizer is refused; empty if it is accepted.
 
-    It answers a state that the controller has asked at, and comes before the tick it names.
+    An answer belongs to a state with a request, and must arrive before the tick at which it begins.
 
     Args:
         gait: The answer.
-        tick: The next that the controller computes.
+        tick: Next tick that the controller computes.
     """
     seq, effective = int(gait.seq), int(gait.effective_seq)
     wrong = (
@@ -61,20 +61,20 @@ def gait_refusal(gait: Gait, tick: int) -> str:
 
 
 class ModeTable:
-    """The modes that have arrived, by the first tick they hold for."""
+    """The modes that have arrived, by the first tick for which they hold."""
 
     def __init__(self) -> None:
         self._modes: dict[int, Mode] = {}
         self._off = Mode()
 
     def reset(self, episode: int) -> None:
-        """A new episode: off until the first answer holds."""
+        """Begin a new episode: off until the first answer holds."""
         self._modes.clear()
         self._off = Mode()
         self._off.episode[...] = episode
 
     def add(self, mode: Mode) -> None:
-        """Keep a copy of a mode."""
+        """Store a copy of a mode."""
         copy = Mode()
         copy.copy_from(mode)
         self._modes[int(mode.effective_seq)] = copy
@@ -82,16 +82,16 @@ class ModeTable:
             del self._modes[min(self._modes)]
 
     def may_begin(self, tick: int) -> bool:
-        """Whether this tick needs no further answer.
+        """Whether the answer that this tick needs has arrived.
 
-        Tick 0 needs the answer to state 0, although off holds until tick 10: so the supervisor
-        takes part before robot time passes.
+        Tick 0 needs the answer to state 0, although off holds until tick 10. So the supervisor
+        must run before robot time passes.
         """
         first = PERIOD_TICKS if tick == 0 else period_of(tick)
         return first == 0 or first in self._modes
 
     def at(self, tick: int) -> Mode | None:
-        """The mode made for a tick, or None if it has not come."""
+        """The mode made for a tick, or None if it has not arrived."""
         if tick < PERIOD_TICKS:
             return self._off
         return self._modes.get(period_of(tick))
@@ -103,19 +103,19 @@ class ModeTable:
 
 
 class ModeInForce:
-    """Which mode holds for a tick, and what holds when the supervisor is lost: stop and stand.
+    """The mode for each tick; while the supervisor is lost, modes that stop and stand.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
 
     Attributes:
         table: The modes that have arrived.
         lost: Whether the supervisor counts as lost.
-        lost_after: `effective_seq` of its last mode while it does.
+        lost_after: `effective_seq` of the supervisor's last mode before it was lost.
     """
 
     TIMEOUT = 0.4
-    """Robot time beyond the last mode after which its sender counts as lost. In s."""
+    """Robot time after the last mode at which the supervisor counts as lost. In s."""
 
     def __init__(self, period: float) -> None:
         self._period = period
@@ -125,19 +125,19 @@ class ModeInForce:
         self.lost = False
 
     def reset(self, episode: int) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self.table.reset(episode)
         self.lost = False
 
     def give_up(self) -> None:
-        """The supervisor is lost."""
+        """Treat the supervisor as lost."""
         if not self.lost:
             self.lost = True
             self.lost_after = int(self.table.newest.effective_seq)
             self._fallback.start(self.table.newest)
 
     def at(self, tick: int) -> Mode:
-        """The mode for a tick; while the supervisor is lost reused by the next call."""
+        """The mode for a tick; while the supervisor is lost, it is reused by the next call."""
         newest = int(self.table.newest.effective_seq)
         if self.lost and newest > self.lost_after:
             self.lost = False
@@ -152,21 +152,21 @@ class ModeInForce:
 class StopAndStand:
     """Modes in place of a lost supervisor's: velocities go to zero, then Cassie stands.
 
-    Off and damping stay what they are; other set-points keep their values. On a Segway, which it
-    does not leave, the lean goes back to zero as well: it would go on to drive it.
+    The modes off and damp are kept; other set-points keep their values. On a Segway riding goes on,
+    and the CoM shift returns to zero as well, since it would drive the Segway on.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     DECELERATION = 0.4
-    """Of the commanded velocities. In m/s^2, for the turn rate in rad/s^2."""
+    """Deceleration of the commanded velocities. In m/s^2, for the turn rate in rad/s^2."""
 
     SHIFT_RATE = 0.2
-    """Of the CoM's commanded shift on a Segway. In m/s."""
+    """Rate at which the commanded CoM shift on a Segway returns to zero. In m/s."""
 
     STEPPING_TIME = 1.5
-    """Stepping in place between slowing down and standing. In s."""
+    """Time of stepping in place between slowing down and standing. In s."""
 
     def __init__(self, period: float) -> None:
         self._period = period
@@ -175,7 +175,7 @@ class StopAndStand:
         self._since = 0.0
 
     def start(self, last: Mode) -> None:
-        """Begin from the last mode that holds."""
+        """Begin from the last mode in force."""
         self._mode.copy_from(last)
         self._slow = self._since = 0.0
 
@@ -199,7 +199,7 @@ class StopAndStand:
 
 
 def _less(value: npt.NDArray[np.float64], change: float) -> bool:
-    """Bring a set-point nearer to zero, in place; says whether it was not there yet."""
+    """Move a set-point towards zero, in place; True if it was not zero before."""
     now = float(value)
     value[...] = max(0.0, now - change) if now > 0.0 else min(0.0, now + change)
     return now != 0.0

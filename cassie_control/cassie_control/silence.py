@@ -1,14 +1,14 @@
-"""Whether another node has fallen silent. Wall times come in as arguments, in s."""
+"""Whether another node has become silent. Wall times come in as arguments, in s."""
 
 from __future__ import annotations
 
 
 class Silence:
-    """Watches how long ago something was last heard.
+    """Time-out of another node's messages.
 
     Args:
-        limit: Silence after which it counts as lost. In s.
-        start_limit: The same before it was first heard. In s.
+        limit: Time-out after the last message. In s.
+        start_limit: Time-out before the first message. In s.
         now: Present time.
     """
 
@@ -18,14 +18,14 @@ class Silence:
         self._ever = False
 
     def heard(self, now: float) -> None:
-        """It was heard just now."""
+        """A message has just arrived."""
         self._since = now
         self._ever = True
 
     def excuse(self, now: float) -> None:
-        """Start to count anew: it has had no reason to be heard until now."""
+        """Start the time-out anew, as no message was expected until now."""
         self._since = now
 
     def lost(self, now: float) -> bool:
-        """Whether it has been silent for too long."""
+        """Whether the time-out has passed."""
         return now - self._since > (self._limit if self._ever else self._start_limit)

@@ -1,1 +1,1 @@
-"""Set-points of the drives from what is wanted of the robot."""
+"""Control laws: set-points of the drives from the robot's state and the commanded mode."""

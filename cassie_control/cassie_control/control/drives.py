@@ -1,26 +1,27 @@
-"""Set-points of the drives while walking: eq:IK, eq:hdtilde, and torques that are fed forward.
+"""Set-points of the drives while walking: eq:IK, eq:hdtilde, and feed-forward torques.
 
-The hip. The torso hangs on the stance hip: its drive is told the measured hip angle plus the
-torso's error. Where set-points come late by D, the drive's damping is kd (v(t - D) - v(t)): nothing
-at 1 / D, which for 20 ms is near the 42 Hz at which hip and leaf springs ring. So a share of the
-hip's motion is replaced by a smooth track of the leg in space, hip angle less torso angle, which
-follows a steady swing without lag,
+The hip. The stance hip regulates the torso: the hip drive's set-point is the measured hip angle
+plus the torso's error. If set-points are late by D, the drive's damping torque is
+kd (v(t - D) - v(t)). This is 0 at the frequency 1 / D, which for 20 ms is near the 42 Hz of the
+oscillation of hip and leaf springs. So a share of the hip's motion is replaced by a low-passed
+track of the leg in space, hip angle less torso angle. The track follows a steady swing without lag,
 
     x' = r + 2 w (thigh - x),   r' = w^2 (thigh - x),
 
-and which the drive damps at 2 kHz, late or not. It is a share only: as damping at the drive it
-makes torques that come late by 3 ms ring at the same frequency.
+and the drive damps motion relative to it at 2 kHz, late or not. Only a share is replaced: with all
+of it, damping torques that the drive applies 3 ms late would cause oscillation at that frequency.
 
-The swing leg. A swinging leg is accelerated as its desired outputs ask for. In its plane it is a
-double pendulum of hip pitch p and knee k, with relaxed springs (the tarsus turns against the knee)
-and the foot kept level; about the hip roll axis a body whose inertia follows the knee:
+The swing leg. Torques accelerate the swing leg as its desired outputs require. In its plane the leg
+is a double pendulum of hip pitch p and knee k, with relaxed springs (the tarsus turns against the
+knee) and the foot kept level. About the hip roll axis its inertia depends on the knee:
 
     u_pitch = A p'' + B k'' + A' p' k' + B' k'^2
     u_knee  = B p'' + C k'' - A' p'^2 / 2
     u_roll  = R r'' + R' r' k'
 
-with A, B, C and R of the knee angle, drives' armature included, and ' in A', B', R' by the knee.
-Gravity is left to the position loop: it holds a hanging leg within 0.01 rad.
+with A, B, C and R functions of the knee angle, drives' armature included. A', B' and R' are their
+derivatives by the knee angle. Gravity is left to the position loop: it holds a hanging leg within
+0.01 rad.
 
 Source:
     Cubic polynomials fitted to the mass matrix of `cassie_gaits.dynamics` for knees of -2.4 to
@@ -47,7 +48,7 @@ from cassie_msgs.layout import MotorCommand
 
 @compiled
 def _thigh(robot: Robot, i: int, axis: int) -> tuple[float, float]:
-    """Leg `i` in space, about roll (`axis` 0) or against pitch (1). In rad and rad/s."""
+    """Angle and rate of leg `i` in space, by roll (`axis` 0) or pitch (1). In rad and rad/s."""
     if axis == 0:
         return robot.joints[i, 0] + robot.roll, robot.rates[i, 0] + robot.roll_rate
     return robot.joints[i, 2] - robot.pitch, robot.rates[i, 2] - robot.pitch_rate
@@ -55,7 +56,7 @@ def _thigh(robot: Robot, i: int, axis: int) -> tuple[float, float]:
 
 @compiled
 def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
-    """Bring the tracks of both legs up to date; the first ones begin as measured."""
+    """Update the tracks of both legs; a new track begins with the measured motion."""
     w, dt = 2.0 * math.pi * gain.thigh_track, gain.period
     for i in range(2):
         for axis in range(2):
@@ -71,7 +72,7 @@ def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
 
 @compiled
 def steady_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
-    """Hip roll (`axis` 0) or pitch (1) of a leg, with its share of the track. In rad, rad/s."""
+    """Hip roll (`axis` 0) or pitch (1) of leg `i`, with the track's share. In rad and rad/s."""
     angle, rate = _thigh(robot, i, axis)
     joint = 2 * axis
     return (
@@ -81,9 +82,9 @@ def steady_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tupl
 
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
-_SHORTEST, _LONGEST = 0.4, 0.97  # m, of the leg lengths that are set
-_SHORTEST_SWING, _LONGEST_SWING = 0.45, 0.95  # m, for the swing leg's inertia
-_LIFTED, _LIFTING = 30.0, 100.0  # N on a foot below which its leg swings, and until it does not
+_SHORTEST, _LONGEST = 0.4, 0.97  # m, range of the commanded leg length
+_SHORTEST_SWING, _LONGEST_SWING = 0.45, 0.95  # m, range of the leg length for the inertia
+_LIFTED, _LIFTING = 30.0, 100.0  # N, foot force up to which the leg swings; increase until it holds
 
 
 @compiled
@@ -102,7 +103,7 @@ def drive(
     remaining: float,
     lead: float,
 ) -> None:
-    """Desired outputs, adjusted, as set-points of the drives.
+    """Compute set-points of the drives from the adjusted desired outputs.
 
     Args:
         gains, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
@@ -111,7 +112,7 @@ def drive(
         modes: `Mode.record`, with the torso's angles. Shape (1,).
         steps: The step; changed in place. Shape (1,).
         commands: Result, `MotorCommand.record`. Shape (1,).
-        pitch, roll, length, remaining, lead: Answer of leg-angle adjustment, `plan.SwingEnd`.
+        pitch, roll, length, remaining, lead: Result of leg-angle adjustment, `plan.SwingEnd`.
 
     Source:
         eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
@@ -138,10 +139,11 @@ def drive(
 
 @compiled
 def _drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
-    """Torso roll and pitch act through the hip, in proportion to the load on the leg.
+    """Set-points of the stance leg, whose hip regulates torso roll and pitch.
 
-    q_hip + (desired - measured torso angle) is its set-point, with q_hip of `steady_hip`. The toe
-    gives no torque.
+    The hip's set-point is q_hip + load (desired - measured torso angle), with q_hip of `steady_hip`
+    and the load on the leg, 0..1; for roll the sign of the second term is -. The toe gives no
+    torque.
     """
     q, v, load, at = robot.joints[i], robot.rates[i], robot.load[i], 5 * i
     hip_roll, roll_rate = steady_hip(gain, robot, i, 0, step)
@@ -153,7 +155,7 @@ def _drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorC
     command.position[at + 2] = hip_pitch + load * (desired[PITCH] - robot.pitch)
     command.position[at + 3] = knee
     command.position[at + 4] = q[6]
-    # An unloaded stance leg keeps its joints in place until it carries the torso.
+    # An unloaded stance leg holds its joints until it carries the torso.
     hold = load if load < 1.0 else 1.0
     command.velocity[at] = (roll_rate + load * robot.roll_rate) * hold
     command.velocity[at + 1] = rates[YAW_ST]
@@ -169,14 +171,14 @@ def _drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorC
 
 @compiled
 def _drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
-    """Every joint tracks, the toe as far as the foot is unloaded.
+    """Set-points of the swing leg: every joint tracks, the toe as far as the foot is unloaded.
 
-    As far as the foot still carries weight, its hip holds the torso, as the stance hip does: a
-    leg that swings against the ground would throw the torso over.
+    As far as the foot still carries weight, its hip regulates the torso, as the stance hip does: a
+    leg that swings against the ground would tip the torso over.
 
-    The leg is drawn up no faster than it comes. A toe that slides up the face of a riser is held
-    back by up to 240 N. Wound up against that, knee and springs throw the foot up by 0.4 m as it
-    comes free, and it lands far too short.
+    The commanded leg length leads the measured one by at most `swing_lag` while the leg shortens. A
+    toe that slides up the face of a riser is held back by up to 240 N. With a larger error, knee
+    and springs would throw the foot up by 0.4 m as it comes free, and it would land far too short.
     """
     q, v, at = robot.joints[i], robot.rates[i], 5 * i
     desired, rates = step.desired, step.desired_rates
@@ -218,12 +220,12 @@ def _share(
     position: tuple[float, float],
     rate: tuple[float, float],
 ) -> None:
-    """Divide a drive between its own law and another: `own` of its torque, `share` of the other's.
+    """Combine two laws of a drive: `own` times its own torque plus `share` times the other law's.
 
     Args:
         command: With the drive's own gains and set-points; changed in place.
-        drive: Its number.
-        own, share: 0..1.
+        drive: Number of the drive.
+        own, share: Weights of the two laws, 0..1.
         position, rate: Gain and set-point of the other law.
     """
     kp, other_kp = own * command.kp[drive], share * position[0]
@@ -237,7 +239,7 @@ def _share(
 
 @compiled
 def _knee(length: float, length_rate: float) -> tuple[float, float]:
-    """Knee angle and rate of a leg length, within what is set; in rad and rad/s."""
+    """Knee angle and rate of a leg length, clamped to its range; in rad and rad/s."""
     length = min(_LONGEST, max(_SHORTEST, length))
     knee = nearest_knee_angle(length)
     return knee, virtual_leg.knee_rate(knee, length, length_rate)
@@ -247,7 +249,7 @@ def _knee(length: float, length_rate: float) -> tuple[float, float]:
 def _hold_weight(
     robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
 ) -> None:
-    """Torques that hold a weight (N) with a leg, along the line from foot to CoM."""
+    """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
     z = max(0.4, robot.com[2] - robot.ankle[i, 2])
     held = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
@@ -260,7 +262,7 @@ def _hold_weight(
 def _push_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Add the torques that accelerate the swing leg, as far as it is off the ground.
 
-    The stance hip takes what they do to the torso to the ground.
+    The stance hip transmits their reaction on the torso to the ground.
     """
     share = gain.swing_inertia * (1.0 - robot.load[i])
     length = min(_LONGEST_SWING, max(_SHORTEST_SWING, step.desired[LENGTH_SW]))
@@ -290,12 +292,13 @@ def inertia_torques(
 
     Args:
         rates: Desired rates of leg roll, leg pitch and leg length. In rad/s and m/s.
-        accelerations: The same for accelerations. In rad/s^2 and m/s^2.
-        knee: Angle that gives the desired leg length. In rad.
+        accelerations: Desired accelerations of leg roll, leg pitch and leg length. In rad/s^2 and
+            m/s^2.
+        knee: Knee angle that gives the desired leg length. In rad.
         inertia: See `gains.INERTIA`. Shape (4, 4), in kg m^2.
 
     Returns:
-        In Nm.
+        Torques. In Nm.
     """
     bend = knee + KNEE_OFFSET
     sine, cosine = math.sin(bend), math.cos(bend)

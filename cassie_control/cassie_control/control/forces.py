@@ -1,13 +1,13 @@
-"""The weight that the legs are told to carry, compiled: how much, by which leg, with what torques.
+"""Feed-forward of the weight, compiled: how much each leg carries, with what torques.
 
-While the drives act at once, a leg is told to carry what its foot's force says. Where they act late
-on commands, by D, the leg that lifts would go on pushing for D after the other one has landed. Then
-the weight goes over by the phase, for the moment at which the drives will act: over a time T from
-touchdown on,
+While the drives act at once, a leg's share of the weight follows its foot's force. With a latency D
+of the drives, the leg that lifts would push for a time D after the other leg has landed. Then the
+weight shifts by the phase, for the moment at which the drives will act. Over a time T from
+touchdown on, the stance leg's share is
 
     s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)
 
-of it to the stance leg, t since its touchdown and t_end at the next one.
+with t the time since its touchdown and t_end that of the next touchdown.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.outputs import Step
     from cassie_control.control.robot import Robot
 
-_BRUSHED = 50.0  # N on a foot up to which its leg does not push: it may have met a bump
+_BRUSHED = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
 
 @compiled
 def damped_weight(gain: Gains, robot: Robot, step: Step) -> float:
-    """What the legs press with: the weight, less while the CoM rises off the ground's slope.
+    """Force of the legs, in N: the weight, less a damping by the CoM's speed off the slope.
 
     The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
-    the legs. Where the drives act late, the feet's force tells how fast the CoM will rise by then.
+    the legs. Where the drives act late, the feet's force predicts the CoM's speed at that time.
     """
     rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
     acceleration = (robot.force[0] + robot.force[1]) / gain.mass - GRAVITY
@@ -60,7 +60,7 @@ def carried_share(gain: Gains, robot: Robot, step: Step, i: int) -> float:
 def _due(gain: Gains, step: Step) -> float:
     """Share that the stance leg will carry when the drives act on this command.
 
-    Until the foot of the swing leg carries, its touchdown is taken to come at the end of the step.
+    The next touchdown is assumed at the planned end of the step, even if it is late.
     """
     since = step.phase / step.rate + gain.latency
     until = (1.0 - step.phase) / step.rate - gain.latency

@@ -1,4 +1,4 @@
-"""What the walking law takes for granted: gains, the control period, and numbers of the robot."""
+"""Constants of the walking law: gains, the control period, and numbers of the robot."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from cassie_gaits.records import FloatArray, Record, array
 
 
 class Gains(Record):
-    """Gains of the walking law, and what else it takes for granted.
+    """Gains and other constants of the walking law.
 
-    Those with the name of a field of `config.WalkConfig` come from there, and are 0 where the
-    paper's law leaves them out.
+    Attributes with the name of a field of `config.WalkConfig` come from that field, and are 0 where
+    the paper's law leaves them out.
 
     Attributes:
-        straight: 1 where the swing leg's angles go the way of least effort.
-        share_force: 1 where legs carry the weight by their forces, 0 by their loads.
+        straight: 1 where the swing leg's angles have the least squared acceleration.
+        share_force: 1 where the legs' shares of the weight follow their forces, 0 their loads.
         level: 1 where the stance hip travels level, 0 where its leg has the gait's length.
-        swing_inertia: 1 where torques accelerate the swing leg ahead of its tracking.
-        swing_lag: By how much a swing leg that is drawn up lags at most. In m.
-        mass: Of the robot. In kg.
-        period: Of control. In s.
-        latency: Of the drives, that is allowed for. In s.
-        handover: Time in which the weight then goes from leg to leg. In s.
-        kp, kd: Of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
+        swing_inertia: 1 where feed-forward torques accelerate the swing leg.
+        swing_lag: Largest error of the swing leg's length while the leg shortens. In m.
+        mass: Mass of the robot. In kg.
+        period: Control period. In s.
+        latency: Latency of the drives that is compensated. In s.
+        handover: Time in which the weight shifts from leg to leg if there is a latency. In s.
+        kp, kd: Gains of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
         hip_x, hip_z: Hip pitch axis in the pelvis frame. In m.
-        inertia: Of the swing leg, see `INERTIA`.
-        least_effort: From a polynomial's two first and two last coefficients to the two between.
+        inertia: Inertia of the swing leg, see `INERTIA`.
+        least_effort: Matrix from a polynomial's first and last two coefficients to the two between.
     """
 
     kp_torso_roll: float
@@ -79,9 +79,9 @@ INERTIA = np.array(
 
 
 def _least_effort() -> FloatArray:
-    """From a polynomial's first and last two coefficients to the two between. Shape (2, 4).
+    """Matrix from a polynomial's first and last two coefficients to the two between. Shape (2, 4).
 
-    They give the least integral of the squared second derivative.
+    These two give the least integral of the squared second derivative.
     """
     bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
     ends = bends[:, (0, 1, 4, 5)]
@@ -96,10 +96,10 @@ _BESIDE_THE_PAPER = (*_SWITCHES, "clearance", "bounce_damping", "thigh_angle", "
 
 
 def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
-    """Gains of a configuration, of the control period (s), of the robot, and of its drives.
+    """Constants of the walking law, from a configuration and the control period (s).
 
-    What the walking law has beside the paper's is left out under the paper's own. As far as the
-    drives act late on commands (`latency`, in s), gains go over to those for late ones.
+    Under the paper's law, this project's additions to it are left out. With a growing latency of
+    the drives (`latency`, in s) the gains become those for late drives.
     """
     result = Gains()
     for name in Gains.TYPE.names or ():
@@ -124,12 +124,12 @@ def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
 
 
 def _allow_for(result: Gains, config: WalkConfig, latency: float) -> None:
-    """Gains for drives that act late."""
+    """Change the gains to those for drives that act late."""
     late, share = config.late, config.late.walking_share(latency)
     if share == 0.0:
         return
     result.latency, result.handover = latency, late.handover
-    # What comes late must not shake the set-points: they follow the track of the leg alone.
+    # Late measurements must not shake the set-points: these use the track of the leg alone.
     for name, goal in (
         ("thigh_track", late.thigh_track),
         ("thigh_angle", 1.0),

@@ -38,7 +38,7 @@ from cassie_msgs.layout import (
 from cassie_msgs.schedule import GAIT_TICKS
 
 _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
-"""As plain numbers: to find a member of an Enum takes Python 0.3 us."""
+"""Modes as plain numbers: to find a member of an Enum takes Python 0.3 us."""
 
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
 """Damping of the drives in mode DAMP. In Nms/rad."""
@@ -57,16 +57,16 @@ def fill_in(
     gait_speed: float,
     latency: float,
 ) -> None:
-    """Say what a step of the controller did, in `ControllerStatus.record`.
+    """Report a step of the controller in `ControllerStatus.record`.
 
     Args:
         statuses: Result. Shape (1,).
-        states, modes, commands: What it was given and what it answered; records. Shape (1,).
-        timings, steps: Of walking. Shape (1,).
-        torque_limit: Of the drives. Shape (10,), in Nm.
-        walks: Whether it walks.
-        gait_speed: At which the gait library is read. In m/s.
-        latency: Found in the drives. In s.
+        states, modes, commands: Inputs and output of the step; records. Shape (1,).
+        timings, steps: Timing and step of walking. Shape (1,).
+        torque_limit: Torque limits of the drives. Shape (10,), in Nm.
+        walks: Whether the robot walks.
+        gait_speed: Speed at which the gait library is read. In m/s.
+        latency: Latency found in the drives. In s.
     """
     status, state, mode, timing, step = statuses[0], states[0], modes[0], timings[0], steps[0]
     status.sec, status.nanosec = state.sec, state.nanosec
@@ -99,19 +99,19 @@ class Activity(enum.Enum):
 
 
 class GaitController:
-    """State and mode in, drive set-points out.
+    """Computes drive set-points from state and mode.
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
     walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
-    the supervisor asks for it when Cassie steps in place. A push that standing cannot hold makes
-    it step by itself (`recovery`) until it is slow again. Riding a Segway is standing with gains
-    of its own. After each change the set-points are
-    blended over a moment.
+    the supervisor asks for standing when Cassie steps in place. A push that standing cannot hold
+    makes the robot step by itself (`recovery`) until it is slow again. Riding a Segway is standing
+    with gains of its own. After a change to standing, leaning or riding, torques and gains are
+    blended over `blend_time`.
 
     Args:
         config: Gains.
         library: Gaits.
-        period: Of control. In s.
+        period: Control period. In s.
         learned: Torques learned over repeated steps, or None.
     """
 
@@ -130,7 +130,7 @@ class GaitController:
         self.reset()
 
     def configure(self, config: ControllerConfig) -> None:
-        """Take over new gains at once."""
+        """Use new gains at once."""
         self.config = config
         self._allow_for(self.latency.latency)
         self.riding.configure(config.segway, config.stand)
@@ -138,7 +138,7 @@ class GaitController:
         self.learning.configure(config)
 
     def reset(self) -> None:
-        """Start afresh, with nothing of what was, in 10 ms."""
+        """Start afresh, without any memory of the past; takes 10 ms."""
         config, period = self.config, self._period
         self.readings = Readings()
         self.standing = StandingController(config.stand, period)
@@ -162,7 +162,7 @@ class GaitController:
         self._blend = self._blend_time = 0.0
 
     def _allow_for(self, latency: float) -> None:
-        """Go over to gains for drives that act late on commands, by so much (s)."""
+        """Use gains for a latency (s) of the drives."""
         self.walking.allow_for(latency)
         self.standing.config = self.config.walk.late.standing(self.config.stand, latency)
 
@@ -174,8 +174,8 @@ class GaitController:
 
         Raises:
             ControlError: if state or mode hold a value that is not finite, or the mode is
-                unknown: everything then stays as it was. Or if the command came out not finite:
-                the controller then starts afresh.
+                unknown; nothing is then changed. Also if the command came out not finite; the
+                controller then starts afresh.
         """
         if not is_within(state.floats, LARGEST):
             check(state, "state", ControlError)
@@ -256,7 +256,7 @@ class GaitController:
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
 
     def _recover(self, mode: Mode) -> None:
-        """Step, from this tick on, if standing cannot hold a push."""
+        """Begin a recovery step at this tick if standing cannot hold a push."""
         stance = self.recovery.stance(self.readings, self.standing, self.config.transition)
         if stance is None:
             return
@@ -269,7 +269,7 @@ class GaitController:
         self._walk(mode)
 
     def _walk(self, mode: Mode) -> bool:
-        """One tick of walking, with the feet wider before a stop; whether a step ended."""
+        """One tick of walking, with the feet wider before a stop; True if a step ended."""
         stops = int(mode.mode) == _STAND
         spread = self.config.transition.stop_spread if stops else 0.0
         walking = self.walking
@@ -284,7 +284,7 @@ class GaitController:
         return ended
 
     def _may_stop(self, mode: Mode) -> bool:
-        """Whether walking ends here: some steps after it was asked for, with a slow CoM."""
+        """Whether walking ends at this touchdown: some steps after the command, with a slow CoM."""
         if int(mode.mode) != _STAND:
             self._stop_steps, self._recovers = 0, False
             return False
@@ -301,7 +301,7 @@ class GaitController:
         return slow or self._stop_steps >= transition.stop_steps
 
     def _blend_in(self) -> None:
-        """Go over from the last set-points to the new ones, torques and gains alike."""
+        """Blend torques and gains from the last ones to the new ones."""
         if self.activity not in (Activity.STANDING, Activity.LEANING, Activity.RIDING):
             return
         self._blend -= self._period
@@ -312,13 +312,13 @@ class GaitController:
             now += share * before
 
     def offer(self, gait: Gait) -> None:
-        """Take up a gait at the next touchdown of walking, see `WalkingController.offer`."""
+        """Use a gait from the next touchdown of walking on, see `WalkingController.offer`."""
         self.walking.offer(gait)
 
     def request(self) -> GaitRequest | None:
-        """For which gait to ask after the last step, on the schedule of `GAIT_TICKS`; reused.
+        """Request of a gait after the last step, or None; every `GAIT_TICKS` ticks; reused.
 
-        It is called after every step where gaits are made, because the payload is estimated here.
+        The caller calls it after every step where gaits are made: it also estimates the payload.
         """
         state, mode, payload = self._state, self._mode, self._payload
         if self.activity is not Activity.WALKING:
@@ -336,7 +336,7 @@ class GaitController:
 
     @property
     def status(self) -> ControllerStatus:
-        """What the last step did; reused. Filled in when asked for, which is not every tick."""
+        """Report of the last step; reused. It is computed when read, which is not every tick."""
         walking = self.walking
         walks = self.activity is Activity.WALKING
         if walks:

@@ -1,4 +1,4 @@
-"""How late the drives act on commands, found from the torques that they report."""
+"""Estimate of the drives' latency from the torques that they report."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_msgs.layout import MotorCommand, RobotState
 
 REPORTED_AFTER = 0.0035
-"""From when a drive sets a torque until a sample has it: 3 ms to its effect, 0.5 ms more. In s."""
+"""Time from a drive's set torque to the sample: 3 ms to the torque's effect, 0.5 ms more. In s."""
 
 LONGEST = 0.08
-"""Latency up to which it is looked for. In s."""
+"""Largest latency that is tested. In s."""
 
-_AVERAGED_OVER = 0.25  # s
-_ENOUGH = 0.01  # sum of squares of unexplained torques, by the drives' largest, that is looked into
-_BETTER = 0.3  # share of them that another latency has to leave, or less
-_EXPLAINED = 0.1  # share of all torques that it may leave
+_AVERAGED_OVER = 0.25  # s, time constant
+_ENOUGH = 0.01  # threshold of the squared residual, torques over the drives' largest, for a search
+_BETTER = 0.3  # largest ratio of the residuals with another and with the present latency
+_EXPLAINED = 0.1  # largest ratio of the residual with another latency to all squared torques
 
 
 class Search(Record):
-    """Where the search for the latency is.
+    """State of the search for the latency.
 
     Attributes:
-        seq: Of the state observed last.
+        seq: `seq` of the last observed state.
         head: Row of the newest command, which answered the state before this one.
-        known: How many commands have been sent since the record began.
-        row: How many commands ago the drives' torques are explained by, as found.
-        later: How much later than the oldest of `seen` the reported torques were set. In ticks.
-        share: Of a new value in the averages.
-        scale: 1 by the largest torque of each drive. In 1/Nm.
+        known: Number of commands sent since the record began.
+        row: Latency found, in commands: the age of the command that explains the torques.
+        later: Time from the oldest of `seen` to the setting of the reported torques. In ticks.
+        share: Low-pass weight of a new value.
+        scale: 1 over the largest torque of each drive. In 1/Nm.
     """
 
     seq: int = whole()
@@ -54,14 +54,15 @@ def observe(
     errors: FloatArray,
     searches: Records[Search],
 ) -> bool:
-    """Average what each latency leaves unexplained; says whether another one explains more.
+    """Low-pass the residual of each latency; True if the latency found has changed.
 
     Args:
-        states: `RobotState.record`: the drives and what they report now. Shape (1,).
+        states: `RobotState.record`: the drives and their reported torques. Shape (1,).
         sent: Ring of commands: torque, position, velocity, kp, kd of the ten drives. Shape (n, 50).
-        seen: Angles and rates of the drives at the last ticks, the oldest first; brought up to
-            date. Shape (m, 2, 10).
-        errors: Averages, the last one of the reported torques themselves; changed. Shape (n + 1,).
+        seen: Angles and rates of the drives at the last ticks, the oldest first; updated. Shape
+            (m, 2, 10).
+        errors: Averages of the squared residuals, and, last, of the squared reported torques;
+            updated. Shape (n + 1,).
         searches: Changed in place. Shape (1,).
     """
     state, search = states[0], searches[0]
@@ -116,20 +117,20 @@ def keep(command: FloatArray, sent: FloatArray, searches: Records[Search]) -> No
 
 
 class CommandLatency:
-    """Compares reported torques with what commands of the past would have made the drives do.
+    """Estimates the drives' latency: compares reported torques with those of past commands.
 
-    A drive that took over the command of D ticks ago reports, 3.5 ms
-    later,
+    A drive that acts on the command of D ticks ago reports, 3.5 ms later,
 
         u = torque + kp (position - q) + kd (velocity - v).
 
-    For each D the squared differences from the reported torques, each by its drive's largest, are
-    summed over the drives and averaged over a quarter of a second. The latency found changes to the
-    D that explains most where the present one leaves much unexplained. Standing still, every D
-    explains the same torques and nothing changes; the first steps show it.
+    For each D the residual is the squared difference from the reported torque, over the drive's
+    largest one. It is summed over the drives and low-passed over a quarter of a second. The latency
+    found becomes the D with the least residual where the present one leaves a large residual. While
+    the robot stands still, every D explains the same torques and nothing changes; the first steps
+    reveal the latency.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     def __init__(self, period: float) -> None:
@@ -147,25 +148,25 @@ class CommandLatency:
             scale=1.0 / np.array(limits),
         )
         self.reset()
-        # The first calls load the compiled functions, or make them.
+        # The first calls load the compiled functions, or compile them.
         self.observe(RobotState())
         self.sent(MotorCommand())
         self.reset()
 
     @property
     def latency(self) -> float:
-        """From the answer to a state until the drives act on it, beyond their own delay. In s."""
+        """Time from a command until the drives act on it, beyond their own delay. In s."""
         return (self._search.row - self._usual) * self._period
 
     def reset(self) -> None:
-        """Forget everything: commands act at once."""
+        """Begin anew with the latency 0."""
         search = self._search
         search.row, search.seq = self._usual, -1
         search.head = search.known = 0
         self._errors[:] = 0.0
 
     def observe(self, state: RobotState) -> bool:
-        """Take in a state, with what the drives report; says whether the latency found changed."""
+        """Update with a state and its reported torques; True if the latency found has changed."""
         changed: bool = observe(
             state.record, self._sent, self._seen, self._errors, self._search.records
         )

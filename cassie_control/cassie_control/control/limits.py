@@ -1,4 +1,4 @@
-"""What no command may exceed, whatever the law that made it."""
+"""Bounds of every command, whatever law made it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ FloatArray = npt.NDArray[np.float64]
 
 @compiled
 def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
-    """Clamp each value in place; the index of the first that is not finite, or -1.
+    """Clamp each value in place; returns the index of the first that is not finite, or -1.
 
     Args:
-        values, low, high: All of the same shape (n,) and unit.
+        values, low, high: Values and their bounds. Same shape (n,) and unit.
     """
     for i in range(values.size):
         if not math.isfinite(values[i]):
@@ -31,13 +31,13 @@ def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
 
 
 KP_LIMIT = 5000.0
-"""Position gain that a drive accepts. In Nm/rad."""
+"""Largest position gain that a drive accepts. In Nm/rad."""
 
 KD_LIMIT = 500.0
-"""Velocity gain that a drive accepts. In Nms/rad."""
+"""Largest velocity gain that a drive accepts. In Nms/rad."""
 
 MARGIN = math.radians(0.5)
-"""How far from a joint's stops its set-points stay. In rad."""
+"""Least distance of a set-point from its joint's stops. In rad."""
 
 _ANY = 1e6  # Nm, rad/s: the motors bound torque and speed
 
@@ -45,7 +45,7 @@ _ANY = 1e6  # Nm, rad/s: the motors bound torque and speed
 def stops() -> tuple[FloatArray, FloatArray]:
     """Lower and upper stop of each drive's joint.
 
-    The tarsus counts for the knee, which turns it while the springs are relaxed.
+    The knee's stops include the tarsus's, as the knee turns the tarsus while springs are relaxed.
 
     Returns:
         Two arrays in the order of the drives. Shape (10,), in rad.

@@ -1,17 +1,17 @@
-"""Mass that the legs carry beyond the robot's own, as the feet feel it while walking."""
+"""Estimate of a payload's mass from the feet's forces while walking."""
 
 from __future__ import annotations
 
 from cassie_gaits import robot
 
-_SHARE = 0.15  # of the difference that two steps take in
-_MOST = 30.0  # kg
+_SHARE = 0.15  # low-pass weight of a new pair of steps
+_MOST = 30.0  # kg, saturation of the payload
 
 
 class Payload:
-    """Mean of the vertical forces on both feet over two steps, by gravity, less the robot's mass.
+    """Mean vertical force on both feet over two steps, divided by gravity, less the robot's mass.
 
-    Over a stride that ends as it began, the centre of mass has no mean acceleration.
+    Over a stride that ends as it began, the mean acceleration of the centre of mass is 0.
 
     Attributes:
         mass: Low-passed over strides, 0 or more. In kg.
@@ -28,11 +28,11 @@ class Payload:
         self._ticks, self._since = 0, -1
 
     def step(self, force: float, steps: int) -> None:
-        """Take in a tick.
+        """Update with one tick.
 
         Args:
             force: Sum of the vertical forces on both feet. In N.
-            steps: Since walking began.
+            steps: Number of steps since walking began.
         """
         if not 0 <= steps - self._since < 2:
             if self._ticks and steps - self._since == 2:

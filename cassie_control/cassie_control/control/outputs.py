@@ -1,4 +1,4 @@
-"""The nine outputs of eq:h0: how they are measured, and how they are desired during a step.
+"""The nine outputs of eq:h0: their measured values, and their desired values during a step.
 
 `Step` is the record of a step, which compiled functions share. `walking` has the reasoning.
 """
@@ -30,30 +30,30 @@ class Step(Record):
     Attributes:
         stance: Number of the stance leg.
         phase: The paper's tau.
-        rate: Of the phase, before leg-angle adjustment. In 1/s.
-        step_time: The gait's. In s.
-        heading: To follow. In rad.
+        rate: Rate of the phase before leg-angle adjustment. In 1/s.
+        step_time: Step duration of the gait. In s.
+        heading: Desired heading. In rad.
         sideways: Mean velocity to the left of the last two steps. In m/s.
-        yaw_rate: Commanded. In rad/s.
+        yaw_rate: Commanded yaw rate. In rad/s.
         yaw: Swing hip yaw at touchdown. In rad.
         turn: Half of the turn of this step. In rad.
-        rise: How much the gait's stance leg still grows. In m.
+        rise: Remaining growth of the gait's stance leg. In m.
         gait_pitch, gait_roll, gait_length: The gait's swing leg at touchdown. In rad and m.
-        new_rate: Of the phase, as leg-angle adjustment answers. In 1/s.
-        pitch, roll, length: Swing leg at touchdown, as it answers. In rad and m.
-        lead: By how much the foot touches down before the step's end. In s.
-        speed: Low-passed, forward. In m/s.
-        torso_roll, torso_pitch: Commanded. In rad.
-        slope_ahead, slope_left: Rise of the ground over distance.
+        new_rate: Rate of the phase after leg-angle adjustment. In 1/s.
+        pitch, roll, length: Swing leg at touchdown by leg-angle adjustment. In rad and m.
+        lead: Time from the foot's first contact to the end of the step. In s.
+        speed: Low-passed forward velocity. In m/s.
+        torso_roll, torso_pitch: Commanded torso angles. In rad.
+        slope_ahead, slope_left: Slope of the ground forward and to the left, rise over distance.
         foothold: Height of the stance foot over the ground around it. In m.
-        start, start_rates: Outputs and their rates where this step began.
+        start, start_rates: Outputs and their rates at the beginning of this step.
         gait: Bezier coefficients of this step.
-        desired, desired_rates, accelerations: Desired outputs and their derivatives by time.
+        desired, desired_rates, accelerations: Desired outputs and their time derivatives.
         measured, measured_rates: Outputs and their rates as last measured.
-        clearance: How much higher than the gait's the swing foot passes mid-step. In m.
+        clearance: Height added to the gait's swing foot in mid-step. In m.
         tracked: 1 once the tracks of the thighs have begun.
-        thigh, thigh_rates: Of each leg, hip roll and pitch less the torso's, see `track_thighs`. In
-            rad and rad/s.
+        thigh, thigh_rates: Track of each leg in space, roll and pitch, and its rates, see
+            `track_thighs`. In rad and rad/s.
     """
 
     stance: int = whole()
@@ -96,7 +96,7 @@ class Step(Record):
 
 @compiled
 def measure(robots: Records[Robot], stance: int, steps: Records[Step]) -> None:
-    """Bring `Step.measured` and `Step.measured_rates` up to date, outputs h_0 and their rates.
+    """Update `Step.measured` and `Step.measured_rates`: the outputs h_0 and their rates.
 
     Source:
         eq:h0 and eq:AbsoluteQuantities (README of cassie_gaits, Errata).
@@ -128,13 +128,13 @@ def measure(robots: Records[Robot], stance: int, steps: Records[Step]) -> None:
 def begin_step(
     robots: Records[Robot], stance: int, keeps_lengths: bool, steps: Records[Step]
 ) -> None:
-    """Outputs of the new step start where the legs are, eq. of continuity.
+    """Start the outputs of the new step at the measured ones (eq. of continuity).
 
     Args:
         robots: The robot now. Shape (1,).
         stance: Number of the new stance leg.
-        keeps_lengths: Whether the legs' lengths go on from those desired. Knees hold the weight by
-            what lacks to the length they aim at: it must not jump.
+        keeps_lengths: Whether the legs' lengths start at the desired ones. The knees hold the
+            weight by the difference of desired and measured length, which must not jump.
         steps: The step; changed in place. Shape (1,).
     """
     measure(robots, stance, steps)
@@ -146,14 +146,14 @@ def begin_step(
             step.desired[LENGTH_SW],
             step.desired[LENGTH_ST],
         )
-    # Measured rates jump at the impact: what the motors hold goes on from rest.
+    # Measured rates jump at the impact, so these outputs start from rest.
     step.start_rates[YAW_ST] = step.start_rates[LENGTH_ST] = 0.0
     step.start_rates[YAW_SW] = step.start_rates[LENGTH_SW] = step.start_rates[FOOT_SW] = 0.0
 
 
-_LONGEST = 0.95  # m, of a stance leg that travels level
-_LIFT = 0.05  # m, by which a swing leg is drawn up whose foot is pressed down,
-_LIFTED, _LIFTING = 30.0, 100.0  # beginning at this force, until as much beyond it. In N
+_LONGEST = 0.95  # m, largest length of a stance leg that keeps its hip level
+_LIFT = 0.05  # m, saturation of the lift of a swing leg whose foot carries load
+_LIFTED, _LIFTING = 30.0, 100.0  # N, foot force from which it lifts; increase until saturation
 
 
 @compiled
@@ -167,14 +167,14 @@ def desire(
     yaw_rate: float,
     steps: Records[Step],
 ) -> None:
-    """Desired outputs as the gait has them, and what leg-angle adjustment is to know.
+    """Desired outputs by the gait, and the inputs of leg-angle adjustment.
 
     Args:
         gains: Constants of the law. Shape (1,).
         robots: The robot now. Shape (1,).
         timings: Phase; gets the gait's step time. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        yaw_rate: At which the gait is read, as commanded. In rad/s.
+        yaw_rate: Commanded yaw rate, at which the gait is read. In rad/s.
         steps: The step; changed in place. Shape (1,).
     """
     gain, robot, timing, step = gains[0], robots[0], timings[0], steps[0]
@@ -207,7 +207,7 @@ def desire(
 
 @compiled
 def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
-    """The gait, begun where the legs were at touchdown; the torso's own is continuous."""
+    """Copy the gait and start it where the legs were at touchdown; the torso's is continuous."""
     gait = step.gait
     for i in range(9):
         for k in range(6):
@@ -215,7 +215,7 @@ def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
         if i not in (ROLL, PITCH):
             gait[i, 0] = step.start[i]
             gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
-    # 10 s^2 (1 - s)^2 of these two: 5/8 in the middle of a step, nothing at its ends.
+    # These two have the weight 10 s^2 (1 - s)^2: 5/8 in the middle of a step, 0 at its ends.
     for k in (2, 3):
         gait[LENGTH_SW, k] -= 1.6 * step.clearance
     if gain.straight > 0.0:
@@ -228,12 +228,12 @@ def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
 
 @compiled
 def adjust(gain: Gains, robot: Robot, step: Step) -> None:
-    """Leg-angle adjustment and turning, faded in over the step; `desire` comes before.
+    """Add leg-angle adjustment and turning, smoothly over the step; called after `desire`.
 
     Args:
         gain: Constants of the law.
         robot: The robot now.
-        step: The step, with what adjustment answered; changed in place.
+        step: The step, with the result of leg-angle adjustment; changed in place.
     """
     gait, rate = step.gait, step.new_rate
     phase = min(1.0, step.phase)
@@ -269,10 +269,10 @@ def _fade_in(step: Step, row: int, change: float, phase: float, rate: float) -> 
 
 @compiled
 def _turn_body(step: Step, phase: float, rate: float) -> None:
-    """Stance hip yaw from where the foot landed to the end of this step's turn.
+    """Move stance hip yaw from its value at touchdown to the end of this step's turn.
 
-    The commanded turn goes at an even rate, so that the foot need not accelerate the body, for
-    which a line of contact has little friction. Only the error with which the foot landed fades.
+    The commanded turn has a constant rate, so that the foot need not accelerate the body: a line
+    contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
     """
     r = 1.0 - phase
     _fade_in(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
@@ -283,10 +283,10 @@ def _turn_body(step: Step, phase: float, rate: float) -> None:
 
 @compiled
 def _level_hips(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
-    """Let the stance leg grow and shrink so that its hip travels level, as far as wanted.
+    """Change the stance leg's length so that its hip travels level, by the share `gain.level`.
 
-    On a slope the hip travels along it, at the height it has where the CoM is above the foot. It
-    keeps its height over the ground around the foot, whatever the foot itself stands on.
+    On a slope the hip travels parallel to the slope, at the height that it has with the CoM above
+    the foot. It keeps its height over the ground around the foot, whatever the foot stands on.
     """
     back = max(0.0, min(1.0, -3.0 * step.speed))
     share = gain.level * fade(phase)
@@ -306,7 +306,7 @@ def _level_hips(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
 
 @compiled
 def _lift(robot: Robot, step: Step, phase: float) -> None:
-    """Draw up a swing leg whose foot is still pressed down, as where a push leans on it."""
+    """Shorten a swing leg whose foot still carries load, as after a push to its side."""
     pressed = min(1.0, max(0.0, (robot.force[1 - step.stance] - _LIFTED) / _LIFTING))
     due = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
     step.desired[LENGTH_SW] -= _LIFT * pressed * due
@@ -314,7 +314,7 @@ def _lift(robot: Robot, step: Step, phase: float) -> None:
 
 @compiled
 def _reach_down(gain: Gains, step: Step, rate: float) -> None:
-    """The ground is later than planned: the swing leg grows until it finds it."""
+    """Extend the swing leg while touchdown is later than planned."""
     for i in range(9):
         step.desired_rates[i] = step.accelerations[i] = 0.0
     grown = gain.late_speed * (step.phase - 1.0) / rate

@@ -1,4 +1,4 @@
-"""Whether a push calls for a step."""
+"""Recovery steps: whether a push needs a step, and changes to its first step."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cassie_gaits import virtual_leg
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
-_FOOTED_TIME = 1.5  # s for which it counts that both feet carried it
-_BOTH = 0.6  # share of the weight on the ground that counts as standing
-_CARRIED = 0.4  # share of it below which the robot is in the air
+_FOOTED_TIME = 1.5  # s after standing on both feet in which a recovery step may begin
+_BOTH = 0.6  # share of the weight on the feet that counts as standing
+_CARRIED = 0.4  # share of the weight on the feet below which the robot is in the air
 _CONTACT = 0.7  # probability of contact of each foot that counts as standing
-_REST_X = 0.06  # m, of the capture point from the feet's midpoint from which standing brings rest
+_REST_X = 0.06  # m, distance of capture point and feet's midpoint from which standing brings rest
 _REST_APART = (0.2, 0.45)  # m, distance of the feet that standing takes over
 _REST_BOUNCE = 0.2  # m/s, vertical speed with which both feet stay on the ground
 _REST_TILT = 0.15  # rad
@@ -37,13 +37,13 @@ def rests(readings: Readings, config: TransitionConfig) -> bool:
 
 
 def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) -> None:
-    """Press with the edge of the stance foot's sole that the robot falls over.
+    """Move the stance foot's centre of pressure to the capture point, at most to the sole's edge.
 
     Args:
         readings: The robot now.
-        stance: Leg that carries it.
+        stance: Leg that carries the robot.
         command: Set-points of walking, whose stance toe gives no torque; torque is added.
-        limit: Bound of it. In Nm.
+        limit: Bound of the torque. In Nm.
     """
     leg = readings.legs[stance]
     height = max(0.3, readings.com_from_feet[2])
@@ -54,13 +54,13 @@ def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) 
 
 
 def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None:
-    """Pull up the swing leg, soon, as no lean has taken the weight off it.
+    """Lift the swing foot early in the step, as no lean has unloaded it.
 
     Args:
-        swing: Leg.
-        phase: Of the step, 0..1.
+        swing: Number of the swing leg.
+        phase: Phase of the step, 0..1.
         command: Set-points of walking; the knee's is changed.
-        height: At most. In m.
+        height: Largest lift. In m.
     """
     knee = 5 * swing + 3
     length = virtual_leg.length(float(command.position[knee]))
@@ -71,12 +71,12 @@ def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None
 class ShorteningLimit:
     """Bounds how fast the stance leg of the first recovery step shortens.
 
-    Standing may have pushed the pelvis up to straight legs, or a push may have lifted it. The gait
-    takes the leg from there to its own length within a tenth of a second, by more than the robot
-    falls in that time: both feet would leave the ground.
+    Standing may have raised the pelvis up to straight legs, or a push may have lifted it. The gait
+    shortens the leg from there to the gait's length within a tenth of a second. The robot falls by
+    less in that time, so that both feet would leave the ground.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     def __init__(self, period: float) -> None:
@@ -91,7 +91,7 @@ class ShorteningLimit:
         """Let the leg shorten no faster than standing lowers the pelvis.
 
         Args:
-            stance: Leg that carries it.
+            stance: Leg that carries the robot.
             command: Set-points of walking; the knee's is changed.
             config: Bounds of the pelvis height's rate and acceleration.
         """
@@ -108,13 +108,14 @@ class ShorteningLimit:
 class RecoveryStep:
     """Finds the moment from which standing cannot hold a push any more.
 
-    The capture point, CoM + velocity sqrt(z / g), is where the feet would have to press for it to
-    come to rest. Standing holds it inside the soles, and a little beyond by bending the torso: past
-    `recovery_x` fore and aft or `recovery_y` sideways, measured from the edge of the support, it
-    steps. The foot with less load swings. A robot that hangs, or has just come down, does not step.
+    The capture point, CoM + velocity sqrt(z / g), is the centre of pressure at which the robot
+    would come to rest. Standing holds the capture point inside the soles, and a little beyond by
+    bending the torso. The robot steps when the capture point is outside of an ellipse beyond the
+    edge of the support, with the half-axes `recovery_x` fore and aft and `recovery_y` sideways.
+    The foot with less load swings. A robot that hangs, or has just come down, does not step.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
 
     Source:
         Capture point: Pratt et al., "Capture Point: A Step toward Humanoid Push Recovery",
@@ -126,13 +127,13 @@ class RecoveryStep:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: it has not stood yet."""
+        """Begin anew, as if the robot had not stood yet."""
         self._footed = 0.0
 
     def stance(
         self, readings: Readings, standing: StandingController, config: TransitionConfig
     ) -> int | None:
-        """The leg to stand on while the other steps; None while standing holds.
+        """Leg to stand on while the other one steps; None while standing holds the push.
 
         Args:
             readings: The robot now.

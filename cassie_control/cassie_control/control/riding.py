@@ -1,6 +1,6 @@
 """Riding a Segway: the operator, or Cassie itself, leans to go, to stop and to turn.
 
-`Level` tells which way is up for a robot that is carried off, `MovingBalance` holds the CoM on
+`Level` estimates the vertical on a vehicle that accelerates, `MovingBalance` holds the CoM on
 ground that may accelerate, and `RidingController` leans.
 """
 
@@ -20,21 +20,21 @@ _CALM = 0.1  # m/s^2
 
 
 class Level:
-    """Roll and pitch by the gyro, with the estimate as their mean over a long time.
+    """Roll and pitch from the gyro, corrected by the estimate with a long time constant.
 
-    The estimator takes standing feet to be at rest: on a vehicle that accelerates by a it tilts the
-    vertical towards that of a pendulum, by up to a / g. The gyro does not feel that, and over a
-    minute drifts by some milliradians. With w the angular velocity of the torso and t the estimate:
+    The estimator assumes that standing feet are at rest. On a vehicle with the acceleration a its
+    vertical tilts towards that of a pendulum, by up to a / g. The gyro is not affected, and drifts
+    by some milliradians in a minute. With w the torso's angular velocity and t the estimated angle:
 
         pitch' = w_y cos(roll) - w_z sin(roll)                      - (pitch - t) / T,
         roll'  = w_x + tan(pitch) (w_y sin(roll) + w_z cos(roll))   - (roll - t) / T,
         T      = time (1 + |a|^2 / (0.1 m/s^2)^2).
 
-    The estimated velocity, too, takes the accelerations for the robot's own. That of the CoM seen
-    from the feet is the difference of its positions.
+    The estimated velocity is wrong, too: it includes the vehicle's acceleration. So the CoM's
+    velocity relative to the feet is computed by the difference of its positions.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     def __init__(self, period: float) -> None:
@@ -43,19 +43,19 @@ class Level:
         self.start(self._state)
 
     def start(self, state: RobotState) -> None:
-        """Begin with the estimate as it is."""
+        """Begin with the estimated angles."""
         self._pitch, self._roll = state.q[4:6].tolist()
         self._com: list[float] | None = None
 
     def corrected(
         self, state: RobotState, time: float, acceleration: Sequence[float]
     ) -> RobotState:
-        """The state with another vertical and the CoM's velocity as seen from the feet; reused.
+        """State with the corrected vertical and the CoM's velocity relative to the feet; reused.
 
         Args:
-            state: The estimate.
-            time: In which the estimate's own tilt comes in again. In s.
-            acceleration: Of the ground, forward and to the left. In m/s^2.
+            state: The state estimate.
+            time: Time constant of the correction by the estimate. In s.
+            acceleration: Acceleration of the ground, forward and to the left. In m/s^2.
         """
         pitch, roll = state.q[4:6].tolist()
         wx, wy, wz = state.angular_velocity.tolist()
@@ -79,43 +79,44 @@ class Level:
         return self._state
 
 
-_SLOW = 2.0  # m/s up to which the gains hold; 1 m/s faster those for bumps that come fast
-_FASTEST = 2.5  # m/s^2, bound of what the ground is believed to do
-_SAFE = 0.35  # capture point over reach at which the torso may bend: sooner than on plain ground
+_SLOW = 2.0  # m/s, largest speed of the usual gains; 1 m/s faster those for fast bumps hold
+_FASTEST = 2.5  # m/s^2, saturation of the ground's estimated acceleration
+_SAFE = 0.35  # capture point over reach at which the torso may bend: sooner than on fixed ground
 
 
 class MovingBalance(Balance):
-    """The balance law with the ground's acceleration taken out.
+    """The balance law with compensation of the ground's acceleration.
 
-    With c the CoM from the feet, v its velocity seen from them, p the centre of pressure and h the
-    CoM's height, the ground accelerates by
+    With c the CoM from the feet, v its velocity relative to the feet, p the centre of pressure and
+    h the CoM's height, the ground's acceleration is
 
-        a = g (c - p) / h - dv/dt,   through a low-pass of `moving_time`,
+        a = g (c - p) / h - dv/dt,   low-passed with the time constant `moving_time`,
 
-    which is 0 on plain ground. On ground that accelerates, c rests ahead of p by h a / g, so
+    which is 0 on fixed ground. On ground that accelerates, c rests ahead of p by h a / g, so
 
         p = c - h a / g + (kp (c - c*) + kd v) / W.
 
-    A Segway accelerates by what the feet press on its platform, W p / (r M): there this law holds c
-    at c* with the same stiffness as on plain ground, where feedback of c alone would be 4 times as
-    stiff, and it needs to know nothing of the vehicle. The error of c is that found by who stood
-    before: on ground that moves it cannot be told from an acceleration.
+    A Segway's acceleration follows the centre of pressure on its platform, W p / (r M). There this
+    law holds c at c* with the same stiffness as on fixed ground, without a model of the vehicle.
+    Feedback of c alone would be 4 times as stiff. The error of c is that found while standing
+    before: on moving ground it cannot be distinguished from an acceleration.
 
-    A platform that rolls on uneven ground presses the steering bar against its knees: it turns by
-    itself, and it is thrown to a side until one foot carries it. Hips that give way at that, as
-    in standing, throw the torso to and fro until a foot slips. So from 2 to 3 m/s the gains go over
-    to `fast_...`: hips that stay stiff and less weight shifted by speed sideways.
+    When the platform rolls on uneven ground, the steering bar presses against the robot's knees.
+    The Segway then turns by itself, and the robot is thrown to a side until one foot carries it.
+    Hips that yield, as in standing, let the torso swing from side to side until a foot slips. So
+    from 2 to 3 m/s the gains become those for fast riding: stiff hips, and a smaller weight shift
+    by sideways velocity (`fast_kd_com_y`).
 
     Attributes:
-        acceleration: Of the ground, forward and to the left. In m/s^2.
-        gained: Speed of the ground, forward, in the last tick: without low-pass. In m/s.
-        speed: Of the ground, forward, as the rider knows it. In m/s.
+        acceleration: Acceleration of the ground, forward and to the left. In m/s^2.
+        gained: Change of the ground's forward speed in the last tick, without low-pass. In m/s.
+        speed: Forward speed of the ground, as estimated by `RollingFilter`. In m/s.
         riding: Gains of riding.
 
     Args:
         riding: Gains of riding.
-        stand: Gains of standing, for all else.
-        period: Of control. In s.
+        stand: Gains of standing, for all other fields.
+        period: Control period. In s.
     """
 
     def __init__(self, riding: SegwayConfig, stand: StandConfig, period: float) -> None:
@@ -124,12 +125,12 @@ class MovingBalance(Balance):
         self._forget()
 
     def configure(self, riding: SegwayConfig, stand: StandConfig) -> None:
-        """Take over new gains at once."""
+        """Use new gains at once."""
         self.riding, self.config = riding, riding.standing(stand)
 
     @property
     def lean_length(self) -> float:
-        """Leg length difference by the roll that is wanted. In m/rad."""
+        """Leg length difference by the desired roll. In m/rad."""
         return self.riding.lean_length
 
     def _forget(self) -> None:
@@ -144,7 +145,7 @@ class MovingBalance(Balance):
         self._forget()
 
     def rest(self, readings: Readings) -> tuple[float, float]:
-        """How far ahead of the centre of pressure, and to its left, the CoM would rest. In m."""
+        """Equilibrium of the CoM, ahead and to the left of the centre of pressure. In m."""
         per_acceleration = max(0.3, readings.com_from_feet[2]) / GRAVITY
         ahead, left = self.acceleration
         return per_acceleration * ahead, per_acceleration * left
@@ -157,7 +158,7 @@ class MovingBalance(Balance):
         ground: Sequence[float],
         leans: bool = False,
     ) -> None:
-        """Set the attributes; arguments as `Balance.step`."""
+        """Compute the attributes for one tick; arguments as in `Balance.step`."""
         per_acceleration = max(0.3, readings.com_from_feet[2]) / GRAVITY
         self._rest = self.rest(readings)
         before = self._velocity[0]
@@ -191,39 +192,40 @@ class MovingBalance(Balance):
         return self._with_speed(self.riding.roll_give, 1.0)
 
     def _bends(self, k: int, reach: float) -> float:
-        # To the side the torso bends at once: the foot bars are narrow.
+        # Sideways the torso bends at once: the foot bars are narrow.
         return fades_in(abs(self.capture[k]) / reach, _SAFE) if k == 0 else 1.0
 
     def _learn(self, readings: Readings, acceleration: Sequence[float]) -> None:
         return
 
     def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
-        """A platform moves: here it counts as settled at once, with gains that know no other."""
+        """Settled at once: a platform always moves, and its gains do not depend on settling."""
         self.settled = 1.0
         return self.settled
 
 
 class RollingFilter:
-    """Kalman filter of how the vehicle rolls: nothing measures its speed.
+    """Kalman filter of the vehicle's speed, which no sensor measures.
 
-    With a the acceleration that the feet tell, c the CoM from them, w the turn rate, a_y the
-    acceleration to the left, and s = v / sqrt(v^2 + `_ROLLS`^2) the way it rolls:
+    With a the acceleration found from the feet, c the CoM from the feet, w the turn rate, a_y the
+    acceleration to the left, f the rolling resistance, and s = v / sqrt(v^2 + `_ROLLS`^2) the
+    direction of rolling:
 
         v' = a + b,   b' = 0,   n' = 0,
 
         a + b = k (c - n - f s)      where it rolls and c is near c*; k = 3/4 g / h, as c, held on a
                                      Segway, is 4 times as far from n as the pressure is,
         a_y   = w (v + u)            with u the bar's push, known to a factor of two,
-        v     = vx                   by an operator who leans it and has seen the same vx for long,
-        v     = 0                    where it is to stand, and is not known to roll.
+        v     = vx                   if an operator leans it and vx has been the same for long,
+        v     = 0                    if it shall stand, and the estimate is slow.
 
     Attributes:
         speed: v, forward. In m/s.
-        error: b, of the acceleration that is felt. In m/s^2.
-        neutral: n, CoM x at which the vehicle neither gains nor loses speed at rest. In m.
+        error: b, correction of the acceleration a. In m/s^2.
+        neutral: n, CoM x at which the vehicle at rest does not accelerate. In m.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     def __init__(self, period: float) -> None:
@@ -237,7 +239,7 @@ class RollingFilter:
         self._vb = self._vn = self._bn = 0.0
 
     def predict(self, gained: float) -> None:
-        """Let a tick pass, in which the speed rose by so much (m/s) as the feet tell it."""
+        """Predict over one tick, by the change of speed `gained` (m/s) found from the feet."""
         dt = self._period
         self.speed += gained + dt * self.error
         self._vv += dt * (2.0 * self._vb + dt * self._bb + _WALK[0])
@@ -247,7 +249,7 @@ class RollingFilter:
         self._nn += dt * _WALK[2]
 
     def roll(self, acceleration: float, com_x: float, height: float) -> None:
-        """Take in what the vehicle does (m/s^2) at a CoM x from the feet and its height (m)."""
+        """Correct by the vehicle's acceleration (m/s^2) at a CoM x from the feet and height (m)."""
         k = 0.75 * GRAVITY / height
         square = self.speed**2
         if square == 0.0:
@@ -256,21 +258,21 @@ class RollingFilter:
         self._take(0.0, 1.0, k, expected - acceleration, _LEAN * (1.0 + _ROLLS**2 / square))
 
     def turn(self, rate: float, acceleration: float) -> None:
-        """Take in the acceleration to the left (m/s^2) at a turn rate (rad/s)."""
+        """Correct by the acceleration to the left (m/s^2) at a turn rate (rad/s)."""
         spread = _ASIDE_NOISE + (_BAR * rate) ** 2
         self._take(rate, 0.0, 0.0, acceleration - _BAR * rate, spread)
 
     def see(self, speed: float, spread: float) -> None:
-        """Take in a speed (m/s) with the square of its error over a second."""
+        """Correct by a speed (m/s) whose white noise has the density `spread` ((m/s)^2 s)."""
         self._take(1.0, 0.0, 0.0, speed, spread)
 
     @property
     def way(self) -> float:
-        """The way it rolls, -1..1."""
+        """Direction of rolling, smooth in the speed, -1..1."""
         return self.speed / math.hypot(self.speed, _ROLLS)
 
     def _take(self, v: float, b: float, n: float, value: float, spread: float) -> None:
-        """Correct by v speed + b error + n neutral = value, `spread` of it over a second."""
+        """Correct by v speed + b error + n neutral = value, with the noise density `spread`."""
         gv = self._vv * v + self._vb * b + self._vn * n
         gb = self._vb * v + self._bb * b + self._bn * n
         gn = self._vn * v + self._bn * b + self._nn * n
@@ -290,50 +292,50 @@ class RollingFilter:
 Interval = tuple[float, float]
 """Least and greatest value."""
 
-# Noise of the filter, by rides of robots 1 to 10; DECISIONS.md has what else was tried.
-_START = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2 before it rolls
-_WALK = (0.02**2, 0.003**2, 0.0005**2)  # of these a second; b changes as the vertical does
-_LEAN = 0.15**2  # (m/s^2)^2 s: a misses k (c - n) by 0.15 m/s^2, for half a second
-_NEAR = 0.01  # m from where the CoM is wanted, beyond which the lean is passing
-_ROLLS = 0.2  # m/s, from which rolling resistance is there
-_ROLLING = 0.001  # m of CoM x that overcomes it, beyond what is part of n
-_ASIDE_NOISE = 0.1**2  # (m/s^2)^2 s: of the acceleration to a side
-_BAR = 0.4  # m/s, by which the bar's push makes a turn look faster
-_SEEN = 0.1**2  # (m/s)^2 s: with `_WALK`, such a speed comes in over 5 s
-_REST, _RESTS = 0.4, 0.1**2  # m/s that count as rest once it is to stand; (m/s)^2 s: of that
+# Noise of the filter, from rides of robots 1 to 10; DECISIONS.md lists other attempts.
+_START = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2: initial variances of v, b, n
+_WALK = (0.02**2, 0.003**2, 0.0005**2)  # random walk per second of v, b, n; b follows the vertical
+_LEAN = 0.15**2  # (m/s^2)^2 s: a differs from k (c - n) by 0.15 m/s^2, for half a second
+_NEAR = 0.01  # m, distance of the CoM from its set-point beyond which the lean is transient
+_ROLLS = 0.2  # m/s, speed from which there is rolling resistance
+_ROLLING = 0.001  # m, f: CoM x that overcomes rolling resistance, besides the part in n
+_ASIDE_NOISE = 0.1**2  # (m/s^2)^2 s, noise density of the acceleration to a side
+_BAR = 0.4  # m/s, u: speed by which the bar's push makes a turn look faster
+_SEEN = 0.1**2  # (m/s)^2 s: with `_WALK`, a correction by such a speed takes 5 s
+_REST, _RESTS = 0.4, 0.1**2  # m/s, speed up to which it may be at rest; (m/s)^2 s, noise density
 
 _ANYWHERE: Interval = (-math.inf, math.inf)
-_GOES = 0.3  # m/s^2
-_BACKING, _ASIDE = 0.8, 0.25  # m/s backward at which it leans to a side by that share only
-_LIFT_TIME = 0.3  # s, low-pass of the share of its weight that the feet do not carry
-_LIFTED = (0.05, 0.15)  # of it where a lean is eased back, and where it is given up
-_NARROW = 0.8  # by which that lean is less where the feet are nearer to each other
-_LEAST = 0.03  # m of a lean back, or to a side, that is left in any case
-_STEADY = 5.0  # s of the same commanded speed, after which it goes at it
-_OFF = 0.3  # rad, by which a heading is missed at most before it is given up
+_GOES = 0.3  # m/s^2, acceleration along a lean at which `press_more` is added in full
+_BACKING, _ASIDE = 0.8, 0.25  # m/s backward; ratio of the sideways lean that is left there
+_LIFT_TIME = 0.3  # s, time constant of the share of the weight that the feet do not carry
+_LIFTED = (0.05, 0.15)  # of that share: a lean is reduced above the first, 0 above the second
+_NARROW = 0.8  # m of sideways lean less per m that the feet are closer than `press_distance`
+_LEAST = 0.03  # m, lean back or to a side that is always permitted
+_STEADY = 5.0  # s of constant commanded speed, after which the vehicle has this speed
+_OFF = 0.3  # rad, saturation of the heading error
 
 
 class RidingController:
-    """Standing in a crouch on what may drive off.
+    """Standing in a crouch on a vehicle that may move.
 
-    The body is held as in standing, with gains of its own and with `MovingBalance`. On top:
+    The body is held as in standing, with gains of its own and with `MovingBalance`. In addition:
 
         c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
-        c_x* = n + f s + kp_speed (vx - v)         while he does not: Cassie holds vx, and brakes
-        c_y* = kp_yaw_rate (w - r)                 if that is 0, by what it feels itself,
-        w    = yaw_rate + heading_gain e           and keeps the heading, which turns by yaw_rate,
+        c_x* = n + f s + kp_speed (vx - v)         otherwise: Cassie holds vx by its own estimate,
+        c_y* = kp_yaw_rate (w - r)                 and brakes if vx is 0. It keeps the heading,
+        w    = yaw_rate + heading_gain e           which turns by yaw_rate,
 
-    with e the heading's error, r the yaw rate and n, v, f s of `RollingFilter`; f s is left out for
-    vx = 0, so that rolling resistance stops the Segway. c_x* keeps the feet's pressure,
+    with e the heading's error, r the yaw rate and n, v, f s of `RollingFilter`. For vx = 0 f s is
+    left out, so that rolling resistance stops the Segway. c_x* keeps the centre of pressure,
     c_x* - h a / g, within `press_limit`.
 
     Attributes:
-        rolling: What is known of how the vehicle rolls.
+        rolling: Filter of the vehicle's speed.
 
     Args:
         config: Gains of riding.
-        stand: Gains of standing, for all else.
-        period: Of control. In s.
+        stand: Gains of standing, for all other fields.
+        period: Control period. In s.
 
     Source:
         Section "Riding a Segway": speed by CoM x, direction by CoM y against the bar, gains of the
@@ -363,17 +365,17 @@ class RidingController:
         return self._balance.riding
 
     def configure(self, config: SegwayConfig, stand: StandConfig) -> None:
-        """Take over new gains at once."""
+        """Use new gains at once."""
         self._balance.configure(config, stand)
 
     @property
     def speed(self) -> float:
-        """Forward, as Cassie estimates it. In m/s."""
+        """Estimated forward speed. In m/s."""
         return self.rolling.speed
 
     @property
     def lean(self) -> tuple[float, float]:
-        """Where the CoM is wanted after all bounds, forward and to the left of the feet. In m."""
+        """Set-point of the CoM after all bounds, forward and to the left of the feet. In m."""
         return float(self._mode.com_x), float(self._mode.com_y)
 
     def start(self, readings: Readings, com_error: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -381,7 +383,7 @@ class RidingController:
 
         Args:
             readings: The robot now.
-            com_error: What standing has found of the CoM, forward and to the left. In m.
+            com_error: Offset of the CoM from the estimate, found while standing. In m.
         """
         self._stand.start(readings)
         self._level.start(readings.state)
@@ -417,10 +419,10 @@ class RidingController:
         self._stand.step(readings, wanted, command, 0.0)
 
     def _know(self, readings: Readings, mode: Mode, held: bool) -> None:
-        """Take in all that tells how the vehicle rolls."""
+        """Update the filter of the vehicle's speed; `held`: see `_bounds`."""
         rolling, balance, vx = self.rolling, self._balance, float(mode.vx)
         rolling.predict(balance.gained)
-        # As late as the acceleration.
+        # Low-passed like the acceleration.
         self._turn += self._period / self.config.moving_time * (readings.yaw_rate - self._turn)
         rolling.turn(self._turn, balance.acceleration[1])
         com_x, _, height = readings.com_from_feet
@@ -436,7 +438,7 @@ class RidingController:
         balance.speed = rolling.speed
 
     def _hold(self, readings: Readings, mode: Mode, wanted: Mode) -> None:
-        """Lean so as to keep the commanded speed and yaw rate."""
+        """Set the lean in `wanted` that keeps the commanded speed and yaw rate."""
         c, rolling = self.config, self.rolling
         vx, yaw_rate = float(mode.vx), float(mode.yaw_rate)
         resists = _ROLLING * rolling.way if vx != 0.0 else 0.0
@@ -448,7 +450,7 @@ class RidingController:
         wanted.com_y[...] = c.kp_yaw_rate * (turn - readings.yaw_rate)
 
     def _off_heading(self, yaw: float, yaw_rate: float) -> float:
-        """How far to the left the heading is that is kept, bounded; all in rad, rad/s."""
+        """Saturated heading error, positive to the left; all in rad and rad/s."""
         if math.isnan(self._heading):
             self._heading = yaw
         off = math.remainder(self._heading + self._period * yaw_rate - yaw, 2.0 * math.pi)
@@ -457,18 +459,18 @@ class RidingController:
         return off
 
     def _bounds(self, readings: Readings, held: bool) -> tuple[Interval, Interval]:
-        """Where the CoM may be wanted; of bounds that exclude each other the later one counts.
+        """Bounds of the CoM's set-point; of bounds that contradict each other the later one counts.
 
-        - Speed: no lean of the operator adds to too high a speed. The Segway's motors give out.
-        - Pressure: the feet bear it for long. Ground that goes along with a lean is a vehicle, and
-          needs more of it. Feet that are near to each other bear less to a side.
-        - Backward: a lean to a side there throws the robot out.
-        - Corner: far back and to a side the outer shin catches the pad of the bar. The bar carries
-          the robot instead of the foot, which slips, and as the bar lets go the robot falls.
+        - Speed: no lean of the operator increases a speed that is too high for the motors.
+        - Pressure: the feet can hold it for long. Ground that accelerates with a lean is a vehicle,
+          and needs a larger pressure. Feet that are close together permit less to a side.
+        - Backward: a lean to a side makes the robot fall off while it rolls backward.
+        - Corner: far back and to a side the outer shin touches the pad of the bar. The bar carries
+          the robot instead of the foot, which slips; when the bar comes free the robot falls.
 
         Args:
             readings: The robot now.
-            held: Whether the robot holds the speed itself, as no operator leans it.
+            held: Whether the robot holds the speed itself, as the operator commands no lean.
 
         Returns:
             Least and greatest com_x, least and greatest com_y. In m.
@@ -497,10 +499,10 @@ class RidingController:
         return x, _cut(y, -aside, aside)
 
     def _carried(self, readings: Readings) -> float:
-        """Share of a lean that is left while something beside the feet carries it, 0..1.
+        """Factor on a lean while more than the feet carries the robot, 0..1.
 
-        With a shin on the bar's pad what the feet press tells neither the ground's acceleration nor
-        the speed, and the foot below that shin slips.
+        With a shin on the bar's pad the centre of pressure shows neither the ground's acceleration
+        nor the speed, and the foot below that shin slips.
         """
         feet = float(readings.legs[0].force) + float(readings.legs[1].force)
         self._lifted += self._period / _LIFT_TIME * (1.0 - feet / WEIGHT - self._lifted)
@@ -509,13 +511,13 @@ class RidingController:
 
 
 def _cut(bounds: Interval, least: float, greatest: float) -> Interval:
-    """Bounds of what is first kept within `bounds`, and then within two others."""
+    """Bounds of a value that is kept within `bounds` first, and then within two others."""
     low, high = bounds
     return max(least, min(greatest, low)), max(least, min(greatest, high))
 
 
 def height_above_soles(readings: Readings) -> float:
-    """Of the pelvis by the legs alone, as the estimate may drift on a vehicle. In m."""
+    """Pelvis height from the legs alone, as the estimate may drift on a vehicle. In m."""
     weights = [leg.contact + 0.01 for leg in readings.legs]
     below = sum(weight * leg.foot[2] for weight, leg in zip(weights, readings.legs, strict=True))
     return SOLE_RADIUS - below / sum(weights)

@@ -18,7 +18,7 @@ from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
 
 HIP_ROLL_X, HIP_Y = 0.021, 0.135
-"""Hip roll axis in the pelvis frame, left; y mirrored. In m."""
+"""Left hip roll axis in the pelvis frame; mirrored in y for the right leg. In m."""
 
 HIP_BACK, HIP_DOWN = 0.07, 0.09
 """From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
@@ -31,9 +31,9 @@ def aim_leg(
     """Leg roll, leg pitch and leg length that put the toe joint at a point.
 
     Args:
-        x, y, down: Of the point from the hip roll joint, heading frame. In m.
+        x, y, down: Point from the hip roll joint, heading frame. In m.
         hip_yaw: Hip yaw angle. In rad.
-        torso_pitch: In rad.
+        torso_pitch: Pitch of the torso. In rad.
 
     Returns:
         Roll and pitch in rad, as the outputs of eq:h0, and length in m.
@@ -48,12 +48,12 @@ def aim_leg(
 
 
 class Robot(Record):
-    """What the control laws read of the robot; positions and velocities in the heading frame.
+    """The robot as input of the control laws; positions and velocities in the heading frame.
 
     Attributes:
         height: Pelvis origin above the loaded soles. In m.
-        yaw, pitch, roll: Of the torso. In rad.
-        yaw_rate, pitch_rate, roll_rate: Their rates. In rad/s.
+        yaw, pitch, roll: Euler angles of the torso. In rad.
+        yaw_rate, pitch_rate, roll_rate: Rates of the torso's angles. In rad/s.
         com: Centre of mass from the pelvis origin. In m.
         com_from_feet: Centre of mass from the midpoint of the feet. In m.
         com_velocity: Velocity of the centre of mass. In m/s.
@@ -66,7 +66,7 @@ class Robot(Record):
         foot: Middle of each sole from the pelvis origin. In m.
         rates: Rates of the joints. In rad/s.
         tilt: Rotation from the pelvis to the heading frame.
-        angular_velocity: Of the pelvis, pelvis frame. In rad/s.
+        angular_velocity: Angular velocity of the pelvis, pelvis frame. In rad/s.
     """
 
     height: float
@@ -108,11 +108,11 @@ def read_robot(
     pairs: Records[LegPair],
     robots: Records[Robot],
 ) -> None:
-    """What the control laws read of a state estimate.
+    """Compute the inputs of the control laws from a state estimate.
 
     Args:
         states: `RobotState.record`. Shape (1,).
-        com_error: What the CoM is farther forward and to the left than estimated. In m.
+        com_error: Offset of the CoM from the estimate, forward and to the left. In m.
         pairs: Result, kinematics of both legs. Shape (1,).
         robots: Result. Shape (1,).
     """
@@ -147,7 +147,7 @@ def read_robot(
 
 
 def _places(first: str, last: str = "", leg: int | None = None) -> slice:
-    """Where fields of `Robot` stand among its figures, all of them or those of a leg."""
+    """Slice of the fields `first` to `last` in a flat `Robot`, all of it or one leg's half."""
     assert Robot.TYPE.fields is not None
     begin = Robot.TYPE.fields[first][1] // 8
     kind, offset = Robot.TYPE.fields[last or first][:2]
@@ -159,7 +159,7 @@ def _places(first: str, last: str = "", leg: int | None = None) -> slice:
 
 
 _VALUES = struct.Struct(f"{_places('rates').start}d")
-"""Figures that Python looks at: up to the joints' rates."""
+"""Numbers that laws in Python read: all up to the joints' rates."""
 
 _HEIGHT_AND_ANGLES = _places("height", "roll_rate")
 _COM, _COM_FROM_FEET, _COM_VELOCITY, _VELOCITY = (
@@ -172,10 +172,10 @@ _LOAD, _FORCE, _CONTACT, _JOINTS, _ANKLE, _FOOT = (
 
 HIP_X = HIP_ROLL_X - HIP_BACK
 HIP_Z = -HIP_DOWN
-"""Hip pitch axis in the pelvis frame with hip roll and yaw at zero; left, y mirrored. In m."""
+"""Left hip pitch axis in the pelvis frame with hip roll and yaw at zero. In m."""
 
 ANKLE_HEIGHT = 0.0570
-"""Toe joint above the ground with a level sole. In m."""
+"""Height of the toe joint above the ground with a level sole. In m."""
 
 HIP_TO_PELVIS = -HIP_Z
 
@@ -189,7 +189,7 @@ class LegReadings:
         joints: The seven joints. In rad.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
         foot: Middle of the sole from the pelvis origin, heading frame. In m.
-        load: Share of the load threshold it carries, 0..1.
+        load: Share of the load threshold that the foot carries, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
         hip_y: Sideways offset of the hip. In m.
@@ -216,14 +216,14 @@ class LegReadings:
         self._bare = dict(self.__dict__)
 
     def forget(self) -> None:
-        """Its numbers have changed."""
+        """Drop the unpacked numbers, as they have changed."""
         self.__dict__ = {**self._bare, "_bare": self._bare}
 
     def __getattr__(self, name: str) -> Any:
         return _unpacked(self, name)
 
     def take(self, values: tuple[Any, ...]) -> None:
-        """Take this leg's out of the figures of a `Robot`."""
+        """Copy this leg's numbers from those of a `Robot`."""
         i = self.number
         (self.load,), (self.force,) = values[_LOAD[i]], values[_FORCE[i]]
         (self.contact,) = values[_CONTACT[i]]
@@ -231,7 +231,7 @@ class LegReadings:
 
     @property
     def rates(self) -> list[float]:
-        """Of the joints, which are not looked at every tick. In rad/s."""
+        """Rates of the joints; read on demand, as few laws need them. In rad/s."""
         rates: list[float] = self._rates.tolist()
         return rates
 
@@ -242,8 +242,8 @@ class LegReadings:
 
         Args:
             tilt: Pelvis to heading frame. Shape (3, 3).
-            force: Its vertical part. In N.
-            lean_x, lean_y: Its horizontal parts over the vertical one, heading frame.
+            force: Vertical part of the ground force. In N.
+            lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
 
         Returns:
             Torques. In Nm.
@@ -257,18 +257,19 @@ class LegReadings:
 class Readings:
     """The robot at one tick, for laws in Python as plain numbers.
 
-    Compiled laws take `records`, so the numbers are unpacked only when one is looked at.
+    Compiled laws take `records`, so the numbers are unpacked only when one is read.
 
     Attributes:
-        yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Torso. In rad and rad/s.
+        yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Angles of the torso and their rates. In
+            rad and rad/s.
         com: Centre of mass from the pelvis origin, heading frame. In m.
-        com_from_feet: The same from the midpoint of the feet. In m.
-        com_velocity: Of the centre of mass, heading frame. In m/s.
-        velocity: Of the pelvis origin, heading frame. In m/s.
+        com_from_feet: Centre of mass from the midpoint of the feet, heading frame. In m.
+        com_velocity: Velocity of the centre of mass, heading frame. In m/s.
+        velocity: Velocity of the pelvis origin, heading frame. In m/s.
         height: Pelvis origin above the loaded soles. In m.
-        legs: Left and right.
-        state: The estimate itself.
-        tilt: Rotation pelvis to heading frame. Shape (3, 3).
+        legs: Left and right leg.
+        state: The state estimate.
+        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
         records: `Robot`, for compiled functions. Shape (1,).
         pair: Kinematics of both legs, `leg.LegPair`. Shape (1,).
     """
@@ -299,11 +300,11 @@ class Readings:
         self._bare = dict(self.__dict__)
 
     def update(self, state: RobotState, com_error: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Take in a state estimate.
+        """Update with a state estimate.
 
         Args:
-            state: The estimate.
-            com_error: What the CoM is known to be farther forward and to the left. In m.
+            state: The state estimate.
+            com_error: Offset of the CoM from the estimate, forward and to the left. In m.
         """
         self.__dict__ = {**self._bare, "_bare": self._bare, "state": state}
         for leg in self.legs:
@@ -324,12 +325,12 @@ class Readings:
 
     @property
     def time(self) -> float:
-        """Of the state, robot time. In s."""
+        """Stamp of the state, robot time. In s."""
         return self.state.stamp_ns * 1e-9
 
 
 def _unpacked(readings: Readings | LegReadings, name: str) -> Any:
-    """A number that is looked at and is not here since the last update."""
+    """Unpack the numbers after an update, and return the one that is read."""
     if name not in type(readings).__annotations__:
         raise AttributeError(f"{type(readings).__name__} has no {name}")
     readings._unpack()

@@ -1,7 +1,7 @@
 """Standing: toe torques hold the CoM over the feet, leg lengths hold height and roll.
 
-Set-points go their way with bounded rate and acceleration (`approach`). A push may make it rise for
-a moment (`Rise`): legs that push up brake more than the weight alone does.
+The height's set-point moves with bounded rate and acceleration (`approach`). A push may make the
+robot rise for a moment (`Rise`): legs that push up brake it more than the weight alone does.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ def approach(
     """The next value and rate on the way to a target, with bounded rate and acceleration.
 
     Args:
-        value, rate: Now.
-        target: Where to rest.
-        fastest, acceleration: Bounds.
-        period: In s.
-        braking: Bound of the acceleration towards rest, if it is another one.
+        value, rate: Present value and rate.
+        target: Value at which to come to rest.
+        fastest, acceleration: Bounds of rate and acceleration.
+        period: Control period. In s.
+        braking: Bound of the deceleration, if it differs from `acceleration`.
     """
     away, gain = target - value, acceleration * period
     loss = gain if braking is None else braking * period
-    # The rate from which the acceleration just brakes, half a tick early as it acts a tick late.
+    # Rate from which braking just stops at the target; half a tick early, as it acts a tick late.
     brake = math.sqrt(2.0 * loss / period * abs(away) + (0.5 * loss) ** 2) - 0.5 * loss
     wanted = math.copysign(min(fastest, max(0.0, brake)), away)
     change = gain if wanted * rate >= 0.0 and abs(wanted) > abs(rate) else loss
@@ -53,31 +53,31 @@ def approach(
     return value + rate * period, rate
 
 
-_TOP = 1.03  # m, pelvis height above which nothing is gained: the knees are all but straight
-_HOLD = 0.3  # s, for which the height is kept once the capture point is safe again
-_BACK = 0.2  # m/s, at which it is given back, with
-_SETTLE = 1.0  # m/s^2
-_BRAKING = 3.0  # m/s^2, or with the springs' own bounce the feet would leave the ground
+_TOP = 1.03  # m, largest pelvis height of a rise: the knees are then nearly straight
+_HOLD = 0.3  # s for which the height is held once the capture point is safe again
+_BACK = 0.2  # m/s, rate at which the height returns
+_SETTLE = 1.0  # m/s^2, acceleration with which the height returns
+_BRAKING = 3.0  # m/s^2; with more, the feet would leave the ground as the springs oscillate
 
 
 class Rise:
-    """Height on top of what is commanded, while a push has brought the capture point to the edge.
+    """Height added to the command while a push has moved the capture point to the edge.
 
-    With the CoM at x and height z, and the feet pressing at p,
+    With the CoM at x and height z, and the centre of pressure at p,
 
         x'' = (x - p) (g + z'') / z.
 
-    While the CoM is still inside of p, the more the legs push up the more it is braked; when they
-    let go again, it is nearer to p, and less is lost than was gained. By 0.1 m it is worth some
-    6 mm of capture point.
+    While the CoM is still inside of p, legs that push up brake it more. When they sink again, the
+    CoM is nearer to p, and less is lost than was gained. A rise of 0.1 m gains some 6 mm of capture
+    point.
 
     Attributes:
-        height: On top of what is commanded. In m.
-        rate: Of that. In m/s.
-        acceleration: Of that. In m/s^2.
+        height: Height added to the command. In m.
+        rate: Rate of this height. In m/s.
+        acceleration: Acceleration of this height. In m/s^2.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
 
     Source:
         Koolen, Posa, Tedrake, "Balance control using center of mass height variation: limitations
@@ -89,18 +89,18 @@ class Rise:
         self.start()
 
     def start(self) -> None:
-        """Begin at the height that is commanded."""
+        """Begin at the commanded height."""
         self.height = self.rate = self.acceleration = 0.0
         self._hold = 0.0
 
     def step(self, config: StandConfig, height: float, urgent: bool, footed: bool) -> None:
-        """Move on by a period.
+        """Advance by one period.
 
         Args:
             config: Gains.
-            height: Of the pelvis, as commanded. In m.
+            height: Commanded pelvis height. In m.
             urgent: Whether the capture point is at the edge of the support.
-            footed: Whether both feet carry: on one foot a push would tip it over.
+            footed: Whether both feet carry: on one foot a rise would tip the robot over.
         """
         before = self.rate
         self._hold = _HOLD if urgent and footed else max(0.0, self._hold - self._period)
@@ -118,36 +118,37 @@ class Rise:
 
 
 _NOMINAL_STANCE = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
-_GROUND_TIME = 0.06  # s, until a foot counts as being on the ground
-_HANGS, _STANDS = 0.3, 0.9  # contact of the heavier foot below, of the lighter one above which
-_HEIGHT_SUM = 0.08  # m, bound of the summed height error
-_HIP_RELEASE = 0.3  # rad/s at which an unloaded hip goes back to its nominal angle
-_OVERBENT = 0.15  # rad, beyond the limit of the bend at which the torso is held again
+_GROUND_TIME = 0.06  # s, time constant of a foot's contact
+_HANGS, _STANDS = 0.3, 0.9  # contact: hangs if the larger is below, stands if the smaller is above
+_HEIGHT_SUM = 0.08  # m, saturation of the integrated height error
+_HIP_RELEASE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
+_OVERBENT = 0.15  # rad beyond `bend_limit` from which the torso is held again
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
 
 class StandingController:
     """Quiet standing on both feet.
 
-    `Balance` says where the feet press, which share each carries and how the force leans:
+    `Balance` gives the centre of pressure, the share of each foot and the direction of the force:
 
-        toe torque of foot i   = -F_i (centre of pressure - toe joint), with the lean's own moment
-                                 about the toe joint; in the air the toe keeps the sole level,
+        toe torque of foot i   = -F_i (centre of pressure - toe joint), with the moment of the
+                                 force's horizontal part about the toe joint; in the air the toe
+                                 keeps the sole level,
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
-                                 the leg hands on to the torso,
+                                 the leg transmits to the torso,
         hip roll, hip yaw      = held at the angle with which the foot took load,
-        mean leg length        = height, plus the sum of the height error,
+        mean leg length        = height, plus the integrated height error,
         leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
 
-    The ground's forces are fed forward through the leg Jacobians, and a leg is told to be longer
-    by what its springs give way under its share of the weight. The height follows its set-point
-    with bounded rate and acceleration; a push forward adds `Rise`. `height_damping` takes the
-    bounce out of the leaf springs. A foot that a push has lifted stays beside the one that carries.
+    The ground's forces are fed forward through the leg Jacobians. The commanded length of a leg
+    includes the deflection of its springs under its share of the weight. The height follows its
+    set-point with bounded rate and acceleration; a push forward adds `Rise`. `height_damping` damps
+    the oscillation of the leaf springs. A foot that a push has lifted stays beside the other one.
 
     Args:
         config: Gains.
-        period: Of control. In s.
-        balance: Where the feet press, if not by `Balance`.
+        period: Control period. In s.
+        balance: Balance law, if not `Balance`.
 
     Source:
         Section "Quiet Standing". Each toe is weighted by its own foot's load, not by the smaller
@@ -168,7 +169,7 @@ class StandingController:
 
     @property
     def config(self) -> StandConfig:
-        """Gains; new ones hold from the next step."""
+        """Gains; new ones are used from the next step on."""
         return self._balance.config
 
     @config.setter
@@ -182,13 +183,13 @@ class StandingController:
 
     @property
     def com_error(self) -> tuple[float, float]:
-        """What the CoM was found to be farther forward and to the left than estimated. In m."""
+        """Offset of the CoM from the estimate, forward and to the left. In m."""
         return self._balance.com_error
 
     def start(self, readings: Readings) -> None:
         """Begin from the present pose: feet stay where they are, legs keep their length at first.
 
-        What has been found of the CoM is kept.
+        `com_error` is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
@@ -205,10 +206,10 @@ class StandingController:
             readings: The robot now.
             mode: Set-points for height, CoM shift, roll and pitch.
             command: Result.
-            lean: Roll about the feet on top of what the CoM shift asks for. In rad.
+            lean: Roll about the feet, added to that of the CoM shift. In rad.
         """
         for i, leg in enumerate(readings.legs):
-            # Slower than the legs' bounce, which feed-forward that followed it would feed.
+            # Slower than the legs' oscillation, which a faster feed-forward would excite.
             self._ground[i] += self._settle * (leg.contact - self._ground[i])
         both = min(self._ground)
         if max(self._ground) < _HANGS:
@@ -216,12 +217,12 @@ class StandingController:
         elif both > _STANDS:
             self._lands = False
         balance = self._balance
-        # The CoM goes to a side as the whole robot leans about the feet.
+        # The whole robot leans about the feet to shift the CoM sideways.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
         balance.step(readings, mode, com_y, self._ground, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
-        # Else only while both feet carry: to shorten the leg of a lifted foot would rock on.
+        # Else only while both feet carry: to shorten the leg of a lifted foot would cause rocking.
         difference = (max(self._ground) if self._lands else both) * (
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
@@ -243,7 +244,7 @@ class StandingController:
             )
 
     def _mean_length(self, readings: Readings, height: float, both: float) -> float:
-        """Leg length that gives the pelvis height, in m; `both` is the lesser contact, 0..1."""
+        """Leg length for the pelvis height, in m; `both` is the smaller contact, 0..1."""
         c = self.config
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
@@ -267,7 +268,7 @@ class StandingController:
         share: float,
         mode: Mode,
     ) -> None:
-        """Set-points of leg `i`, `length` m long, that carries `share` of the weight."""
+        """Set-points of leg `i`, which is `length` m long and carries `share` of the weight."""
         c, balance, base = self.config, self._balance, 5 * i
         ground, give = self._ground[i], balance.give
         air = 1.0 - ground
@@ -277,7 +278,7 @@ class StandingController:
         self._release_hips(hips, leg, ground)
         in_air = self._in_air(i, readings) / max(length, 0.4)
         command.position[base : base + 5] = (
-            # A lifted leg stays where it was in the world, to come down where it left.
+            # A lifted leg keeps its angle in the world, to land where it left the ground.
             hips[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
             hips[1],
             virtual_leg.hip_pitch_angle(in_air, self._ground[1 - i] * readings.pitch, length),
@@ -300,21 +301,21 @@ class StandingController:
     def _torso(self, readings: Readings, wanted: float, ground: float) -> float:
         """Torque of one hip, in Nm, that holds the torso's pitch or bends it.
 
-        As a torque: set-points that follow the measured joint would shake when they come late.
+        As a torque, since late set-points that follow the measured joint would oscillate.
         """
         c, balance, give = self.config, self._balance, self._balance.give[0]
         bent = wanted - readings.pitch
         overbent = beyond(bent, c.bend_limit + _OVERBENT)
         torso = c.kp_hip_pitch * (give * bent + (1.0 - give) * overbent)
         torso -= c.kd_hip_pitch * max(0.3, give) * readings.pitch_rate
-        # A leg that stands alone turns the torso for both.
+        # A leg that stands alone gives the torque of both hips.
         alone = 2.0 / max(1.0, sum(self._ground))
         return alone * ground * (0.5 * balance.moment + torso)
 
     def _in_air(self, i: int, readings: Readings) -> float:
-        """Where the toe joint of leg `i` is kept in the air, ahead of its hip. In m.
+        """Position of the toe joint of leg `i` in the air, ahead of its hip. In m.
 
-        Below the CoM while it hangs; beside the other foot while that one carries it.
+        It is below the CoM while the robot hangs, and beside the other foot while that one carries.
         """
         other = readings.legs[1 - i]
         hanging = readings.com[0] - _FOOT_MIDDLE - HIP_X
@@ -322,9 +323,9 @@ class StandingController:
         return hanging + self._ground[1 - i] * (beside - hanging)
 
     def _toe_torque(self, leg: LegReadings) -> float:
-        """Torque, in Nm, that puts the foot's centre of pressure where it is wanted on its sole.
+        """Torque, in Nm, that moves the foot's centre of pressure to `Balance.pressed`.
 
-        On both soles alike: the edges of feet that stand one ahead of the other are not in line.
+        Both soles have the same: the edges of feet that stand one ahead of the other differ.
         """
         balance, limit = self._balance, self.config.toe_torque
         arm = leg.foot[0] + balance.pressed - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
@@ -332,7 +333,7 @@ class StandingController:
         return max(-limit, min(limit, torque))
 
     def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
-        """Let the hips of a foot in the air go to where the paper stands. In rad."""
+        """Move the hips of a foot in the air to the paper's stance. In rad."""
         if ground > 0.1:
             return
         nominal = math.atan2(_NOMINAL_STANCE - HIP_Y, 0.8) * leg.side

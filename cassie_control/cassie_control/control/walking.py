@@ -32,7 +32,7 @@ from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
 
-_LEAD = 0.5  # rad that a turning command runs ahead of the robot at most
+_LEAD = 0.5  # rad, saturation of the desired heading's lead over the robot's
 
 
 @compiled
@@ -42,15 +42,15 @@ def go_on(
     yaw_rate: float,
     steps: Records[Step],
 ) -> bool:
-    """Let a tick pass: the heading to follow, the phase of the step; says whether the step ended.
+    """Advance the desired heading and the step's phase by one tick; True if the step ended.
 
     Args:
         robots: The robot now. Shape (1,).
         timings, steps: Changed in place. Shape (1,).
-        yaw_rate: Commanded. In rad/s.
+        yaw_rate: Commanded yaw rate. In rad/s.
     """
     step, timing = steps[0], timings[0]
-    # The heading waits where the robot does not come along.
+    # The desired heading waits where the robot does not follow.
     lead = step.heading - robots[0].yaw
     if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
         step.heading += yaw_rate * timing.period
@@ -70,14 +70,14 @@ def look_ahead(
     steps: Records[Step],
     aheads: Records[StepAhead],
 ) -> None:
-    """Desired outputs at this phase as the gait has them, and the rest of the step.
+    """Desired outputs at this phase by the gait, and the inputs of leg-angle adjustment.
 
     Args:
         gains, robots: Constants of the law and the robot now. Shape (1,).
         modes: `Mode.record`. Shape (1,).
         timings, slopes, steps: Changed in place. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        aheads: Result: what leg-angle adjustment is to know. Shape (1,).
+        aheads: Result, inputs of leg-angle adjustment. Shape (1,).
     """
     timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
     stand_on(slopes, robots, timing.stance, timing.phase)
@@ -88,7 +88,7 @@ def look_ahead(
     ahead.remaining, ahead.earliest = left * timing.step_time, left * gains[0].quickest_step
     ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
     ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
-    # The hip has left the foothold's height for that of the ground around it by so much.
+    # Part of the foothold's own height that the hip has already compensated.
     lower = fade(min(1.0, timing.phase)) * slope.foothold
     ahead.rise, ahead.yaw = step.rise - slope.sunk + lower, step.yaw
     ahead.slope[0], ahead.slope[1] = slope.ahead, slope.left
@@ -98,37 +98,41 @@ class WalkingController:
     """The nine outputs of eq:h0, driven to a gait from the library.
 
     Desired outputs are Bezier polynomials in phase, interpolated over the filtered sagittal
-    velocity and, in a library that has them, the mean velocity to the side of the last two steps
-    and the commanded turning rate. Their first two coefficients are reset at each touchdown so that
-    position and velocity continue. Swing leg pitch, roll and length get what leg-angle adjustment
-    (`planner.footstep`) asks for, faded in over the step; hip yaws turn towards the heading.
+    velocity. A library may also have axes for the mean sideways velocity of the last two steps and
+    the commanded turning rate. The first two coefficients are reset at each touchdown so that
+    position and velocity continue. Leg-angle adjustment (`planner.footstep`) changes pitch, roll
+    and length of the swing leg, smoothly over the step; hip yaws turn towards the heading.
 
-    Beside the paper, and left out under its own law: the swing leg's angles go the way of least
-    effort between their ends, torques accelerate it (`control.drives`), and the stance leg's length
-    lets the hip travel level (`control.outputs`), which takes the bounce out of fast walking, or
-    along the slope that the feet find (`planner.terrain`). While no velocity is commanded,
-    `planner.hold` leads back to the place.
+    Three additions to the paper are left out under its own law. The swing leg's angles have the
+    least squared acceleration between their ends. Torques accelerate the swing leg
+    (`control.drives`). The stance leg's length lets the hip travel level (`control.outputs`), which
+    removes the bounce of fast walking, or along the estimated slope (`planner.terrain`). While no
+    velocity is commanded, `planner.hold` leads back to the place.
 
-    At a touchdown the legs' lengths go on from those desired, not from those measured: the knees
-    press by the difference. The weight is fed forward to both legs in proportion to their forces.
+    At a touchdown the desired leg lengths continue from the last desired ones, not from those
+    measured: the knees press by the difference. The weight is fed forward to both legs in
+    proportion to their forces.
 
     Actuated joints follow eq:IK and eq:hdtilde (`control.drives`). Torso roll and pitch act
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
-    damps it at 2 kHz. The stance toe gives no torque. `planner.timing` says when a step ends.
+    damps the torso at 2 kHz. The stance toe gives no torque. `planner.timing` says when a step
+    ends.
 
-    A gait that is made while the robot walks (`offer`) moves the whole library by its difference to
-    the library's gait of the same speeds, from a touchdown on. So the gait still follows the
-    measured velocity. The slope of its swing foot stays this controller's own.
+    A gait that is made while the robot walks (`offer`) shifts the whole library from a touchdown
+    on. The shift is the gait's difference to the library's gait of the same speeds. So the gait
+    still depends on the measured velocity. The slope of the swing foot is this controller's own.
 
     Attributes:
         timing: Phase, stance leg and velocities.
-        outputs, rates: As last measured. Shape (9,), in rad, m, rad/s and m/s.
-        desired, desired_rates: The same, desired.
+        outputs, rates: Outputs and their rates as last measured. Shape (9,), in rad, m, rad/s and
+            m/s.
+        desired, desired_rates: Desired outputs and their rates. Shape (9,), in rad, m, rad/s and
+            m/s.
 
     Args:
         config: Gains.
         library: Gaits.
-        period: Of control. In s.
+        period: Control period. In s.
 
     Source:
         Sections "Virtual Constraints" to "Gait Library and Stabilization by Leg Angle Adjustment".
@@ -158,7 +162,7 @@ class WalkingController:
         self._practise()
 
     def configure(self, config: WalkConfig) -> None:
-        """Take over new gains; walking goes on, with the sums it has unless the law changes."""
+        """Use new gains; walking goes on, and so does the observer unless the law changes."""
         if config.as_in_paper != self.config.as_in_paper:
             self._placement = placement(config)
         for part in (self.timing, self._slope):
@@ -167,13 +171,13 @@ class WalkingController:
         self.allow_for(self._latency)
 
     def allow_for(self, latency: float) -> None:
-        """Take over how late the drives act on commands, beyond their own delay. In s."""
+        """Use gains for a latency of the drives beyond their own delay. In s."""
         self._latency = latency
         self._placement.config = self.config
         self._gains = gains_of(self.config, self._period, latency)
 
     def _practise(self) -> None:
-        """Walk for one tick: the first calls load the compiled functions, or make them.
+        """Walk for one tick, so that compiled functions are loaded or compiled.
 
         The robot must not wait for that when it begins to walk.
         """
@@ -199,7 +203,7 @@ class WalkingController:
         return max(low, min(high, float(self.timing.velocity[0])))
 
     def start(self, readings: Readings, stance: int) -> None:
-        """Begin with a step on a stance leg."""
+        """Begin walking with a step on a stance leg."""
         self.timing.start(stance)
         self._hold.release()
         self._slope.start()
@@ -243,7 +247,7 @@ class WalkingController:
         return ended
 
     def _end_step(self, readings: Readings) -> None:
-        """A foot touched down: the other leg swings from now on."""
+        """Exchange stance and swing leg after a touchdown."""
         timing, step = self.timing, self._step
         mean_velocity = end_step(timing.records)
         step.sideways = mean_velocity[1]
@@ -256,16 +260,16 @@ class WalkingController:
 
     @property
     def slope(self) -> float:
-        """Rise of the ground ahead, as the feet find it. In rad."""
+        """Estimated slope of the ground ahead, positive for a rise. In rad."""
         return math.atan(float(self._slope.ahead))
 
     def offer(self, gait: Gait) -> None:
-        """Walk on a gait from the next touchdown on; on the library if it was not found."""
+        """Use a gait from the next touchdown on; the library alone if no gait was found."""
         self._offered.copy_from(gait)
         self._is_offered = True
 
     def _take_up(self) -> None:
-        """Move the library to the gait that was offered."""
+        """Shift the library to the gait that was offered."""
         gait, change = self._offered, self._change
         self._is_offered = False
         axes, lengths, rows = self.library.table
@@ -284,11 +288,11 @@ class WalkingController:
         self._gaits = axes, lengths, self._moved
 
     def measure(self, readings: Readings) -> None:
-        """Bring `outputs` and `rates` up to date; nothing else needs them every tick."""
+        """Update `outputs` and `rates`; the law itself does not need them every tick."""
         measure(readings.records, self.timing.stance, self._step.records)
 
     def _adjust(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
-        """Leg-angle adjustment and turning, faded in over the step, with the torso at an angle."""
+        """Fill in the set-points, with leg-angle adjustment, turning and the torso's angles."""
         stance, legs = self.timing.stance, readings.legs
         end = self._placement.swing_end(
             readings, legs[stance], legs[1 - stance], self._commanded, self._ahead

@@ -1,4 +1,4 @@
-"""The accelerometer against the forces on the pelvis. See `faults` for the reasoning."""
+"""Fault detection of the accelerometer by the forces on the pelvis. `faults` has the reasoning."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from cassie_gaits.vectors import cross, dot, minus
 _KEPT = 192  # ticks of expected acceleration: more than the longest of `DELAYS` at 2 kHz
 
 DELAYS = (0.02, 0.03, 0.04)
-"""Delays that are looked for; those beside them fit one of these better than none. In s."""
+"""Delays that are tested; delays close to one of these fit it better than no delay. In s."""
 
-_SPIKE_TIME, _SPIKES = 0.04, 3.0  # s; count, fading over it, that soles which bounce do not reach
-_SHOCK = 0.05  # of a spike, that the other two axes show together where something hits the robot
-_FROZEN = 0.016  # s, after which what carries noise does not keep its bits; a delay begins so
-_FAST, _SLOW = 0.003, 0.02  # s, between which a signal must change to be compared
-_POWER_TIME = 0.2  # s
+_SPIKE_TIME, _SPIKES = 0.04, 3.0  # s, time constant; decaying count that bouncing soles stay below
+_SHOCK = 0.05  # ratio to a spike: sum of the other two axes from which it is a shock to the robot
+_FROZEN = 0.016  # s for which a noisy signal does not keep its bits; a delay begins with a freeze
+_FAST, _SLOW = 0.003, 0.02  # s, time constants of the band-pass before the comparison
+_POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
 _CARRIED, _CARRIED_TIME, _CARRIED_SHARE = 0.5, 0.3, 0.75  # of the weight; s; of that time
-_UNSURE, _NOISE = 0.5, 0.4  # share of the expected power, and (m/s^2)^2, that count as a misfit
-_NORMAL = 0.1  # of a misfit, by which being late must fit better
-_DOUBT = 2.0  # weight of what a delay leaves unexplained itself: neither fits what pushes the robot
-_LARGEST = 2.0  # of what is needed
-_NEAREST = 0.005  # s, between the delays of which a blow fits none
-# What fits no delay by so many misfits is a blow; for how long, in s, the legs' answer to it may
-# look like a delay.
+_UNSURE, _NOISE = 0.5, 0.4  # share of the expected power, and (m/s^2)^2: square of one misfit
+_NORMAL = 0.1  # misfits by which a delay must fit better
+_DOUBT = 2.0  # weight of the misfit that a delay leaves: an external push fits neither hypothesis
+_LARGEST = 2.0  # ratio to `AccelerometerLimits.late`: saturation of `Accelerometer.late`
+_NEAREST = 0.005  # s, spacing of the delays that are tested for a blow
+# A blow fits each delay worse than so many misfits; time in s for which the legs' response to the
+# blow may look like a delay.
 _BLOW, _BLOW_TIME = 4.0, 0.1
-_LOAD_TIME = 5.0  # s, in which what was learned of a load is forgotten
-_NO_LOAD = 5.0  # s/m^2, information that there is none: of some 15 ms of walking
+_LOAD_TIME = 5.0  # s, time constant with which the estimate of a load is forgotten
+_NO_LOAD = 5.0  # s/m^2, prior information that there is no load: that of some 15 ms of walking
 
-# Acceleration of the pelvis ahead, aside and upward by the left leg's force times its lean ahead
-# and aside, the force itself (1/kg), the torques of hip pitch and knee (1/(kg m)), ...
+# Coefficients of the pelvis's acceleration, rows forward, sideways and up: the left leg's force
+# times its lean forward and sideways, the force (1/kg), torques of hip pitch, knee (1/(kg m)), ...
 _FORCES = (
     (0.0411, 0.0, 0.0082, 0.0, -0.0254),
     (0.0, 0.0342, 0.0, 0.0, 0.0),
@@ -45,24 +45,24 @@ _LEAST_HEIGHT = 0.4  # m
 
 
 class Accelerometer(Record):
-    """What is remembered of the accelerometer, by axis.
+    """State of the accelerometer's fault detection; the last index is the axis, if there is one.
 
     Attributes:
-        measured: Newest first. In m/s^2.
-        same: Ticks for which it has had the same bits.
-        spikes: Their fading count.
-        smooth: Measured smoothed fast and slow, expected and the pelvis's angular acceleration
-            likewise. In m/s^2 and rad/s^2.
-        load: Place of a load in the pelvis, by its share of what the legs move there. In m.
-        evidence: Information about it, and times it. In s/m^2 and s/m.
-        expected: Ring of what is expected to change within a step. In m/s^2.
-        power: Of that. In (m/s^2)^2.
-        late: Time for which it fitted each of `DELAYS` better. In s.
-        bad: Time for which it is not believed yet. In s.
-        carried: Share of late in which the feet carried the robot.
-        blow: Time for which the echo of one may go on. In s.
-        velocities: Of the ten drives and the gyro's three axes, newest first. In rad/s.
-        now: What is expected. In m/s^2.
+        measured: Last measurements, newest first. In m/s^2.
+        same: Ticks for which the axis has had the same bits.
+        spikes: Decaying count of spikes.
+        smooth: Signals after a fast and a slow low-pass: measured, expected, and the pelvis's
+            angular acceleration. In m/s^2 and rad/s^2.
+        load: Position of a load on the pelvis times its share of the moved mass. In m.
+        evidence: Information matrix of `load`, and its product with `load`. In s/m^2 and s/m.
+        expected: Ring buffer of the band-passed expected acceleration. In m/s^2.
+        power: Low-passed square of the band-passed expected acceleration. In (m/s^2)^2.
+        late: Time for which the axis fitted each of `DELAYS` better than none. In s.
+        bad: Remaining time for which the axis is rejected. In s.
+        carried: Low-passed share of time in which the feet carried the robot.
+        blow: Remaining time for which the response to a blow may last. In s.
+        velocities: Velocities of the ten drives and the gyro's three axes, newest first. In rad/s.
+        now: Expected acceleration. In m/s^2.
     """
 
     measured: FloatArray = array(3, 3)
@@ -82,15 +82,15 @@ class Accelerometer(Record):
 
 
 class AccelerometerLimits(Record):
-    """What is normal of the accelerometer.
+    """Limits of a healthy accelerometer.
 
     Attributes:
-        period: Between samples. In s.
-        hold: Time that an axis stays unbelieved after it last was wrong. In s.
-        largest: In m/s^2.
-        spike: In m/s^2.
-        late: Time for which an axis must fit one of `DELAYS` better. In s.
-        weight: Of the robot. In N.
+        period: Time between samples. In s.
+        hold: Time for which an axis stays rejected after its last fault. In s.
+        largest: Largest acceleration. In m/s^2.
+        spike: Threshold of a spike. In m/s^2.
+        late: Time for which a late axis fits one of `DELAYS` better than none. In s.
+        weight: Weight of the robot. In N.
     """
 
     period: float
@@ -101,7 +101,7 @@ class AccelerometerLimits(Record):
     weight: float
 
     def __init__(self, period: float, hold: float) -> None:
-        """Of the nominal robot, at a period between samples in s and a hold in s."""
+        """Limits of the nominal robot, at a period between samples in s and a hold in s."""
         limits = {"largest": 300.0, "spike": 6.0, "late": 0.019}
         super().__init__(period, hold, weight=robot.WEIGHT, **limits)
 
@@ -110,21 +110,21 @@ class AccelerometerLimits(Record):
 def push_of_legs(
     torques: FloatArray, forces: FloatArray, feet: FloatArray, expected: FloatArray
 ) -> None:
-    """Acceleration that legs' forces and drives' torques give the pelvis.
+    """Acceleration that the legs' forces and the drives' torques give the pelvis.
 
-    A leg's force leans with it; hip and knee carry it to the pelvis. What speeds up the legs
-    themselves is missing, see `expect_acceleration`.
+    A leg's force points along the leg; hip and knee transmit it to the pelvis. The part that
+    accelerates the legs themselves is not included, see `expect_acceleration`.
 
     Args:
-        torques: Of the ten drives. Shape (10,), in Nm.
-        forces: Of the feet. Shape (2,), in N.
-        feet: Middle of each sole in the pelvis. Shape (2, 3), in m.
+        torques: Torques of the ten drives. Shape (10,), in Nm.
+        forces: Forces of the feet. Shape (2,), in N.
+        feet: Middle of each sole in the pelvis frame. Shape (2, 3), in m.
         expected: Result, pelvis frame. Shape (3,), in m/s^2.
     """
     for k in range(3):
         expected[k] = 0.0
     for i in range(2):
-        side = 1.0 if i == 0 else -1.0  # the right leg is the left one's image
+        side = 1.0 if i == 0 else -1.0  # the right leg is the mirror image of the left
         lean = forces[i] / min(feet[i, 2], -_LEAST_HEIGHT)
         pitch, knee = torques[5 * i + 2], torques[5 * i + 3]
         causes = lean * feet[i, 0], side * lean * feet[i, 1], forces[i], pitch, knee
@@ -136,19 +136,19 @@ def push_of_legs(
 
 @compiled
 def expect_acceleration(axes: Accelerometer, push: FloatArray, period: float) -> None:
-    """What the accelerometer must have measured one sample ago, as far as it changes in a step.
+    """Acceleration that the accelerometer must have measured one sample ago, without constants.
 
-    Newton's law: what the legs' forces give the pelvis (`push_of_legs`), less what speeds up the
-    legs, and what the pelvis's own turning gives the IMU beside its middle. The factors were
-    fitted to walks; they hold for changes within a step (8 to 50 Hz). Of these they explain 84 to
-    95 % of the variance ahead, 96 to 97 % aside and 93 to 99 % upwards in four walks that they were
-    not fitted to: a slow one, and random sticks with two libraries, up to a fall. Constant parts
-    are not in it.
+    Newton's law: the legs' forces on the pelvis (`push_of_legs`), less the part that accelerates
+    the legs, plus the pelvis's angular acceleration times the IMU's offset from its middle. The
+    coefficients were fitted to walks; they hold for changes within a step (8 to 50 Hz). They
+    explain 84 to 95 % of the variance of these changes forward, 96 to 97 % sideways and 93 to 99 %
+    up. This holds in four walks that they were not fitted to: a slow one, and random sticks with
+    two libraries, up to a fall.
 
     Args:
         axes: `velocities` are of this sample and of two before; `now` is the result.
-        push: What the legs' forces gave it one sample ago. Shape (3,), in m/s^2.
-        period: Between samples. In s.
+        push: Acceleration one sample ago from `push_of_legs`. Shape (3,), in m/s^2.
+        period: Time between samples. In s.
     """
     v, per_time = axes.velocities, 0.5 / period
     for k in range(3):
@@ -171,20 +171,20 @@ def look_at_acceleration(
     force: float,
     trusted: bool,
 ) -> None:
-    """Compare the accelerometer with itself, and one sample ago with what was expected.
+    """Check the accelerometer's samples, and compare that of one sample ago with the expected one.
 
     Args:
         axes: Changed in place.
-        limit: What is normal.
-        ticks: Since the start.
-        force: Of both feet. In N.
-        trusted: Whether all sensors that these come from are believed.
+        limit: Limits of a healthy accelerometer.
+        ticks: Ticks since the start.
+        force: Sum of both feet's forces. In N.
+        trusted: Whether all sensors behind the expected acceleration are accepted.
     """
     dt, a = limit.period, axes.measured
     stands = 1.0 if force > _CARRIED * limit.weight else 0.0
     axes.blow = max(0.0, axes.blow - dt)
     axes.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - axes.carried)
-    # Neither what a gantry does is expected, nor anything true of sensors that fail.
+    # The expected acceleration is wrong in a gantry, and with sensors that fail.
     known = trusted and axes.carried > _CARRIED_SHARE
     _smooth(axes, dt, ticks)
     healthy = known
@@ -193,7 +193,7 @@ def look_at_acceleration(
         axes.same[k] = axes.same[k] + 1 if a[0, k] == a[1, k] else 0
         axes.spikes[k] *= math.exp(-dt / _SPIKE_TIME)
         out = abs(a[1, k] - 0.5 * (a[0, k] + a[2, k]))
-        # A step, as where a push begins or ends, is none.
+        # A step, as where a push begins or ends, is no spike.
         if out > max(limit.spike, abs(a[0, k] - a[2, k])) and _alone(a, k, out):
             axes.spikes[k] += 1.0
         wrong = not abs(a[0, k]) <= limit.largest
@@ -211,7 +211,7 @@ def look_at_acceleration(
 
 @compiled
 def _smooth(axes: Accelerometer, dt: float, ticks: int) -> None:
-    """Bring `smooth` up to date: of one sample ago."""
+    """Update `smooth` with the signals of one sample ago."""
     a, now, v = axes.measured, axes.now, axes.velocities
     for k in range(3):
         if ticks == 0:
@@ -226,21 +226,22 @@ def _smooth(axes: Accelerometer, dt: float, ticks: int) -> None:
 
 @compiled
 def _changes(axes: Accelerometer, j: int) -> tuple[float, float, float]:
-    """What changes within a step of the measured (0), the expected (1), the turning (2)."""
+    """Band-passed acceleration: measured (0), expected (1), or the pelvis's angular one (2)."""
     fast, slow = axes.smooth[2 * j], axes.smooth[2 * j + 1]
     return fast[0] - slow[0], fast[1] - slow[1], fast[2] - slow[2]
 
 
 @compiled
 def _weigh(axes: Accelerometer, dt: float) -> None:
-    """Learn where a load is fixed to the pelvis, by recursive least squares.
+    """Estimate where a load is fixed to the pelvis, by recursive least squares.
 
-    A mass m at r from the IMU takes part in the pelvis's acceleration a and turns with it. With M
-    what the legs' forces move there without it, they give M a_0 = M a + m (a + w' x r), and
+    A mass m at r from the IMU has the pelvis's acceleration a and turns with the pelvis. M is the
+    mass that the legs' forces move without the load, and a_0 its acceleration. Then
+    M a_0 = M a + m (a + w' x r), and
 
         a = M / (M + m) a_0 - w' x load,    load = m / (M + m) r.
 
-    The first factor changes the expected acceleration's size alone, which no delay is taken from.
+    The first factor only scales the expected acceleration; no delay is inferred from the scale.
     """
     measured, expected, turning = _changes(axes, 0), _changes(axes, 1), _changes(axes, 2)
     left = minus(measured, expected)
@@ -266,7 +267,7 @@ def _weigh(axes: Accelerometer, dt: float) -> None:
 
 @compiled
 def _turning_with(turning: tuple[float, float, float], k: int) -> tuple[float, float, float]:
-    """By what each coordinate of a load adds to the acceleration along axis k, -w' x load."""
+    """Derivatives of -w' x load, the acceleration along axis k, by the load's coordinates."""
     if k == 0:
         return 0.0, turning[2], -turning[1]
     if k == 1:
@@ -276,7 +277,7 @@ def _turning_with(turning: tuple[float, float, float], k: int) -> tuple[float, f
 
 @compiled
 def _alone(a: FloatArray, k: int, out: float) -> bool:
-    """Whether axis k is off the line of its neighbours and the other two are not."""
+    """Whether axis k is off the line of its neighbour samples and the other two axes are not."""
     others = 0.0
     for i in range(3):
         if i != k and math.isfinite(a[0, i] + a[1, i] + a[2, i]):
@@ -286,7 +287,7 @@ def _alone(a: FloatArray, k: int, out: float) -> bool:
 
 @compiled
 def _late(axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int) -> bool:
-    """Whether axis k follows what was expected a while ago, and not by chance."""
+    """Whether axis k, by enough evidence, follows the expected acceleration with a delay."""
     dt, measured = limit.period, _changes(axes, 0)[k]
     now = _changes(axes, 1)[k] + dot(_turning_with(_changes(axes, 2), k), axes.load)
     axes.expected[ticks % _KEPT, k] = now
@@ -309,7 +310,7 @@ def _late(axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int) -
 
 @compiled
 def _unexplained(axes: Accelerometer, ticks: int, dt: float, k: int, measured: float) -> float:
-    """Least square (m^2/s^4) by which axis k is off what was expected now or up to 40 ms ago."""
+    """Least squared residual (m^2/s^4) of axis k over all delays from 0 to 40 ms."""
     least, late = math.inf, 0.0
     while late < DELAYS[-1] + 0.5 * dt:
         count = int(late / dt + 0.5)

@@ -1,4 +1,4 @@
-"""What both estimators do alike: joints, leg kinematics, foot loads, Euler angles, CoM."""
+"""Common part of both estimators: joints, leg kinematics, foot loads, Euler angles, CoM."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import cross, is_within, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, over which forces are averaged: at first, at last
-_CONTACT_TIME = 0.05  # s
-_STANDS = 0.6  # share of what is felt, that feet which carry it seem to carry at least
+_FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, time constant of `Body.scale`: at the start, at the end
+_CONTACT_TIME = 0.05  # s, time constant of `Body.carried`
+_STANDS = 0.6  # ratio of the springs' force to mass times felt acceleration: threshold of standing
 _LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
 
 
 class Body(Record):
-    """The robot as every estimator has it.
+    """Data of the robot that every estimator uses.
 
-    Those with the name of a field of `EstimatorConfig` come from there.
+    Attributes with the name of a field of `EstimatorConfig` come from that field.
 
     Attributes:
-        period: Between samples. In s.
-        mass: Of the robot. In kg.
+        period: Time between samples. In s.
+        mass: Mass of the robot. In kg.
         pelvis_moment: Mass times centre of mass of the pelvis. In kg m.
-        imu: Its position in the pelvis. In m.
-        toe_torques: Of the last sample. In Nm.
-        attitude: IMU to world, as the IMU itself had it at the last sample.
+        imu: Position of the IMU in the pelvis. In m.
+        toe_torques: Torques of the toes in the last sample. In Nm.
+        attitude: IMU to world, as measured by the IMU in the last sample.
         arms: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
-        carried: Share of late in which the feet carried it.
-        scale: Factor of their springs' forces.
-        scale_time: Over which this factor is averaged. In s.
+        carried: Low-passed share of time in which the feet carried the robot.
+        scale: Factor on the forces of the legs' springs.
+        scale_time: Time constant of `scale`. In s.
         ground: Height of the ground under the loaded feet. In m.
-        aloft: For how long no foot has touched it. In s.
+        aloft: Time for which no foot has touched the ground. In s.
     """
 
     period: float
@@ -65,13 +65,13 @@ class Body(Record):
 def read_legs(
     samples: RecordArray, states: RecordArray, pairs: Records[LegPair], bodies: Records[Body]
 ) -> None:
-    """Joints, kinematics, forces and loads of the legs; and what the state repeats of the sample.
+    """Joints, kinematics, forces and loads of the legs; and the sample's values in the state.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
         pairs: Result, kinematics of both legs. Shape (1,).
-        bodies: The robot; what it has of the last sample is brought up to date. Shape (1,).
+        bodies: Data of the robot; its values of the last sample are updated. Shape (1,).
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
     _pass_on(samples, states)
@@ -88,12 +88,12 @@ def read_legs(
 
 @compiled
 def finish(state: RobotState, pair: LegPair, body: Body, rotation: FloatArray) -> None:
-    """Euler angles, and the CoM, of a pelvis that is known.
+    """Compute the Euler angles and the CoM from the estimated pelvis.
 
     Args:
-        state: Has position, velocity and angular velocity; gets the others.
+        state: Has position, velocity and angular velocity; gets Euler angles, rates and CoM.
         pair: Kinematics of both legs.
-        body: The robot.
+        body: Data of the robot.
         rotation: Pelvis to world. Shape (3, 3).
     """
     euler_angles(rotation, state.angular_velocity, state.q[3:6], state.v[3:6])
@@ -122,7 +122,7 @@ def _place_com(state: RobotState, pair: LegPair, body: Body, rotation: FloatArra
 
 @compiled
 def _pass_on(samples: RecordArray, states: RecordArray) -> None:
-    """What the state repeats of the sample."""
+    """Copy the values of the sample that the state repeats."""
     sample, state = samples[0], states[0]
     state.sec, state.nanosec = sample.sec, sample.nanosec
     state.episode, state.seq = sample.episode, sample.seq
@@ -140,7 +140,7 @@ def _arrange_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body
     """Measurements of drives and joints in the order along each leg.
 
     Args:
-        sample: Where they are.
+        sample: Has the measurements.
         joints, rates: Result, hip_roll to toe. Shape (2, 7), in rad and rad/s.
         body: Gets the toes' torques.
     """
@@ -160,14 +160,14 @@ def _arrange_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body
 def _scale_forces(
     body: Body, springs: FloatArray, specific_force: FloatArray, forces: FloatArray
 ) -> None:
-    """Forces of the feet such that on average they carry the robot's weight.
+    """Forces of the feet, scaled so that on average they carry the robot's weight.
 
-    Neither the springs' stiffness nor the mass is known to better than some ten percent. What
-    the springs hold, averaged over a step, must be the mass times what the accelerometer feels.
+    Neither the springs' stiffness nor the mass is known to better than some ten percent. Averaged
+    over a step, the springs' force must equal the mass times the vertical specific force.
 
     Args:
-        body: The robot; its scale is brought up to date.
-        springs: Vertical forces after the nominal springs. Shape (2,), in N.
+        body: Data of the robot; its scale is updated.
+        springs: Vertical forces by the nominal stiffness of the springs. Shape (2,), in N.
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
         forces: Result. Shape (2,), in N.
     """
@@ -226,8 +226,8 @@ def euler_angles(
     Args:
         rotation: Pelvis to world. Shape (3, 3).
         angular_velocity: Pelvis frame. Shape (3,), in rad/s.
-        angles: Yaw, pitch, roll; as they were before, and the result: yaw counts on beyond a half
-            turn, so that it can be followed and integrated. Shape (3,), in rad.
+        angles: Yaw, pitch, roll: the previous ones, replaced by the result. Yaw is unwrapped, so
+            that it can be tracked and integrated. Shape (3,), in rad.
         rates: Result, their time derivatives. Shape (3,), in rad/s.
     """
     sine = max(-1.0, min(1.0, -rotation[2, 0]))
@@ -236,7 +236,7 @@ def euler_angles(
     angles[1] = math.asin(sine)
     angles[2] = math.atan2(rotation[2, 1], rotation[2, 2])
     c_roll, s_roll = math.cos(angles[2]), math.sin(angles[2])
-    c_pitch = max(0.05, math.cos(angles[1]))  # a robot on its nose has fallen long before
+    c_pitch = max(0.05, math.cos(angles[1]))  # at such a pitch the robot has fallen
     turning = s_roll * angular_velocity[1] + c_roll * angular_velocity[2]
     rates[0] = turning / c_pitch
     rates[1] = c_roll * angular_velocity[1] - s_roll * angular_velocity[2]
@@ -247,14 +247,14 @@ _CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "heig
 
 
 class LegEstimator:
-    """An estimator whose pelvis is left to its children.
+    """Base class of the estimators; child classes estimate the pelvis.
 
-    Foot force is what the deflected springs hold (`leg.spring_force`), scaled so that on average
-    both carry the weight of the nominal robot (`_scale_forces`); load and contact probability
-    follow from it.
+    Foot force is the force of the deflected springs (`leg.spring_force`), scaled so that on average
+    both feet carry the weight of the nominal robot (`_scale_forces`). Load and contact probability
+    follow from foot force.
 
     Args:
-        config: Figures.
+        config: Parameters.
         period: Time between samples. In s.
     """
 
@@ -282,7 +282,7 @@ class LegEstimator:
 
     @property
     def config(self) -> EstimatorConfig:
-        """Figures in force; may be set while it runs."""
+        """Parameters in force; may be set while the estimator runs."""
         return self._config
 
     @config.setter
@@ -295,21 +295,21 @@ class LegEstimator:
             setattr(self._body, name, getattr(config, name))
 
     def reset(self) -> None:
-        """Forget everything: at rest, at the origin, height from the next sample's legs."""
+        """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         self._state.floats[:] = 0.0
         body = self._body
         body.carried, body.scale, body.scale_time = 0.0, 1.0, _FIRST_TIME
         body.ground = body.aloft = 0.0
 
     def restart(self) -> None:
-        """Begin anew with the next sample, at rest; place and counted turns are kept."""
+        """Begin anew with the next sample, at rest; horizontal position and yaw are kept."""
         x, y, yaw = self._state.q[[0, 1, 3]]
         self.reset()
         if math.isfinite(x + y + yaw):
             self._state.q[[0, 1, 3]] = x, y, yaw
 
     def coast(self, blind: bool) -> None:
-        """Whether to go on without the accelerometer, which then only tells gravity."""
+        """Set whether the accelerometer is lost, so that samples have gravity in its place."""
 
     def step(self, sensors: Sensors) -> RobotState:
         """Estimate from one sample.
@@ -319,7 +319,7 @@ class LegEstimator:
 
         Raises:
             SensorError: if a value is not finite or the orientation is no unit quaternion; the
-                estimate then stays as it was.
+                estimate is then not changed.
         """
         _check(sensors)
         read_legs(sensors.record, self._state.record, self._legs.records, self._body.records)
@@ -344,7 +344,7 @@ def _square(quaternion: FloatArray) -> float:
 
 def _check(sensors: Sensors) -> None:
     if not is_within(sensors.floats, LARGEST):
-        # A battery gauge that fails fells nobody.
+        # Estimation does not need the battery gauge, so its failure is no error.
         check(sensors, "sensor", SensorError, unused=("battery",))
     square = _square(sensors.orientation)
     if not 0.8 < square < 1.2:

@@ -16,7 +16,7 @@ CHANNELS: tuple[tuple[str, str], ...] = (
     *((f"joint_velocity.{i}", name) for i, name in enumerate(SENSED_JOINTS)),
     *((f"drive_torque.{i}", name) for i, name in enumerate(DRIVES)),
 )
-"""Field of Sensors with its index, and what it belongs to, in the order of the bits."""
+"""Field of Sensors with its index, and the part that it measures, in the order of the bits."""
 
 ORIENTATION, GYRO, ACCELEROMETER, DRIVE_POSITION, DRIVE_VELOCITY = 0, 1, 4, 7, 17
 JOINT_POSITION, JOINT_VELOCITY, DRIVE_TORQUE = 27, 33, 39
@@ -29,10 +29,10 @@ def names(mask: int) -> tuple[str, ...]:
 
 
 def no_estimate(missing: int) -> str:
-    """That there is no estimate, and what to do about it.
+    """Message that there is no estimate, and what to do about it.
 
     Args:
-        missing: Channels without which there is none, a bit each.
+        missing: Channels without which there is no estimate, a bit each.
     """
     return (
         f"no estimate without {', '.join(names(missing))}: switch the power off and hang it up or "

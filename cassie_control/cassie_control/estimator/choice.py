@@ -18,7 +18,7 @@ def make_estimator(config: EstimatorConfig, period: float) -> LegEstimator:
     """The estimator named by `config.estimator`.
 
     Args:
-        config: Figures.
+        config: Parameters.
         period: Time between samples. In s.
     """
     kind = InvariantEstimator if config.estimator == "invariant" else KinematicEstimator

@@ -1,7 +1,7 @@
-"""Which sensors can be believed: each channel is held against another that must agree with it.
+"""Fault detection of the sensors: each channel is compared with one that must agree with it.
 
-A position and a velocity that belong together are a pair: ten drives, six joints, three axes of the
-IMU's orientation with those of its gyro. `SensorMonitor` has the reasoning.
+A position and its velocity are a pair: ten drives, six joints, and three axes of the IMU's
+orientation with those of its gyro. `SensorMonitor` has the reasoning.
 """
 
 from __future__ import annotations
@@ -48,27 +48,27 @@ from cassie_msgs.layout import RobotState, Sensors
 BoolArray = npt.NDArray[np.bool_]
 
 BELIEVED, RESTED = 1, 2
-"""What `inspect` finds: all of the sample can be believed; it has come to rest without power."""
+"""Result bits of `inspect`: the whole sample is accepted; the robot rests without power."""
 
-_TILTED = 0.02  # rad, of the IMU's orientation against its gyro: turning then seems to tilt it
-_MOST_TORQUE = 1.5  # by the drive's limit: with a torque constant that is off it gives less
+_TILTED = 0.02  # rad, misalignment of orientation and gyro: a turn then shows on the other axes
+_MOST_TORQUE = 1.5  # ratio to the drive's limit, which a wrong torque constant does not reach
 
 
 class Watch(Record):
-    """What the monitor remembers.
+    """State of the monitor.
 
     Attributes:
         pairs: Drives, joints and axes of the IMU.
-        accelerometer: Its axes.
-        ticks: Since the start.
-        last_orientation: Measured, x y z w.
-        orientation: To go on with, x y z w.
-        turned: By the gyro, fading over `APART_TIME`. In rad.
-        bad_torque: Time for which each drive's is not believed yet. In s.
-        rest: Time for which it has hung or lain still without power. In s.
-        powered: Whether it has power.
-        used: Whether it has had power since the start.
-        moved: Whether, once used, it has moved since the estimate began anew.
+        accelerometer: Axes of the accelerometer.
+        ticks: Ticks since the start.
+        last_orientation: Last measured orientation, x y z w.
+        orientation: Measured orientation or its replacement, for the estimator, x y z w.
+        turned: Integrated gyro, decaying with `APART_TIME`. In rad.
+        bad_torque: Remaining time for which each drive's torque is rejected. In s.
+        rest: Time for which the robot has hung or lain still without power. In s.
+        powered: Whether the robot has power.
+        used: Whether the robot has had power since the start.
+        moved: Whether the robot, once used, has moved since the estimate began anew.
     """
 
     pairs: Records[Pair] = part(Pair, PAIRS)
@@ -85,14 +85,14 @@ class Watch(Record):
 
 
 class Limits(Record):
-    """What is normal.
+    """Limits of healthy sensors.
 
     Attributes:
-        pairs: Of the drives, joints and axes of the IMU.
-        accelerometer: Of its axes.
-        period: Between samples. In s.
-        hold: Time that a channel stays unbelieved after it last was wrong. In s.
-        torque: Of each drive. In Nm.
+        pairs: Limits of the drives, joints and axes of the IMU.
+        accelerometer: Limits of the accelerometer's axes.
+        period: Time between samples. In s.
+        hold: Time for which a channel stays rejected after its last fault. In s.
+        torque: Largest torque of each drive. In Nm.
     """
 
     pairs: Records[PairLimits] = part(PairLimits, PAIRS)
@@ -102,12 +102,12 @@ class Limits(Record):
     torque: FloatArray = array(10)
 
     def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
-        """Of Cassie.
+        """Limits of Cassie.
 
         Args:
-            period: Between samples. In s.
-            attitude_delay: Of the IMU's orientation. In s.
-            hold: How long a channel stays unbelieved after it last was wrong. In s.
+            period: Time between samples. In s.
+            attitude_delay: Delay of the IMU's orientation. In s.
+            hold: Time for which a channel stays rejected after its last fault. In s.
         """
         super().__init__(period=period, hold=hold)
         set_pair_limits(period, attitude_delay, hold, self.records["pairs"][0])
@@ -124,19 +124,18 @@ def inspect(
     push: FloatArray,
     force: float,
 ) -> int:
-    """Take in a sample; afterwards `bad` and `trusted` are those of this sample.
+    """Check a sample; afterwards every `bad` and `trusted` is that of this sample.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         watches: Changed in place. Shape (1,).
-        limits: What is normal. Shape (1,).
-        push: Acceleration of the last sample after `push_of_legs`. Shape (3,), in m/s^2.
-        force: Of both feet at the last sample. In N.
+        limits: Limits of healthy sensors. Shape (1,).
+        push: Acceleration at the last sample from `push_of_legs`. Shape (3,), in m/s^2.
+        force: Sum of both feet's forces at the last sample. In N.
 
     Returns:
-        `BELIEVED` if all of it can be believed, plus `RESTED` at the moment from which on the
-        robot has rested without power for `REST_TIME`, and at which a channel is believed again
-        later in that rest.
+        `BELIEVED` if the whole sample is accepted. `RESTED` is added when the robot has rested
+        without power for `REST_TIME`, and again when a channel is accepted later in that rest.
     """
     sample, watch, limit = samples[0], watches[0], limits[0]
     _take_in(sample, watch)
@@ -165,7 +164,7 @@ def inspect(
 
 @compiled
 def _take_in(sample: Sensors, watch: Watch) -> None:
-    """All that is measured but the orientation."""
+    """Copy all measurements but the orientation."""
     pairs, acceleration = watch.pairs, watch.accelerometer.measured
     for i in range(10):
         pairs[i].position, pairs[i].velocity = sample.drive_position[i], sample.drive_velocity[i]
@@ -181,7 +180,7 @@ def _take_in(sample: Sensors, watch: Watch) -> None:
 
 @compiled
 def _take_in_velocities(watch: Watch) -> None:
-    """Those that are believed, of drives and gyro, for what they do to the pelvis."""
+    """Store the trusted velocities of drives and gyro, for the pelvis's expected acceleration."""
     v = watch.accelerometer.velocities
     for j in range(13):
         pair = watch.pairs[j if j < 10 else FIRST_AXIS + j - 10]
@@ -193,7 +192,7 @@ def _take_in_velocities(watch: Watch) -> None:
 
 @compiled
 def _turn(q: FloatArray, watch: Watch) -> None:
-    """Take in the orientation (4,), x y z w: by its turn, NaN where it is none."""
+    """Add the turn of the quaternion (4,), x y z w, to the IMU's axes; NaN if its norm is wrong."""
     p, axes = watch.last_orientation, watch.pairs[FIRST_AXIS:]
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not 0.9 < square < 1.1:  # NaN compares false
@@ -218,7 +217,7 @@ def _turn(q: FloatArray, watch: Watch) -> None:
 
 @compiled
 def _rest(watch: Watch, limit: Limits, power: float) -> None:
-    """For how long it has had no power and hung or lain still, as far as its sensors tell."""
+    """Count for how long the robot, by its sensors, has hung or lain still without power."""
     still = power < 0.5
     watch.powered = 0 if still else 1
     if not still:
@@ -236,7 +235,7 @@ def _rest(watch: Watch, limit: Limits, power: float) -> None:
 
 @compiled
 def _look_at_torques(drive_torque: FloatArray, watch: Watch, limit: Limits) -> None:
-    """Nothing tells a wrong torque, except where the drive cannot give it."""
+    """Reject torques that a drive cannot give; no other test of a torque exists."""
     for i in range(10):
         watch.bad_torque[i] = max(0.0, watch.bad_torque[i] - limit.period)
         if not abs(drive_torque[i]) <= limit.torque[i]:  # NaN compares false
@@ -245,7 +244,7 @@ def _look_at_torques(drive_torque: FloatArray, watch: Watch, limit: Limits) -> N
 
 @compiled
 def _compare_pairs(watch: Watch, limit: Limits) -> None:
-    """Find what is bad of each pair, and what to go on with. The IMU has one orientation."""
+    """Find the bad channels of all pairs, and replace them. The IMU has one orientation."""
     pairs, turned = watch.pairs, watch.turned
     axes = pairs[FIRST_AXIS:]
     for k in range(3):
@@ -265,13 +264,13 @@ def _compare_pairs(watch: Watch, limit: Limits) -> None:
         axis.bad[P] = bad
     for i in range(PAIRS):
         if go_on(pairs[i], limit.pairs[i], watch.powered, watch.rest):
-            watch.moved = watch.used  # the estimate begins anew with what is believed again
+            watch.moved = watch.used  # the estimate begins anew with the accepted channel
     _orient(watch, limit.period, bad > 0.0)
 
 
 @compiled
 def _orient(watch: Watch, period: float, bad: bool) -> None:
-    """The orientation to go on with: the measured one, or the last one turned by the gyro."""
+    """Orientation for the estimator: the measured one, or the last one turned by the gyro."""
     q, axes = watch.orientation, watch.pairs[FIRST_AXIS:]
     if not bad:
         for k in range(4):
@@ -290,42 +289,43 @@ def _orient(watch: Watch, period: float, bad: bool) -> None:
         q[k] *= scale
 
 
-_GAP = 0.02  # s, without an estimate, after which what it was tells nothing
+_GAP = 0.02  # s without an estimate, after which the last estimate is useless
 _TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
 
 
 class SensorMonitor:
-    """Finds channels that fail, and says what to go on with.
+    """Detects channels that fail, and replaces them.
 
-    - A value that is no number or that the robot cannot have, such as a torque beyond the drive's
-      limit, a position that jumps: at once. Of a torque this is all.
+    - A value that is not a number or that the robot cannot have, such as a torque beyond the
+      drive's limit or a position that jumps: rejected at once. A torque has no other test.
     - A channel whose bits stay the same while its partner moves: stuck, or off.
-    - A velocity of one tick off its neighbours' curve, an acceleration off their line: spikes. A
-      pillar at the hip, a harness that chatters shakes all axes of the accelerometer, and is none.
-    - Position and integrated velocity do not go together: the one that moves now as the other did
-      20 to 100 ms ago is late. With other delays they grow apart, and the sign of their difference
-      by the velocity tells which of them it is. What the velocity filters of drives and joints
-      answer is expected. The IMU's orientation and gyro are such a pair.
-    - The accelerometer follows what forces, torques and the legs' own motion gave the pelvis 20, 30
-      or 40 ms ago, for longer than what they give now: it is late. A push from outside is not among
-      these forces; it fits neither. After a blow, which fits no delay at all, the legs
-      give way as late as that: for a while nothing speaks for a delay. In the gantry nothing is
-      compared.
+    - A velocity of one tick off its neighbours' curve, or an acceleration off their line: a spike.
+      A pillar at the hip or a harness that chatters shakes all axes of the accelerometer, which is
+      no spike.
+    - Position and integrated velocity disagree: the channel that moves now as the other one did 20
+      to 100 ms ago is late. With other delays they grow apart, and the sign of the covariance of
+      their difference and the velocity shows which one is late. The response of the velocity
+      filters of drives and joints is modelled. The IMU's orientation and gyro are such a pair.
+    - The accelerometer is late if it fits the acceleration of the pelvis 20, 30 or 40 ms ago, for
+      longer than it fits the present one. That acceleration comes from forces, torques and the
+      legs' own motion. A push from outside is not among them; it fits neither. After a blow, which
+      fits no delay at all, the legs yield with such a delay; for a while no evidence for a delay is
+      added. In the gantry nothing is compared.
 
-    A position goes on as the integral of its velocity, a velocity as the difference of its
-    position, the orientation with the gyro and the gyro with the orientation, the accelerometer
-    with gravity alone, a torque that the drive cannot give as 0. Where both of a pair fail there is
-    nothing to go on with, except for the toes, which have two encoders each.
+    A position (or the orientation) is replaced by the integral of its velocity (or the gyro). A
+    velocity (or the gyro) is replaced by the difference of its position (or the orientation). The
+    accelerometer is replaced by gravity, a torque by 0. Where both channels of a pair fail there is
+    no replacement, except for the toes, which have two encoders each.
 
-    A violent fall can make good sensors contradict each other, and what a channel is replaced by
-    drifts off meanwhile. So without power a channel is believed again that has changed its bits and
-    that nothing else speaks against for `REST_TIME`: while its partner, which is believed, agrees
-    with it, or, where both are lost, once the robot hangs or lies still. Dead ones do not change.
+    A violent fall can make healthy sensors contradict each other, and a replacement drifts
+    meanwhile. So without power a channel is accepted again if its bits change and nothing else
+    contradicts it for `REST_TIME`: while its accepted partner agrees with it, or, where both are
+    rejected, once the robot hangs or lies still. The bits of a dead channel do not change.
 
     Args:
-        period: Between samples. In s.
-        attitude_delay: Of the IMU's orientation. In s.
-        hold: How long a channel stays unbelieved after it last was wrong. In s.
+        period: Time between samples. In s.
+        attitude_delay: Delay of the IMU's orientation. In s.
+        hold: Time for which a channel stays rejected after its last fault. In s.
     """
 
     def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
@@ -346,22 +346,22 @@ class SensorMonitor:
         self._seq = -1
         self._trusted[:] = math.nan
         self.mask = 0
-        """Channels that are not believed, see `channels`."""
+        """Rejected channels, a bit each; see `channels`."""
         self.lost = 0
-        """Those of them without which there is no estimate."""
+        """Rejected channels without which there is no estimate, a bit each."""
         self.rested = False
-        """Whether it has come to rest without power: to be cleared by who begins anew."""
+        """Whether the robot has come to rest without power. Who begins anew clears this flag."""
 
     def reset(self) -> None:
-        """Believe everything."""
+        """Accept all channels."""
         self._watch.clear()
-        self._trusted[:] = math.nan  # nothing to go on with yet
+        self._trusted[:] = math.nan  # no replacement yet
         self._seq = -1
         self.mask = self.lost = 0
         self.rested = False
 
     def _start_over(self) -> None:
-        """Samples are missing: compare from this one on; what is not believed stays so."""
+        """Begin the comparisons anew, as samples are missing; rejected channels stay rejected."""
         watch, beliefs = self._watch, [belief.copy() for belief in self._beliefs]
         rest, used, moved = watch.rest, watch.used, watch.moved
         watch.clear()
@@ -376,13 +376,13 @@ class SensorMonitor:
         push: FloatArray,
         force: float,
     ) -> Sensors:
-        """The sample to go on with: the same, or one in which bad channels are replaced.
+        """Sample for the estimator: the same, or one in which bad channels are replaced.
 
         Args:
             sensors: One sample.
             rotation: Pelvis to world, last known. Shape (3, 3).
-            push: What the legs' forces gave the pelvis at the last sample. Shape (3,), in m/s^2.
-            force: Of both feet at the last sample. In N.
+            push: Acceleration at the last sample from `push_of_legs`. Shape (3,), in m/s^2.
+            force: Sum of both feet's forces at the last sample. In N.
         """
         seq = int(sensors.seq)
         if seq != self._seq + 1:
@@ -441,14 +441,14 @@ def _bits(flags: BoolArray) -> int:
 
 
 class MonitoredEstimator:
-    """An estimator that gets what the monitor lets through.
+    """An estimator behind the sensor monitor.
 
-    It begins anew where nothing could be estimated for more than `_GAP`, and once the robot has
-    come to rest without power: after a fall, or when it was lifted, attitude and height are off.
+    The estimate begins anew after more than `_GAP` without one, and once the robot has come to rest
+    without power: after a fall or after it was lifted, attitude and height are off.
 
     Args:
         core: The estimator.
-        period: Between samples. In s.
+        period: Time between samples. In s.
     """
 
     def __init__(self, core: LegEstimator, period: float) -> None:
@@ -456,7 +456,7 @@ class MonitoredEstimator:
         self._longest_gap = round(_GAP / period)
         self._unanswered = 0  # samples in a row
         self.starts = 0
-        """How often it has begun anew since the reset."""
+        """How often the estimate has begun anew since the reset."""
         self._names: tuple[str, ...] = ()
         self._named = 0
         self._push, self._force = np.zeros(3), 0.0
@@ -466,7 +466,7 @@ class MonitoredEstimator:
 
     @property
     def config(self) -> EstimatorConfig:
-        """Figures in force; may be set while it runs."""
+        """Parameters in force; may be set while the estimator runs."""
         return self.core.config
 
     @config.setter
@@ -475,7 +475,7 @@ class MonitoredEstimator:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Names of the channels that are not believed now."""
+        """Names of the channels that are rejected now."""
         mask = self._monitor.mask
         if mask != self._named:
             self._names, self._named = channels.names(mask), mask
@@ -495,7 +495,7 @@ class MonitoredEstimator:
             The state; reused by the next step.
 
         Raises:
-            SensorError: if channels fail that nothing can replace; the message names them.
+            SensorError: if channels fail that have no replacement; the message names them.
         """
         monitor, core = self._monitor, self.core
         sample = monitor.step(sensors, core.rotation, self._push, self._force)

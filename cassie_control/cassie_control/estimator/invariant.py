@@ -17,8 +17,8 @@ from cassie_gaits.vectors import Vector, cross, turned
 from cassie_msgs.layout import RobotState, Sensors
 
 SIZE = 21
-"""Errors of the filter: orientation, velocity, position, left and right contact, gyro and
-accelerometer bias, three of each."""
+"""Dimension of the filter's error: orientation, velocity, position, left and right contact, gyro
+and accelerometer bias, three of each."""
 
 _R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
 
@@ -28,15 +28,15 @@ class FilterState(Record):
 
     Attributes:
         rotation: IMU to world.
-        points: Velocity of the IMU in the world; its position, left and right contact, from the
-            origin. In m/s and m.
-        origin: Of the filter, in the world. Shape (2,), in m.
-        gyro_bias: In rad/s.
-        accelerometer_bias: In m/s^2.
-        covariance: Of the errors.
+        points: Velocity of the IMU in the world; positions of IMU, left and right contact from
+            `origin`. In m/s and m.
+        origin: Origin of the filter in the world. Shape (2,), in m.
+        gyro_bias: Bias of the gyro. In rad/s.
+        accelerometer_bias: Bias of the accelerometer. In m/s^2.
+        covariance: Covariance of the errors.
         soles: Orientation of each foot in the world at the last sample.
-        ground: Rise of the ground ahead, along the feet.
-        doubt: Of each foot, 0..1: 1 when it slips, fading.
+        ground: Slope of the ground along the feet, positive if it rises ahead.
+        doubt: Doubt in each foot's contact, 0..1: 1 when it slips, then decaying.
     """
 
     rotation: FloatArray = array(3, 3)
@@ -51,29 +51,30 @@ class FilterState(Record):
 
 
 class FilterNoise(Record):
-    """What the filter takes for granted.
+    """Noise and other parameters of the filter.
 
     Attributes:
-        period: Between samples. In s.
-        gyro: Variance by time. In (rad/s)^2 s.
-        accelerometer: Variance by time. In (m/s^2)^2 s.
-        gyro_bias: Variance that it gains. In (rad/s)^2/s.
-        largest_gyro_bias: In rad/s.
-        accelerometer_bias: Variance that it gains. In (m/s^2)^2/s.
-        stance: Variance that a contact under load gains. In m^2/s.
-        swing: Variance that a foot in the air gains. In m^2/s.
+        period: Time between samples. In s.
+        gyro: Power density of the gyro's noise. In (rad/s)^2 s.
+        accelerometer: Power density of the accelerometer's noise. In (m/s^2)^2 s.
+        gyro_bias: Variance per time of the gyro bias's random walk. In (rad/s)^2/s.
+        largest_gyro_bias: Saturation of the gyro's bias. In rad/s.
+        accelerometer_bias: Variance per time of the accelerometer bias's random walk. In
+            (m/s^2)^2/s.
+        stance: Variance per time of a loaded contact's random walk. In m^2/s.
+        swing: Variance per time of a random walk, for a foot in the air. In m^2/s.
         kinematics: Variance of a foot's position from the pelvis. In m^2.
-        tilt: Of the IMU's own roll and pitch, as white noise. In rad^2.
-        heading: Of its yaw. In rad^2.
-        hanging: Of the velocity of a robot that does not touch the ground. In (m/s)^2.
+        tilt: Variance of the IMU's own roll and pitch, as white noise. In rad^2.
+        heading: Variance of the IMU's own yaw, as white noise. In rad^2.
+        hanging: Velocity variance of a robot that does not touch the ground. In (m/s)^2.
         gate: Squared Mahalanobis distance beyond which a foot slips.
-        slip_decay: Of the doubt, over one period.
-        attitude_delay: In s.
-        sole_radius: In m.
+        slip_decay: Factor on the doubt over one period.
+        attitude_delay: Delay of the IMU's orientation. In s.
+        sole_radius: Radius of the sole's round edge. In m.
         sole_line: From the middle of the sole's centre line to its front, toe link. In m.
-        sole_flat: Height of a sole's end over the ground below which both touch. In m.
-        ground_time: In which the ground's rise is learned from a still foot. In s.
-        ground_still: Turn rate of such a foot. In rad/s.
+        sole_flat: Height of a sole's end over the ground below which both ends touch. In m.
+        ground_time: Time constant with which a still foot shows the ground's slope. In s.
+        ground_still: Turn rate up to about which a foot counts as still. In rad/s.
     """
 
     period: float
@@ -107,15 +108,15 @@ def move(
     filters: Records[FilterState],
     noises: Records[FilterNoise],
 ) -> bool:
-    """The filter, and the state that follows from it; False where the filter has diverged.
+    """Step the filter and compute the state from it; False where the filter has diverged.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
         pairs: Legs as `read_legs` left them. Shape (1,).
-        bodies: The robot; the height of its ground follows the loaded feet. Shape (1,).
+        bodies: Data of the robot; the ground's height follows the loaded feet. Shape (1,).
         filters: Changed in place. Shape (1,).
-        noises: Figures of the filter. Shape (1,).
+        noises: Parameters of the filter. Shape (1,).
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
     _step_filter(sample, state.contact_probability, pair, body, filters[0], noises[0])
@@ -184,7 +185,7 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
 
 @compiled
 def small_turn(before: FloatArray, after: FloatArray) -> Vector:
-    """Rotation vector from one orientation (3, 3) to a near one: skew part of after before^T."""
+    """Rotation vector between two near orientations (3, 3): skew part of after before^T."""
     x = y = z = 0.0
     for c in range(3):
         x += 0.5 * (after[2, c] * before[1, c] - after[1, c] * before[2, c])
@@ -211,7 +212,7 @@ def _predict(
     specific_force: FloatArray,
     contact: FloatArray,
 ) -> None:
-    """X over one period, with what the IMU measured less its biases."""
+    """Predict X over one period, by the IMU's measurements less their biases."""
     dt = noise.period
     bias = state.gyro_bias
     w = (
@@ -240,10 +241,10 @@ def _predict(
 
 @compiled
 def _roll(state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, contact: float) -> None:
-    """Move the middle of a foot that turned on the ground without slipping.
+    """Move the contact point of a foot that rolled on the ground without slipping.
 
-    A sole that is not level with the ground stands on one end of its line, and on its round edge:
-    the middle moves by turn x (radius up - end).
+    A sole that is not parallel to the ground stands on one end of its centre line, and on its round
+    edge. The middle of the line, the contact point, moves by turn x (radius up - end).
     """
     turn = small_turn(state.soles[i], sole)
     line = turned(sole, noise.sole_line)
@@ -262,7 +263,7 @@ def _roll(state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, cont
 def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
     """Covariance over one period: P = F P F^T + Q with F = 1 + A dt.
 
-    No correction takes away what rounding makes of P - P^T, and F integrates it three times.
+    No correction removes the asymmetry P - P^T by rounding, and F integrates it three times.
     """
     P = state.covariance
     _flow(state, noise.period, P)
@@ -275,7 +276,7 @@ def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
 
 @compiled
 def _flow(state: FilterState, dt: float, P: FloatArray) -> None:
-    """P <- F P; rows in an order in which each still finds the old ones that it needs."""
+    """P <- F P; the order of the rows is such that each one uses old values of the others."""
     R = state.rotation
     for j in range(SIZE):
         gyro = turned(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
@@ -347,7 +348,7 @@ def _correct_by_feet(state: FilterState, noise: FilterNoise, feet: FloatArray) -
 def _take(
     P: FloatArray, gain: FloatArray, variance: float, rest: float, correction: FloatArray
 ) -> None:
-    """One scalar measurement: `gain` is H P, `rest` what of the innovation is left."""
+    """Update with one scalar measurement: `gain` is H P, `rest` the remaining innovation."""
     scale = 1.0 / variance
     for i in range(SIZE):
         share = scale * gain[i]
@@ -358,7 +359,7 @@ def _take(
 
 @compiled
 def _let_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> None:
-    """Widen the contact's covariance where the innovation is too far off for a still foot."""
+    """Raise the contact's covariance where the innovation is an outlier for a still foot."""
     P, d = state.covariance, _D + 3 * i
     S = np.empty((3, 3))
     for a in range(3):
@@ -382,7 +383,8 @@ def _let_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> 
 def _apply(state: FilterState, noise: FilterNoise, correction: FloatArray) -> None:
     """X <- exp(correction) X, biases added.
 
-    On a vehicle that accelerates the gyro's would take in what the resting feet contradict.
+    The gyro's bias saturates: on a vehicle that accelerates it would absorb the contradiction of
+    IMU and resting feet.
     """
     turn, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     exponential(correction[0], correction[1], correction[2], turn, jacobian)
@@ -401,15 +403,15 @@ def _apply(state: FilterState, noise: FilterNoise, correction: FloatArray) -> No
 
 @compiled
 def take_origin_along(filters: Records[FilterState], farthest: float) -> None:
-    """Put the filter's origin o where the IMU is, once that has gone far.
+    """Move the filter's origin o to the IMU, once the IMU is far from it.
 
-    How far a foot is from the pelvis is a small difference of large numbers where both are far from
-    the point about which the heading errs. About another origin, xi_p' = xi_p + xi_R x o, and so
-    for the contacts.
+    The distance of foot and pelvis is a small difference of large numbers where both are far from
+    the point about which the heading errs. About another origin, xi_p' = xi_p + xi_R x o, and
+    likewise for the contacts.
 
     Args:
         filters: Changed in place. Shape (1,).
-        farthest: From the origin. In m.
+        farthest: Distance from the origin at which it moves. In m.
     """
     state = filters[0]
     position, P = state.points[1], state.covariance
@@ -427,7 +429,7 @@ def take_origin_along(filters: Records[FilterState], farthest: float) -> None:
 
 @compiled
 def _shift(P: FloatArray, x: float, y: float) -> None:
-    """Rows of position and contacts of the covariance, or of its transpose, about an origin."""
+    """Move rows of the covariance, or of its transpose, to a new origin: position and contacts."""
     for j in range(SIZE):
         across = (-P[_R + 2, j] * y, P[_R + 2, j] * x, P[_R, j] * y - P[_R + 1, j] * x)
         for i in range(3):
@@ -456,7 +458,7 @@ def _correct_by_attitude(
 
 @compiled
 def _correct_by_hanging(state: FilterState, variance: float, correction: FloatArray) -> None:
-    """z = -v: what hangs for long does not fly; too weak to matter between two steps."""
+    """z = -v: a robot that hangs for long is at rest; too weak to matter between two steps."""
     P, gain = state.covariance, np.empty(SIZE)
     for k in range(3):
         for j in range(SIZE):
@@ -473,12 +475,12 @@ def _read_pelvis(
     angular_velocity: FloatArray,
     state: RobotState,
 ) -> bool:
-    """The pelvis's origin from the filter's IMU; False where the filter has diverged.
+    """Compute the pelvis from the filter's IMU; False where the filter has diverged.
 
     Args:
         estimate, noise, body: See `move`.
         angular_velocity: Measured. Shape (3,), in rad/s.
-        state: Gets angular velocity less its bias, position with the height above that ground,
+        state: Gets angular velocity less its bias, position with the height above `body.ground`,
             velocity, covariance.
     """
     P, R, points = estimate.covariance, estimate.rotation, estimate.points
@@ -492,7 +494,7 @@ def _read_pelvis(
         body.aloft += noise.period
     elif body.aloft < _ALOFT or total >= 1.0:
         body.aloft = 0.0
-    else:  # another ground, until the feet carry the robot
+    else:  # put down on other ground, until the feet carry the robot
         body.ground = points[2 + touching, 2] - noise.sole_radius
     if total > 0.0:
         sole = (load[0] * points[2, 2] + load[1] * points[3, 2]) / total
@@ -518,7 +520,7 @@ def _read_pelvis(
 
 @compiled
 def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
-    """Of one coordinate of x: its error is that of the filter plus rotation error x x."""
+    """Variance of one coordinate k of a point: error of the filter plus xi_R x point."""
     i, j = (k + 1) % 3, (k + 2) % 3
     a, b = point[j], -point[i]
     value: float = P[at + k, at + k] + 2.0 * (a * P[at + k, i] + b * P[at + k, j])
@@ -527,10 +529,10 @@ def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
 
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
-_HANGING_TIME = 0.5  # s, over which it keeps that speed
+_HANGING_TIME = 0.5  # s, correlation time of this speed
 _WALKING_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _FARTHEST = 10.0  # m, of the IMU from the filter's origin
-_ALOFT = 1.0  # s without a touch, after which the ground is another one
+_ALOFT = 1.0  # s without contact, after which the robot may stand on other ground
 _SOLE_FLAT = 0.002  # m
 _GROUND_TIME = 0.1  # s
 _GROUND_STILL = 0.3  # rad/s
@@ -562,18 +564,19 @@ class InvariantEstimator(LegEstimator):
         attitude  z = Log(R_imu exp(w delay) R^T),  H = 1 on xi_R
         correct   X+ = exp(K z) X,  b+ = b + K z
 
-    A foot's contact is a probability c: its point wanders with the variance
-    stance^(c) swing^(1-c), so that a foot in the air tells nothing and one that takes load tells
-    ever more. A foot whose innovation lies beyond `slip_gate` slips: its point is
-    learned anew, and the foot is trusted again within `slip_time`.
-    In flight the IMU alone carries on; hanging for long, the velocity goes to zero.
+    A foot's contact is a probability c: its contact point is a random walk with the variance
+    stance^(c) swing^(1-c). So a foot in the air gives no information, and a foot that takes load
+    gives more and more. A foot whose innovation is beyond `slip_gate` slips: its contact point is
+    estimated anew, and the foot is trusted again with the time constant `slip_time`.
+    In flight the filter integrates the IMU alone; while the robot hangs for long, the velocity goes
+    to zero.
 
-    The attitude that the IMU itself gives errs by nearly the same angle for a long time. It
-    counts as white noise that is as informative: error^2 * 2 error_time / period. Standing feet and
-    the accelerometer hence decide roll and pitch, the IMU decides the heading in the long run.
+    The error of the IMU's own attitude is nearly constant for a long time. It counts as white
+    noise with the same information: error^2 * 2 error_time / period. Hence standing feet and the
+    accelerometer decide roll and pitch, and the IMU decides the heading in the long run.
 
-    The height of the state is that above the ground under the loaded feet, as the controller and
-    the kinematic estimator have it.
+    The state's height is that above the ground under the loaded feet, as in the controller and in
+    the kinematic estimator.
 
     Source:
         Hartley, Ghaffari, Eustice, Grizzle, "Contact-aided invariant extended Kalman filtering for
@@ -594,13 +597,13 @@ class InvariantEstimator(LegEstimator):
         self._set_noise()
 
     def reset(self) -> None:
-        """Forget everything: at rest, at the origin, height from the next sample's legs."""
+        """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         super().reset()
         self._filter.clear()
         self._started = False
 
     def coast(self, blind: bool) -> None:
-        """Whether to go on without the accelerometer, which then only tells gravity."""
+        """Set whether the accelerometer is lost, so that samples have gravity in its place."""
         if blind is not self._blind:
             self._blind = blind
             self._set_noise()

@@ -23,11 +23,11 @@ class VelocityFilter(Record):
     """The velocity, predicted by the accelerometer and corrected by the loaded feet.
 
     Attributes:
-        bandwidth: Of the correction. In 1/s.
-        noise: Of the feet's velocity. In m/s.
-        velocity: Of the IMU in the world. In m/s.
-        velocity_variance: In m^2/s^2.
-        position_variance: In m^2.
+        bandwidth: Bandwidth of the correction. In 1/s.
+        noise: Standard deviation of the feet's velocity. In m/s.
+        velocity: Velocity of the IMU in the world. In m/s.
+        velocity_variance: Variance of the velocity. In m^2/s^2.
+        position_variance: Variance of the position. In m^2.
     """
 
     bandwidth: float
@@ -45,13 +45,13 @@ def move(
     bodies: Records[Body],
     filters: Records[VelocityFilter],
 ) -> None:
-    """The state over one period.
+    """Propagate the state over one period.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
         pairs: Legs as `read_legs` left them. Shape (1,).
-        bodies: The robot. Shape (1,).
+        bodies: Data of the robot. Shape (1,).
         filters: Changed in place. Shape (1,).
     """
     sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
@@ -132,9 +132,9 @@ def _standing_height(rotation: FloatArray, load: FloatArray, total: float, pair:
 class KinematicEstimator(LegEstimator):
     """Pelvis velocity from the leg that carries load, corrected at the rate of the IMU.
 
-    The velocity is predicted with the accelerometer and pulled towards the velocity at which a
+    The velocity is predicted with the accelerometer. It is corrected by the velocity at which a
     loaded foot stands still, with a gain that follows the load on the feet. Position is the
-    integral, with the height pulled towards the loaded foot's. Orientation is the IMU's own.
+    integral, with the height corrected by the loaded foot's. Orientation is the IMU's own.
 
     Source:
         Velocity from the stance foot weighted by its load: paper-cited gait-library method (Da
@@ -153,7 +153,7 @@ class KinematicEstimator(LegEstimator):
         self._filter.noise = config.velocity_noise
 
     def reset(self) -> None:
-        """Forget everything: at rest, at the origin, height from the next sample's legs."""
+        """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         super().reset()
         self._filter.velocity[:] = 0.0
         self._filter.velocity_variance, self._filter.position_variance = 1.0, 0.0

@@ -1,4 +1,4 @@
-"""Which of a position and the velocity that belongs to it is wrong. See `faults`."""
+"""Fault detection of a pair of sensors: a position and its velocity. See `faults`."""
 
 from __future__ import annotations
 
@@ -16,76 +16,79 @@ PAIRS = 19
 """Ten drives, six joints, three axes of the IMU."""
 
 FIRST_AXIS = 16
-"""First of the IMU's."""
+"""Index of the IMU's first axis among the pairs."""
 
 DRIVE, JOINT, IMU = slice(0, 10), slice(10, FIRST_AXIS), slice(FIRST_AXIS, PAIRS)
-"""Where each kind is among them."""
+"""Indices of the drives, the joints and the IMU's axes among the pairs."""
 
 P, V = 0, 1
 """Channels of a pair: position and velocity."""
 
 DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
-"""Delays that are looked for; those between them fit one of these well enough. In s."""
+"""Delays that are tested; a delay between two of them fits one of these well enough. In s."""
 
 APART_TIME = 0.3
-"""Over which what position and velocity differ by fades. In s."""
+"""Time constant with which the difference of position and integrated velocity decays. In s."""
 
 REST_TIME = 1.0
-"""At rest without power, after which all is learned anew. In s."""
+"""Time at rest without power after which channels are accepted again. In s."""
 
-_KEPT_TICKS = 201  # of the motions: this one and the longest of `DELAYS` at 2 kHz
-_RESPONSE_TICKS = 36  # of steps: the joints' velocity filter answers one for 18 ms, at 2 kHz
-_LATE_TIME = 0.1  # s
-_SPIKE_TIME = 0.04  # s
-_LATE = 0.010  # s, of delay between position and velocity
-_DELAYED = 0.4  # of it, from which on its sign counts
-_TIMEOUT = 0.03  # s, to see which of a pair is late
-_TAIL = 2.0  # of the velocity filter's delay
-_SMALL_SPIKE = 0.35  # of a clear one
-_SPIKES = 1.2  # of them that count within `_SPIKE_TIME`: two
-_HARDLY_A_SPIKE = 0.3  # fading count of small ones below which there was none of late
+_KEPT_TICKS = 201  # in `Pair.past`: the present one and the longest of `DELAYS` at 2 kHz
+_RESPONSE_TICKS = 36  # in `Pair.steps`: the joints' velocity filter responds for 18 ms, at 2 kHz
+_LATE_TIME = 0.1  # s, time constant of `Pair.late`, `leap` and `peak`
+_SPIKE_TIME = 0.04  # s, time constant of `Pair.spikes`
+_LATE = 0.010  # s, threshold of the estimated delay between position and velocity
+_DELAYED = 0.4  # ratio to `_LATE`: threshold from which the delay's sign decides
+_TIMEOUT = 0.03  # s, to find which channel of a pair is wrong
+_TAIL = 2.0  # ratio to the velocity filter's delay
+_SMALL_SPIKE = 0.35  # ratio of a small spike's threshold to a clear one's
+_SPIKES = 1.2  # threshold of the decaying count: two spikes within `_SPIKE_TIME`
+_HARDLY_A_SPIKE = 0.3  # decaying count of small spikes, below which there was no recent one
 _STUCK_TICKS = 3
-_FROZEN_TICKS = 15  # for what carries noise
-_UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad
-_SEEN_SPEED = 0.5  # rad/s, as which faster motion counts that a velocity does not see
-_WRONG_SPEED = 0.5  # rad/s
-_NOT_AGAIN = 0.02  # rad, from the trusted position, within which a bad one may be believed again
-_UNSURE = 0.05  # of a turn, to which the velocity filter's answer is known where a foot is hit
-_LEAP = 0.25  # of the least jump, from which on it is one
-_LEAPT = 0.6  # of what they are apart, from which on a leap of the position explains it
-_WORSE = 3.0  # times what a delay leaves unexplained speaks against it
-_FADE = 0.01  # of the evidence that is enough, per tick
-_AT_ONCE = 0.25  # of it, that one tick can add: a landing lasts for fewer than five
-_UNDECIDED = 0.5  # of what speaks for one, that what speaks for the other must be below
-_LARGEST = 4.0  # of the evidence that is enough
+_FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
+_UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad, thresholds of `Pair.unseen`
+_SEEN_SPEED = 0.5  # rad/s, saturation of a motion that the velocity does not show
+_WRONG_SPEED = 0.5  # rad/s, error from which a velocity stays rejected
+_NOT_AGAIN = 0.02  # rad, error within which a rejected position may be accepted again
+_UNSURE = 0.05  # relative error of the velocity filter's model where a foot is hit
+_LEAP = 0.25  # ratio to `PairLimits.jump`: threshold of a leap
+_LEAPT = 0.6  # ratio of a leap to `Pair.apart`, from which the leap explains it
+_WORSE = 3.0  # weight of the squared residual that a delay leaves
+_FADE = 0.01  # ratio to `PairLimits.evidence`: decrease of each sum per tick
+_AT_ONCE = 0.25  # ratio to it: increase per tick at most; a landing lasts fewer than five ticks
+_UNDECIDED = 0.5  # ratio of smaller to larger evidence, below which the larger one decides
+_LARGEST = 4.0  # ratio to `PairLimits.evidence`: saturation of each sum
 
 
 class Pair(Record):
-    """What is remembered of a pair. Where there are two of a number: of position and velocity.
+    """State of the fault detection of one pair.
+
+    The first index of `same`, `unseen`, `past`, `evidence`, `doubt`, `bad`, `life` and `trusted` is
+    the channel, `P` or `V`.
 
     Attributes:
-        position: Measured; the IMU's: its turn since the start. In rad.
-        velocity: Measured. In rad/s.
-        last_position: In rad.
-        last_velocity: Newest first. In rad/s.
-        steps: Changes of the position, newest first. In rad.
-        turns: What the velocities say that these are, newest first. In rad.
-        same: Ticks for which each has had the same bits.
-        unseen: By which the other one says that it moved meanwhile. In rad.
-        apart: Of the position from the integrated velocity, fading. In rad.
-        late: Fading: means of apart and velocity, their covariance, variance of the velocity.
-        past: Ring: steps and turns compared. In rad.
-        evidence: That it comes late by each of `DELAYS`. In rad^2.
-        doubt: Most of this evidence. In rad^2.
-        unclear: Time for which they have been apart without a cause. In s.
-        guessed: 1 where that was all there was to blame one of them by.
-        last_step: Compared last. In rad.
-        leap: Largest sudden step of the position, fading. In rad.
-        peak: Of the velocity, fading. In rad/s.
-        spikes: Of the velocity, fading counts of clear and of small ones.
-        bad: Time for which each is not believed yet. In s.
-        life: 0 where it is believed, 1 where not, 2 where not but its bits change without power.
-        trusted: To go on with. In rad and rad/s.
+        position: Measured position; of an IMU axis the rotation since the start. In rad.
+        velocity: Measured velocity. In rad/s.
+        last_position: Position of the previous tick. In rad.
+        last_velocity: Velocities of the previous ticks, newest first. In rad/s.
+        steps: Changes of the position per tick, newest first. In rad.
+        turns: Integrals of the velocity over a tick, newest first. In rad.
+        same: Ticks for which the channel has had the same bits.
+        unseen: Motion that the other channel has shown meanwhile. In rad.
+        apart: Position minus integrated velocity, decaying with `APART_TIME`. In rad.
+        late: Low-passed means of `apart` and velocity, their covariance, the velocity's variance.
+        past: Ring buffer of the steps and turns that are compared. In rad.
+        evidence: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
+        doubt: Largest evidence of the channel. In rad^2.
+        unclear: Time for which the channels have disagreed without a known cause. In s.
+        guessed: 1 where a channel was rejected without a delay that explains it.
+        last_step: Step of the position at the previous comparison. In rad.
+        leap: Decaying peak of sudden steps of the position. In rad.
+        peak: Decaying peak of the speed. In rad/s.
+        spikes: Decaying counts of the velocity's clear and small spikes.
+        bad: Remaining time for which the channel is rejected. In s.
+        life: 0: accepted; 1: rejected; 2: rejected, but its bits change without power.
+        trusted: Measurement or its replacement, for the estimator. In rad and rad/s.
     """
 
     position: float
@@ -113,24 +116,24 @@ class Pair(Record):
 
 
 class PairLimits(Record):
-    """What is normal of a pair.
+    """Limits of a healthy pair.
 
     Attributes:
-        period: Between samples. In s.
-        hold: Time that a channel stays unbelieved after it last was wrong. In s.
+        period: Time between samples. In s.
+        hold: Time for which a channel stays rejected after its last fault. In s.
         averaged: 1 where the velocity is the mean over the period, as a gyro's.
-        low, high: Of the position. In rad.
-        speed: In rad/s.
-        still: Speed below which it counts as still. In rad/s.
-        jump: In one tick. In rad.
-        apart, apart_at_speed: Position from integrated velocity. In rad, and by the speed in s.
-        spike: Of the velocity. In rad/s.
-        excited: Variance of the velocity from which on a delay shows. In (rad/s)^2.
-        evidence: That is enough for one of a pair to be late. In rad^2.
-        delay_ticks: At which motions are compared, for each of `DELAYS`.
-        response_ticks: For which the velocity answers a step of the position.
-        response: Of the velocity, by steps, newest first.
-        position_lag, velocity_lag: Ticks by which each is later than the other.
+        low, high: Range of the position. In rad.
+        speed: Largest speed. In rad/s.
+        still: Speed below which the pair counts as still. In rad/s.
+        jump: Largest difference of a step and its turn in one tick. In rad.
+        apart, apart_at_speed: Threshold of `Pair.apart`: constant, in rad, and by the speed, in s.
+        spike: Threshold of the velocity's spikes. In rad/s.
+        excited: Variance of the velocity from which a delay can be estimated. In (rad/s)^2.
+        evidence: Threshold of the cumulative sums from which a channel is late. In rad^2.
+        delay_ticks: Each of `DELAYS` in ticks.
+        response_ticks: Ticks for which the velocity responds to a step of the position.
+        response: Weights of the steps, newest first, in the velocity filter's response.
+        position_lag, velocity_lag: Ticks by which each channel lags the other.
     """
 
     period: float
@@ -155,7 +158,7 @@ class PairLimits(Record):
 
 @compiled
 def start_pair(pair: Pair) -> None:
-    """The first sample: it stands where it is, and what is not known to be bad is trusted."""
+    """Initialise the pair with its first sample; a finite value that is not bad is trusted."""
     p, v = pair.position, pair.velocity
     pair.last_position = p if math.isfinite(p) else 0.0
     pair.last_velocity[:] = v if math.isfinite(v) else 0.0
@@ -172,11 +175,11 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
     Args:
         pair: Changed in place.
         limit: Its limits.
-        ticks: Since the start.
-        tilt: What may seem to be between them without a fault. In rad.
+        ticks: Ticks since the start.
+        tilt: Difference of position and integrated velocity that is no fault. In rad.
 
     Returns:
-        Whether its position, blamed by a guess, was blamed wrongly.
+        Whether the position is accepted again because it was rejected by a wrong guess.
     """
     p, v, dt, hold = pair.position, pair.velocity, limit.period, limit.hold
     last = pair.last_velocity
@@ -192,7 +195,7 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
     if limit.averaged:
         turn = dt * v
     if abs(step - turn) > limit.jump:
-        # At a hard landing a position runs ahead of its filtered velocity: neither jumps.
+        # At a hard landing the position leads its filtered velocity, and neither jumps.
         sudden = abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump
         if sudden and pair.bad[P] <= 0.0:
             pair.bad[V] = hold
@@ -217,11 +220,12 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
 
 @compiled
 def _is_answered(pair: Pair, limit: PairLimits, step: float, turn: float) -> bool:
-    """Whether the velocity's filter answers a sudden step of the position, as when a foot is hit.
+    """Whether the velocity confirms a sudden step of the position, as when a foot is hit.
 
-    Of two hypotheses the likelier: the joint moved by this step, or went on by the one before.
+    The velocity filter's response decides between two hypotheses: the joint made this step, or it
+    repeated the previous step.
     """
-    expected = limit.response[0] * step  # of `turn`
+    expected = limit.response[0] * step  # value of `turn` under the first hypothesis
     for k in range(1, limit.response_ticks):
         expected += limit.response[k] * pair.steps[k - 1]
     otherwise = expected - limit.response[0] * (step - pair.steps[0])
@@ -232,13 +236,13 @@ def _is_answered(pair: Pair, limit: PairLimits, step: float, turn: float) -> boo
 def _count_same(pair: Pair, limit: PairLimits, p: float, v: float) -> None:
     """Find a channel that is stuck or off: its bits stay the same while its partner moves."""
     step, turn = pair.steps[0], pair.turns[0]
-    most = _SEEN_SPEED * limit.period  # a position that jumps once is no motion
+    most = _SEEN_SPEED * limit.period  # a single jump of the position is no motion
     now, last, moved = (
         (p, v),
         (pair.last_position, pair.last_velocity[0]),
         (turn, max(-most, min(most, step - turn))),
     )
-    # A velocity that comes late goes on for a while after the position has stopped.
+    # A filtered velocity decays only some time after the position has stopped.
     tail = (_TAIL * limit.velocity_lag * limit.period * pair.peak, 0.0)
     unseen = (_UNSEEN_POSITION, _UNSEEN_VELOCITY)
     for kind in range(2):
@@ -256,10 +260,10 @@ def _count_same(pair: Pair, limit: PairLimits, p: float, v: float) -> None:
 
 @compiled
 def _look_for_spikes(pair: Pair, limit: PairLimits, v: float) -> None:
-    """Find spikes: velocities of one tick that leave the curve of their neighbours.
+    """Find spikes: velocities of one tick that are off the curve through their neighbours.
 
-    The curve is the cubic through two of them on each side, so that legs that ring on their
-    springs, with ten samples a period, do not leave it.
+    The curve is the cubic through two samples on each side. Legs that oscillate on their springs,
+    with ten samples per period, stay on it.
     """
     fade, last = math.exp(-limit.period / _SPIKE_TIME), pair.last_velocity
     after, spike, before = last[0], last[1], last[2]
@@ -300,22 +304,22 @@ def _look_apart(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool:
 
 @compiled
 def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int:
-    """Which of a pair moves now as the other one did one of `DELAYS` ago; -1 if none.
+    """Channel that repeats the other one's motion after one of `DELAYS`; -1 if none does.
 
-    For each delay of each of the two a sum over ticks, never below zero, of how much better than
-    none it explains what they do (the cumulative sum test of Page, Biometrika 1954). So what was
-    before the delay began does not count, and the first movement tells.
+    Cumulative sum test (Page, Biometrika 1954), for each channel and each delay. A tick adds by how
+    much the delay explains the motion better than no delay does. The sum stays at or above zero:
+    so samples before the delay began do not count, and the first motion after that decides.
 
     Args:
         pair: Changed in place.
         limit: Its limits.
-        ticks: Since the start.
-        turn: What the velocity says now. In rad.
+        ticks: Ticks since the start.
+        turn: Integral of the velocity over this tick. In rad.
     """
-    step = 0.0  # what the position says that the velocity should say
+    step = 0.0  # value of `turn` that the position's steps predict
     for k in range(limit.response_ticks):
         step += limit.response[k] * pair.steps[k]
-    # Without the filter in front of the velocity they agree at once.
+    # A velocity that is not filtered agrees with the newest step.
     apart = min((step - turn) ** 2, (pair.steps[0] - turn) ** 2)
     spikes = pair.spikes[1] >= _HARDLY_A_SPIKE
     leapt = pair.leap > max(_LEAP * limit.jump, _LEAPT * abs(pair.apart))
@@ -327,7 +331,7 @@ def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int
         return -1
     for kind in range(2):
         moved, past = (step, turn)[kind], pair.past[1 - kind]
-        # At an even speed one that stands still, leaps or has spikes makes the other look late.
+        # At constant speed, a channel that is stuck, leaps or has spikes makes the other look late.
         silent = pair.same[1 - kind] > 0 or (spikes if kind == P else leapt)
         most, sums = 0.0, pair.evidence[kind]
         for m in range(len(DELAYS)):
@@ -346,15 +350,15 @@ def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int
 
 @compiled
 def _judge(pair: Pair, limit: PairLimits, matched: int) -> bool:
-    """Mark the wrong channel of a pair that has grown apart: the late one, or that of `_blame`.
+    """Reject the wrong channel of a pair that disagrees: the late one, or that of `_blame`.
 
     Args:
         pair: Changed in place.
         limit: Its limits.
-        matched: The late one, -1 if there is none.
+        matched: The late channel; -1 if there is none.
 
     Returns:
-        Whether its position, blamed by a guess, was blamed wrongly.
+        Whether the position is accepted again because it was rejected by a wrong guess.
     """
     if max(pair.bad[P], pair.bad[V]) <= 0.0:
         pair.guessed = 0
@@ -381,11 +385,11 @@ def _judge(pair: Pair, limit: PairLimits, matched: int) -> bool:
 
 @compiled
 def _blame(pair: Pair) -> int:
-    """Channel that is wrong of a pair that has grown apart; -1 while unclear."""
+    """Wrong channel of a pair that disagrees; -1 while this is unclear."""
     if pair.leap > _LEAPT * abs(pair.apart):
-        return P  # also where it stands, and the velocity is 0 for good reason
+        return P  # also at rest, where the velocity is rightly 0
     if pair.spikes[1] >= _HARDLY_A_SPIKE:
-        return V if pair.spikes[1] > 2.0 else -1  # the next one tells
+        return V if pair.spikes[1] > 2.0 else -1  # the next spike decides
     still = (pair.same[P] >= _STUCK_TICKS, pair.same[V] >= _STUCK_TICKS)
     if still[0] != still[1]:
         return P if still[0] else V
@@ -394,7 +398,7 @@ def _blame(pair: Pair) -> int:
 
 @compiled
 def _guess(pair: Pair) -> int:
-    """The likelier channel where nothing is sure: by the evidence for delays, or their sign."""
+    """Likelier wrong channel: by spikes, by the evidence for delays, or by the delay's sign."""
     if pair.spikes[1] >= _HARDLY_A_SPIKE:
         return V
     if pair.doubt[P] != pair.doubt[V]:
@@ -404,20 +408,20 @@ def _guess(pair: Pair) -> int:
 
 @compiled
 def go_on(pair: Pair, limit: PairLimits, powered: int, rest: float) -> bool:
-    """Replace what is bad: a position by the integrated velocity, a velocity by differences.
+    """Replace a bad position by the integrated velocity, a bad velocity by differences.
 
     Args:
         pair: Changed in place.
         limit: Its limits.
         powered: Whether the robot has power.
-        rest: Time for which it has hung or lain still without. In s.
+        rest: Time for which the robot has hung or lain still without power. In s.
 
     Returns:
-        Whether a channel is believed again.
+        Whether a channel is accepted again.
     """
     dt, again = limit.period, False
     if pair.bad[P] > 0.0 and pair.bad[V] > 0.0:
-        # Without a position to go on from, a velocity alone is of no use.
+        # A velocity alone is of no use without a position to start from.
         pair.bad[V] = max(pair.bad[P], pair.bad[V])
     bad_p, bad_v = pair.bad[P] > 0.0, pair.bad[V] > 0.0
     for kind in range(2):
@@ -443,7 +447,7 @@ def go_on(pair: Pair, limit: PairLimits, powered: int, rest: float) -> bool:
     if bad_p:
         near = _NOT_AGAIN if pair.same[P] < _FROZEN_TICKS else _UNSEEN_VELOCITY
         pair.trusted[P] += dt * pair.trusted[V] if bad_v else pair.turns[0]
-        wrong = abs(pair.position - pair.trusted[P]) >= near  # not where that is NaN
+        wrong = abs(pair.position - pair.trusted[P]) >= near  # False for NaN
         _hold(pair, limit, P, wrong, rest > 0.0 or not (powered or bad_v))
     else:
         pair.trusted[P] = pair.position
@@ -452,11 +456,11 @@ def go_on(pair: Pair, limit: PairLimits, powered: int, rest: float) -> bool:
 
 @compiled
 def _hold(pair: Pair, limit: PairLimits, kind: int, wrong: bool, borne_out: bool) -> None:
-    """Keep a channel unbelieved while it differs from its replacement.
+    """Keep a channel rejected while it differs from its replacement.
 
-    After a fall the replacement may be far off, for good. So without power a channel that is alive
-    counts as right unless something else speaks against it: while its partner, which is believed,
-    agrees with it, or at rest.
+    After a fall the replacement may stay far off. So without power a channel whose bits change is
+    accepted after `REST_TIME` unless something else contradicts it. `borne_out` says that its
+    accepted partner agrees with it, or that the robot is at rest.
     """
     if borne_out and pair.life[kind] == 2:
         pair.bad[kind] = min(pair.bad[kind], REST_TIME)
@@ -466,20 +470,20 @@ def _hold(pair: Pair, limit: PairLimits, kind: int, wrong: bool, borne_out: bool
 
 _MARGIN = 0.2  # rad beyond the stops
 _JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
-_FASTEST = 100.0  # Hz, of the motions by which it is known what a velocity filter answers
-_SAMPLED = 0.2  # of the rate of the samples, beyond which they do not show them
-_EVEN = 1e3  # weight of an even motion, by one of these
-_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise
+_FASTEST = 100.0  # Hz, highest frequency to which a velocity filter's response is fitted
+_SAMPLED = 0.2  # ratio to the sample rate: highest frequency that the samples resolve
+_EVEN = 1e3  # weight of a constant velocity, relative to one frequency
+_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise, relative to one frequency
 
 
 def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: RecordArray) -> None:
-    """What is normal of each pair: what nothing on the robot exceeds, with a margin.
+    """Set the limits of each pair: values that no healthy sensor exceeds, with a margin.
 
     Args:
-        period: Between samples. In s.
-        attitude_delay: Of the IMU's orientation. In s.
-        hold: How long a channel stays unbelieved after it last was wrong. In s.
-        limits: Result, of `PairLimits`. Shape (19,).
+        period: Time between samples. In s.
+        attitude_delay: Delay of the IMU's orientation. In s.
+        hold: Time for which a channel stays rejected after its last fault. In s.
+        limits: Result, records of `PairLimits`. Shape (19,).
     """
     limits["period"], limits["hold"], limits["averaged"][IMU] = period, hold, 1
     limits["low"], limits["high"] = -math.inf, math.inf
@@ -491,7 +495,7 @@ def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: R
                 limits["low"][first + k] = low - _MARGIN
                 limits["high"][first + k] = high + _MARGIN
     limits["speed"], limits["jump"] = 50.0, 0.02
-    limits["still"], limits["still"][IMU] = 1.0, 0.1  # legs may swing while it hangs
+    limits["still"], limits["still"][IMU] = 1.0, 0.1  # legs may swing while the robot hangs
     limits["apart"][DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
     limits["apart"][JOINT], limits["apart"][IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
     limits["apart_at_speed"][DRIVE] = 0.001
@@ -504,7 +508,7 @@ def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: R
     limits["evidence"][JOINT], limits["evidence"][IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
     ticks = [max(1, min(_KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
     limits["delay_ticks"] = ticks
-    limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro needs no filter
+    limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro has no filter
     for part, filters in (
         (DRIVE, (_DRIVE_NOISE, robot.DRIVE_VELOCITY_FILTER)),
         (JOINT, (_JOINT_NOISE, *robot.JOINT_VELOCITY_FILTER)),
@@ -519,33 +523,33 @@ def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: R
 def velocity_response(
     period: float, noise: float, forward: Sequence[float], back: Sequence[float] = ()
 ) -> FloatArray:
-    """What the steps of a position say that the filtered velocity is.
+    """Weights with which the last steps of a position predict its filtered velocity.
 
-    Fitted to the filter's answer to all motions up to `_FASTEST`, such as the legs' springs ring
-    with; an even motion is expected as it is.
+    Least-squares fit to the filter's frequency response up to `_FASTEST`, which covers the
+    oscillations of the legs' springs. A constant velocity is reproduced: its weight is large.
 
     Args:
-        period: Between samples. In s.
-        noise: Of the angles, by the size of motions of which any frequency must be expected.
-        forward: Filter by positions, newest first. In 1/s.
-        back: By velocities, to be taken off.
+        period: Time between samples. In s.
+        noise: Weight of the encoders' noise, relative to a motion of one frequency.
+        forward: Filter coefficients of the positions, newest first. In 1/s.
+        back: Filter coefficients of earlier velocities, newest first; subtracted.
 
     Returns:
-        Shares of the last steps, newest first, of which the sum is what the newest velocity and the
-        one before it say together (trapezoidal rule). Shape (n,).
+        Weights of the last steps, newest first. The weighted sum is the integral of the velocity
+        over the last sample, by the trapezoidal rule. Shape (n,).
     """
     ticks = max(1, round(period * robot.ENCODER_RATE))
     samples = max(2, _RESPONSE_TICKS // ticks if back else 1 - (-len(forward) // ticks))
     frequency = np.linspace(0.0, min(_FASTEST, _SAMPLED / period), 200)[1:]
-    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # by a tick of the encoders
+    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # delay of one encoder tick
     velocity = sum(b * late**k for k, b in enumerate(forward))
     velocity /= 1.0 + sum(a * late**k for k, a in enumerate(back, 1))
-    step = late**ticks  # by a sample
+    step = late**ticks  # delay of one sample
     answer = 0.5 * period * (1.0 + step) * velocity / (1.0 - step)
     shares = step[:, None] ** np.arange(samples)
     moments = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
     even = moments / (1.0 + sum(back))
-    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # two steps, each angle
+    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # an angle is in two steps
     rows = [shares.real, shares.imag, np.full((1, samples), _EVEN), noise * between]
     values = [answer.real, answer.imag, [_EVEN * even], np.zeros(samples + 1)]
     fitted: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]

@@ -1,6 +1,6 @@
-"""Feed-forward torques that are learned over repeated steps: the paper's stated next step.
+"""Feed-forward torques that are learned over repeated steps, which the paper names as future work.
 
-They are a table, which is kept in a file beside the gait library:
+The torques are a table, which is kept in a file beside the gait library:
 
     {"schema_version": 1, "robot": "cassie", "model_hash": "...",
      "provenance": {"tool": "...", "version": "...", "date": "2025-01-31", "settings": {...}},
@@ -45,12 +45,12 @@ IntArray = npt.NDArray[np.int64]
 STANCE_HIP_PITCH, SWING_HIP_PITCH = 2, 7
 """Rows of the table."""
 
-_BACK = 3.0  # 1/(m/s), by which the stance hip takes more of the swing hip's torques, up to all
+_BACK = 3.0  # 1/(m/s), share of the swing hip's torques on the stance hip, by backward speed
 
 
 @compiled
 def _place(values: FloatArray, x: float) -> tuple[int, float]:
-    """Index of the point below `x`, and the share of the way to the next; clamped."""
+    """Index of the grid point below `x`, and the interpolation weight of the next; clamped."""
     last = values.size - 1
     if last == 0 or x <= values[0]:
         return 0, 0.0
@@ -64,7 +64,7 @@ def _place(values: FloatArray, x: float) -> tuple[int, float]:
 
 @compiled
 def _phase_place(points: int, phase: float) -> tuple[int, float]:
-    """Interval of a phase among evenly spaced ones from 0 to 1, and the share of its end."""
+    """Interval of a phase on an even grid from 0 to 1, and the interpolation weight of its end."""
     x = max(0.0, min(1.0, phase)) * (points - 1)
     i = min(points - 2, int(x))
     return i, x - i
@@ -74,7 +74,7 @@ def _phase_place(points: int, phase: float) -> tuple[int, float]:
 def _value(
     table: FloatArray, speed: tuple[int, float, int], j: int, phase: tuple[int, float]
 ) -> float:
-    """The table's torque of a joint between its speeds and phases, each as `_place` gives it."""
+    """Interpolated torque of joint `j`, at a speed and a phase as `_place` gives them."""
     s, to_speed, after = speed
     p, to_phase = phase
     low = table[s, j, p] + to_phase * (table[s, j, p + 1] - table[s, j, p])
@@ -98,15 +98,16 @@ def add(
     """Add the table's torques.
 
     Args:
-        table: Shape (s, 10, n), in Nm.
-        speeds: Shape (s,), in m/s.
-        now: Phase, speed, the share that is left of the last step's torques, and that of all.
+        table: Learned torques. Shape (s, 10, n), in Nm.
+        speeds: Speeds of the table. Shape (s,), in m/s.
+        now: Phase, speed, weight of the last step's torques, and weight of all torques.
         robots: The robot now. Shape (1,).
         stance: Number of the stance leg.
         fresh: Whether a step begins.
-        added: What was added at the last tick, by drive; what is added now. Shape (10,), in Nm.
-        gaps: What this step began away from its own torques. Shape (10,), in Nm.
-        torque: Of the command. Shape (10,), in Nm.
+        added: Torques added at the last tick, by drive; updated. Shape (10,), in Nm.
+        gaps: Difference of the last step's and this step's torques at touchdown; updated. Shape
+            (10,), in Nm.
+        torque: Torques of the command; changed. Shape (10,), in Nm.
     """
     s, to_speed = _place(speeds, now[1])
     p, to_phase = _phase_place(table.shape[2], now[0])
@@ -117,7 +118,7 @@ def add(
     for j in range(10):
         value = _value(table, (s, to_speed, after), j, (p, to_phase))
         stands = j < 5
-        if j == STANCE_HIP_PITCH:  # takes the torso's part of what swings the leg to the ground
+        if j == STANCE_HIP_PITCH:  # transmits the swing torque's reaction to the ground
             value -= carried * _value(table, (s, to_speed, after), SWING_HIP_PITCH, (p, to_phase))
         if stands:
             value *= load
@@ -149,19 +150,19 @@ def notice(
     drives: IntArray,
     limits: FloatArray,
 ) -> None:
-    """Add up the torques of the drives' loops around a phase and speed.
+    """Sum the torques of the drives' loops at a phase and speed.
 
     Args:
-        sums: Shape (s, 10, n), in Nm.
-        counts: Shape (n,).
-        weights: Of the speeds. Shape (s,).
-        speeds: Shape (s,), in m/s.
-        at: Phase, speed, and how far the swing foot is free, which is what this tick counts.
+        sums: Sums of torques; updated. Shape (s, 10, n), in Nm.
+        counts: Sums of weights by phase; updated. Shape (n,).
+        weights: Sums of weights by speed; updated. Shape (s,).
+        speeds: Speeds of the table. Shape (s,), in m/s.
+        at: Phase, speed, and weight of this tick: how far the swing foot is free.
         mirrored: Whether the right leg stands.
-        q, v: Of the state. Shape (20,), in rad and rad/s.
+        q, v: Positions and velocities of the state. Shape (20,), in rad and rad/s.
         command: Torque, position, velocity, kp and kd of the drives. Shape (50,).
         drives: Index of each drive in q. Shape (10,).
-        limits: That count at most. Shape (10,), in Nm.
+        limits: Saturation of the loops' torques. Shape (10,), in Nm.
     """
     s, to_speed = _place(speeds, at[1])
     p, to_phase = _phase_place(counts.size, at[0])
@@ -197,14 +198,14 @@ def teach(
     gains: FloatArray,
     how: tuple[float, float],
 ) -> None:
-    """Learn from a step.
+    """Update the table after a step.
 
     Args:
-        table: Changed. Shape (s, 10, n), in Nm.
-        sums, counts, weights: As `notice` left them.
-        limits: Of the table. Shape (10,), in Nm.
+        table: Learned torques; changed. Shape (s, 10, n), in Nm.
+        sums, counts, weights: Sums from `notice`.
+        limits: Saturation of the table. Shape (10,), in Nm.
         gains: Share of the loops' torque that is learned. Shape (10,).
-        how: leak and smoothing.
+        how: Leak and smoothing.
     """
     leak, smoothing = how
     points = counts.size
@@ -224,7 +225,7 @@ def teach(
                 here = row[p]
                 bend = before - 2.0 * here + row[min(p + 1, points - 1)]
                 change = share * (0.25 * smoothing * bend - leak * here)
-                if p < first or p > last:  # as where it was on one foot
+                if p < first or p > last:  # double support: nearest phase of single support
                     change += share * gain * (row[first if p < first else last] - here)
                 elif counts[p] > 0.5:
                     change += gain * sums[s, j, p] / counts[p]
@@ -238,10 +239,10 @@ JOINTS = tuple(f"{role}_{drive}" for role in ("stance", "swing") for drive in LE
 """Rows of the table: the stance leg's drives, then the swing leg's."""
 
 PHASES = 21
-"""Points of a fresh table from phase 0 to 1: 20 ms apart, about what the drives' loops follow."""
+"""Points of a new table from phase 0 to 1: 20 ms apart, near the drives' bandwidth."""
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
-"""Speeds of a fresh table: those of the paper's library. In m/s."""
+"""Speeds of a new table: those of the paper's library. In m/s."""
 
 _KEYS = {"schema_version", "robot", "model_hash", "provenance", "joints", "speeds", "torques"}
 _MOST_SPEEDS, _MOST_PHASES = 64, 1001
@@ -249,11 +250,11 @@ _DECIMALS = 3
 
 
 class LearnedTorquesError(ControlError):
-    """Learned torques, or the file of them, that cannot be used."""
+    """Learned torques, or their file, cannot be used."""
 
 
 def torque_limits() -> FloatArray:
-    """What the drive of each row of `JOINTS` can give. Shape (10,), in Nm."""
+    """Torque limit of the drive of each row of `JOINTS`. Shape (10,), in Nm."""
     return np.array([robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2)
 
 
@@ -262,13 +263,13 @@ class LearnedTorques:
     """Torques by speed, joint and phase, of a step on the left leg.
 
     Attributes:
-        speeds: Rising. Shape (s,), in m/s.
+        speeds: Speeds, rising. Shape (s,), in m/s.
         torques: Rows of `JOINTS` at evenly spaced phases from 0 to 1. Shape (s, 10, n), in Nm.
         provenance: Where they come from, or None.
 
     Raises:
-        LearnedTorquesError: if shapes do not fit, speeds do not rise, or a torque is not finite or
-            is more than its drive can give.
+        LearnedTorquesError: if shapes do not match, speeds do not rise, or a value is not finite or
+            a torque exceeds its drive's limit.
     """
 
     speeds: FloatArray
@@ -299,12 +300,12 @@ class LearnedTorques:
 
 
 def nothing_learned(speeds: tuple[float, ...] = SPEEDS) -> LearnedTorques:
-    """A table of zeros over speeds. In m/s."""
+    """A table of zeros over speeds (m/s)."""
     return LearnedTorques(np.array(speeds), np.zeros((len(speeds), len(JOINTS), PHASES)))
 
 
 def path_beside(library: str | Path) -> Path:
-    """Where the torques learned on a gait library, by its name or file, stand."""
+    """Path of the torques learned on a gait library, from the library's name or file."""
     library = library_path(str(library))
     stem = library.name.removesuffix(".gz").removesuffix(".json")
     return library.with_name(f"{stem}.learned.json")
@@ -426,12 +427,12 @@ def _numbers(value: object, name: str, depth: int) -> FloatArray:
 
 
 _BRIDGE = 0.03  # s, over which the torques of one step become those of the next
-_FADE = 0.5  # s, in which all of it comes and goes with the switch
-_FADE_FAILED = 0.05  # s, in which it goes once a sensor has failed
-_FIRST = 4  # steps after walking began from which on it learns
-_LATEST = 1.15  # phase at the end of a step that still teaches
-_OFF_SPEED = 0.15  # m/s, from the commanded speed at which a step still teaches
-_UPRIGHT = 0.15  # rad of torso roll and pitch within which a step still teaches
+_FADE = 0.5  # s, in which all learned torques appear or vanish with the switch
+_FADE_FAILED = 0.05  # s, in which all learned torques vanish once a sensor has failed
+_FIRST = 4  # steps after the beginning of walking that are not used for learning
+_LATEST = 1.15  # largest final phase of a step that is used for learning
+_OFF_SPEED = 0.15  # m/s, largest speed error of a step that is used for learning
+_UPRIGHT = 0.15  # rad, largest torso roll and pitch of a step that is used for learning
 _KEEP_BALANCE = [
     JOINTS.index(name)
     for name in ("stance_hip_roll", "stance_hip_pitch", "stance_knee", "swing_hip_roll")
@@ -446,38 +447,40 @@ class TorqueLearning:
 
         e_j = kp (position - q) + kd (velocity - v)
 
-    the torque by which the drive's own loop tracked, each step that walked straight ahead at the
-    commanded speed changes the table, at the phase p that was `lead` before (the drives' delay and
-    what the loop takes), to
+    the tracking torque of the drive's own loop. Each step straight ahead at the commanded speed
+    updates the table. Error e changes the phase p that was `lead` before (the drives' delay and the
+    loop's response time):
 
         u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
 
-    Q a low-pass along the phase. gain / (gain + leak) of what repeats of the error is taken over.
-    Four joints are left out, since their errors belong to how it keeps its balance: with learned
-    torques of the stance knee, which carries, the sway grows within some twenty steps until it
-    falls, and with those of the torso and the swing hip's roll it falls on soft ground. It learns
-    on one foot only: with both on the ground the legs press against each other, which no torque
-    takes away; there the table goes on as at the nearest phase on one foot.
+    with Q a low-pass along the phase. gain / (gain + leak) of the repeating error is learned. Four
+    joints are left out, since their errors are part of the balance. With learned torques of the
+    stance knee, which carries load, the sway grows within some twenty steps until the robot falls.
+    With those of the torso and the swing hip's roll the robot falls on soft ground. Only single
+    support is used: in double support the legs press against each other, which no torque removes;
+    there the table is continued from the nearest phase of single support.
 
-    What the swing hip's pitch gets pushes the torso back: it nodded by 0.1 rad in each step
-    backward, farther than with nothing learned. Backward the stance hip takes that to the ground,
-    as it does for the swing leg's inertia (`control.drives`), all of it from 1/3 m/s on. Forward it
-    is little, and robots that bear set-points 25 ms late fell with it.
+    The torque of the swing hip's pitch has a reaction on the torso: walking backward, the torso
+    pitched by 0.1 rad in each step, farther than with nothing learned. So backward the stance hip
+    transmits the reaction to the ground, as for the swing leg's inertia (`control.drives`), fully
+    from 1/3 m/s on. Forward the reaction is small, and robots that otherwise tolerate set-points 25
+    ms late fell with this compensation.
 
-    Between its points and its speeds the table is linear; beyond phase 1 and the outermost speeds
-    it stays as it is. At a touchdown the torques go over to those of the new step within 30 ms.
-    A stance leg gets them in proportion to its load, a swing leg as far as its foot is free. With a
-    failed sensor they go at once: they were learned where the drives' loops see their joints.
+    Between its points and speeds the table is linear; beyond phase 1 and the outermost speeds it is
+    constant. At a touchdown the torques become those of the new step within 30 ms. A stance leg
+    gets them in proportion to its load, a swing leg as far as its foot is free. With a failed
+    sensor the torques vanish within 50 ms: they were learned with healthy sensors of the joints.
 
     Under the paper's own law nothing is added.
 
     Attributes:
         torques: The table. Shape (s, 10, n), in Nm, of a step on the left leg.
-        taught: Steps that it has learned from.
+        taught: Number of steps that were used for learning.
 
     Args:
-        learned: Where it begins; None: nothing learned.
-        period: Of control. In s.
+        config: Switch and parameters of learning.
+        learned: Initial table; None: zeros.
+        period: Control period. In s.
 
     Source:
         Section "Conclusions" names torques learned over repeated steps; the law is iterative
@@ -495,7 +498,7 @@ class TorqueLearning:
         self.begin(nothing_learned() if learned is None else learned)
 
     def begin(self, learned: LearnedTorques) -> None:
-        """Start over from other torques."""
+        """Begin anew from other torques."""
         self.speeds = np.ascontiguousarray(learned.speeds)
         self.torques = np.array(learned.torques)
         self._sums = np.zeros_like(self.torques)
@@ -505,7 +508,7 @@ class TorqueLearning:
         self.start()
 
     def configure(self, config: ControllerConfig) -> None:
-        """Take over the switch and how it learns."""
+        """Use new parameters of learning."""
         self._config = config.learning
         self._adds = config.learned_torques != "none" and not config.walk.as_in_paper
         self._learns = self._adds and config.learned_torques == "learn"
@@ -515,7 +518,7 @@ class TorqueLearning:
         self._lead = min(len(self._phases) - 1, round(config.learning.lead / self._period))
 
     def start(self) -> None:
-        """Walking begins: nothing is added yet."""
+        """Begin walking, with no torques added yet."""
         self._added[:] = 0.0
         self._share = 1.0 if self._adds else 0.0
         self._steps = 0
@@ -536,9 +539,9 @@ class TorqueLearning:
 
         Args:
             timing: Phase and stance leg.
-            speed: At which the gait library is read. In m/s.
+            speed: Speed at which the gait library is read. In m/s.
             readings: The robot now.
-            mode: What is commanded.
+            mode: Commanded mode and set-points.
             command: Set-points of this tick, complete.
         """
         failed = int(readings.state.sensor_faults) != 0
@@ -574,7 +577,7 @@ class TorqueLearning:
         )
 
     def learned(self) -> LearnedTorques:
-        """The table as it is now."""
+        """A copy of the present table."""
         return LearnedTorques(self.speeds.copy(), self.torques.copy())
 
     def _notice(
@@ -586,7 +589,7 @@ class TorqueLearning:
         mode: Mode,
         command: MotorCommand,
     ) -> None:
-        """Keep what the drives' loop does at this tick."""
+        """Record the torques of the drives' loops at this tick."""
         straight = mode.mode == RobotMode.WALK and mode.vy == 0.0 == mode.yaw_rate
         self._teaches = self._teaches and bool(straight)
         self._last_phase = timing.phase

@@ -1,7 +1,7 @@
 """Leg-angle adjustment: where and when the swing foot lands, so that the robot keeps its speed.
 
-`PendulumPlacement` predicts with a pendulum; the paper's own law is `paper`. Both give
-the swing leg at the end of the step; the walking controller fades it in over the step.
+`PendulumPlacement` predicts with a pendulum; the paper's own law is `paper`. Both give the swing
+leg at the end of the step. The walking controller moves the leg's set-points there over the step.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from cassie_control.planner.paper import PaperPlacement
 from cassie_control.planner.pendulum import Law, landing
 from cassie_control.planner.plan import Commanded, Placement, StepAhead, SwingEnd
 
-_LEAD_SPEED = 1.5  # m/s, fore or aft, up to which the swing foot's contact leads by more
-_FARTHEST = 0.1  # m, offset; in steady walking up to 0.04 m are needed
-_FORGETS = 2.5  # times as fast as it learns, what is beyond `observer_error`
-_EXPLAINED = 0.3  # m/s, error in place that this offset makes up for, by the map
+_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
+_FARTHEST = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
+_FORGETS = 2.5  # ratio of forgetting to learning rate, for the error beyond `observer_error`
+_EXPLAINED = 0.3  # m/s, speed error in place that an offset of `_FARTHEST` removes, by the map
 
 
 _CONFIGURED = tuple(name for name in Law.TYPE.names or () if not name.startswith("offset"))
@@ -30,10 +30,10 @@ def placement(config: WalkConfig) -> Placement:
 class PendulumPlacement:
     """Foot placement by the step-to-step map of a pendulum of constant height.
 
-    After a touchdown the weight goes over to the new foot within `double_support` (t), during
-    which the CoM coasts; then it falls away from the stance toe joint for the rest of the step,
-    T. With x, v the CoM's position and velocity against the toe joint and w = sqrt(g / height),
-    the velocity at touchdown v_end follows from
+    After a touchdown the weight shifts to the new foot within `double_support` (t). During this
+    time the CoM keeps its velocity; then it falls away from the stance toe joint for the rest of
+    the step, T. With x, v the CoM's position and velocity relative to the toe joint and
+    w = sqrt(g / height), the velocity at touchdown v_end follows from
 
         v' = w x sinh(w T) + v cosh(w T).
 
@@ -41,51 +41,53 @@ class PendulumPlacement:
 
         v_next = v_end cosh(w T) - w (u - v_end t) sinh(w T).
 
-    In steady walking at speed s, with L = s (t + T) of ground a step,
+    In steady walking at speed s, with a step length L = s (t + T),
     v_steady = L / (t + 2/w tanh(w T / 2)) and u_steady = v_steady (t + 1/w tanh(w T / 2)).
-    Sideways the CoM also swings from foot to foot, W apart: the same with coth in the place of
-    tanh and W in the place of L, towards the swing foot.
+    Sideways the CoM also sways from foot to foot, which are W apart. The same equations hold, with
+    coth instead of tanh and W instead of L, towards the swing foot.
 
-    The robot itself, v_next = a v_end - b u, was identified with feet set down at random beside
-    the law's. Its ratio a / b is 1.07 of the pendulum's, t + coth(w T) / w, in place, 0.8 at
-    0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07, 0.98, 0.9, 0.84): the faster it walks,
-    the more a foot farther ahead brakes beyond the pendulum. So b grows with speed, and
+    The robot's own step-to-step map, v_next = a v_end - b u, was identified with random deviations
+    of the feet from the law's footholds. Its ratio a / b is 1.07 of the pendulum's,
+    t + coth(w T) / w, in place, 0.8 at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07,
+    0.98, 0.9, 0.84): the faster the robot walks, the more a foot farther ahead brakes it, compared
+    with the pendulum. So b grows with speed, and
 
         a / b = map_gain / (1 + map_loss |v_end,x|) (t + coth(w T) / w),
 
     with gain and loss of each axis. The speed is that of the coming touchdown: steady walking and
-    the step that catches a push have the same map. The foot removes the error in one step, ahead a
-    tenth less of it, as what overshoots slips on smooth ground:
+    the step that catches a push have the same map. The foot removes the error in one step. Forward
+    it removes a tenth less, as an overshoot slips on smooth ground:
 
         u = u_steady + a / b (v_end - v_steady) + d.
 
-    While the heading turns at a rate r, that velocity is wanted in the next touchdown's heading. It
+    While the heading turns at a rate r, v_steady is commanded in the next touchdown's heading. It
     differs from v_steady turned by r T', the whole step's turn, by
 
         dv = r T' (-(v_steady,y less the sway), v_steady,x),    and    u -= dv / b.
 
-    In steady walking the robot's own foot lies ahead of the pendulum's, by a cubic in the speed
-    (`pendulum._AHEAD`); at 1.8 m/s it is 6 cm behind it.
+    In steady walking the robot's foothold lies ahead of the pendulum's, by a cubic in the speed
+    (`pendulum._AHEAD`); at 1.8 m/s it lies 6 cm behind it.
 
     d is the offset of a disturbance observer. By the map, the mean speed of two steps is the mean
-    of the commands that their feet were set down for. What it differs by is the map's error, and
+    of the commands for which their feet were placed. The difference is the map's error, and
 
         d <- d + observer_gain (mean speed - mean command).
 
-    d grows by an error of up to `observer_error`: what holds the robot back by more, or pushes it,
-    is no error of the map and ends at once, when a foot that leans against it would throw the
-    robot. It grows by less where no offset would make up for the error (`_EXPLAINED`). What such a
-    thing has left behind is forgotten by the whole error, and 2.5 times as fast by what is beyond
-    `observer_error`. Small errors count alike both ways, or the mean speed would not be the
-    commanded one where errors go to and fro around an offset, as under a payload.
+    The growth of d saturates at an error of `observer_error`. A larger error comes from a force on
+    the robot, not from the map. When that force ends, a foot placed against it would make the robot
+    fall.
+    d grows by less where no offset would remove the error (`_EXPLAINED`). d shrinks by the whole
+    error, and by the part beyond `observer_error` 2.5 times as fast. Small errors of both signs
+    count alike. Otherwise the mean speed would differ from the commanded one where errors alternate
+    around an offset, as under a payload.
 
     Constraints: the foot stays within the swing leg's reach (a box about the hip) and apart from
-    the stance foot. Where the law's foot lies outside, the step ends sooner or later, within
-    `quickest_step` and `slowest_step`: at the time that makes least the square of the distance to
-    reach plus that of the change of the time, weighted (`pendulum.touchdown_time`). The leg gets
-    the length at which the foot meets the ground there, on the slope that the feet found, and by
-    as much more as the hips climb until the end of the step, contact_lead slope . v. Fast, fore or
-    aft, the foot meets the ground earlier before the end of the step, by `contact_lead_speed`.
+    the stance foot. If the law's foothold is outside, the step ends sooner or later, within
+    `quickest_step` and `slowest_step`. Its time minimises the squared distance to the reach plus
+    the weighted squared change of the time (`pendulum.touchdown_time`). The leg gets the length at
+    which the foot meets the ground there, on the estimated slope. It is longer by as much as the
+    hips climb until the end of the step, contact_lead slope . v. At speed, forward or backward, the
+    foot meets the ground earlier before the end of the step, by `contact_lead_speed`.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
     """
@@ -98,7 +100,7 @@ class PendulumPlacement:
 
     @property
     def config(self) -> WalkConfig:
-        """Gains; new ones hold from the next tick on."""
+        """Gains; new ones are used from the next tick on."""
         return self._config
 
     @config.setter
@@ -108,7 +110,7 @@ class PendulumPlacement:
             setattr(self._law, name, getattr(config, name))
 
     def reset(self) -> None:
-        """Forget the disturbances."""
+        """Reset the disturbance observer."""
         self._law.offset_x = self._law.offset_y = 0.0
         self._commanded: list[tuple[float, float]] = []
 
@@ -118,9 +120,9 @@ class PendulumPlacement:
         velocity: tuple[float, float],
         commanded: Commanded,
     ) -> None:
-        """Observe the disturbance; arguments as in `Placement.touchdown`."""
+        """Update the disturbance observer; arguments as in `Placement.touchdown`."""
         c = self.config
-        # A foot acts one step later: the mean of two steps is due to the commands of three before.
+        # A foot acts one step later: the mean of two steps results from the last three commands.
         now = commanded.vx, commanded.vy
         earlier = self._commanded or 3 * [now]
         vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(*earlier, strict=True))
@@ -157,7 +159,7 @@ def _lead(c: WalkConfig, speed: float) -> float:
 
 
 def _observed(offset: float, error: float, c: WalkConfig) -> float:
-    """The observer's offset, in m, after a step whose mean speed was off by `error` (m/s)."""
+    """New offset of the observer, in m, after a step with the mean speed error `error` (m/s)."""
     growth = c.observer_gain * c.observer_error * _EXPLAINED / max(_EXPLAINED, abs(error))
     least = max(-_FARTHEST, min(offset, 0.0) - growth)
     most = min(_FARTHEST, max(offset, 0.0) + growth)

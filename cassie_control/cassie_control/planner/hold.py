@@ -1,4 +1,4 @@
-"""Stepping in place without wandering off, by the robot's own estimate of its position."""
+"""Stepping in place without drift, by the estimated position."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import math
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Readings
 
-_SETTLING = 1.2  # s without a commanded velocity until a place is kept
-_MEAN = 0.8  # s before that over which the place is the mean: about two steps, as the body sways
+_SETTLING = 1.2  # s without a commanded velocity until the position is held
+_MEAN = 0.8  # s, end of that time: the position is averaged over it, about two steps of sway
 
 
 class PositionHold:
     """A velocity that leads back to the place where walking was last stopped.
 
-    Once no velocity has been commanded for a while, the pelvis's estimated position, in the mean of
-    two steps, is kept: velocity = hold_gain * (place - position). What pushes it farther away than
-    `hold_distance` takes the place along, so that it does not walk back for long. The estimate
-    itself drifts by a few per cent of the distance walked, which nothing here can see.
+    Once no velocity has been commanded for a while, the pelvis's estimated position, averaged over
+    two steps, is held: velocity = hold_gain * (place - position). A push beyond `hold_distance`
+    moves the place along, so that the robot does not walk back for long. The estimate drifts by a
+    few per cent of the distance walked, which this law cannot observe.
 
     Args:
-        period: Of control. In s.
+        period: Control period. In s.
     """
 
     def __init__(self, period: float) -> None:

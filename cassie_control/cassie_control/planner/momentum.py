@@ -19,10 +19,10 @@ class LegInertia(Record):
 
     Attributes:
         positions, rotations: Pose in the parent's frame at joint zero; columns are axes. In m.
-        zeros: Joint angle there. In rad.
-        masses: In kg.
+        zeros: Joint angle at joint zero. In rad.
+        masses: Mass of each link. In kg.
         centres: Centre of mass in the link's frame. In m.
-        inertias: About it. In kg m^2.
+        inertias: Inertia about the centre of mass. In kg m^2.
     """
 
     positions: FloatArray = array(7, 3)
@@ -34,12 +34,12 @@ class LegInertia(Record):
 
 
 class Masses(Record):
-    """The masses of the robot.
+    """Masses and inertias of the robot.
 
     Attributes:
-        legs: Left and right.
-        pelvis: Its inertia about its origin. In kg m^2.
-        mass: Of the robot. In kg.
+        legs: Left and right leg.
+        pelvis: Inertia of the pelvis about its origin. In kg m^2.
+        mass: Mass of the robot. In kg.
     """
 
     legs: Records[LegInertia] = part(LegInertia, 2)
@@ -48,7 +48,7 @@ class Masses(Record):
 
 
 def leg_inertia(leg: str) -> LegInertia:
-    """Links of a leg; the rods count with the links that carry them."""
+    """Links of a leg; springs, cranks and rods are merged with the links that carry them."""
     links = {link.name: link for link in robot.leg_links(leg)}
     record = LegInertia()
     for i, joint in enumerate(LEG_JOINTS):
@@ -90,7 +90,7 @@ def _carry_point(
 def _merge(
     record: LegInertia, joint: str, mass: float, centre: FloatArray, inertia: FloatArray
 ) -> None:
-    """Join a body, given in the link's frame, to a link."""
+    """Merge a body, given in the link's frame, with a link."""
     i = LEG_JOINTS.index(joint)
     own, own_centre = float(record.masses[i]), record.centres[i].copy()
     both = own + mass
@@ -106,12 +106,12 @@ def _merge(
 def about_pelvis(
     joints: FloatArray, rates: FloatArray, omega: VectorLike, momenta: Records[Masses]
 ) -> Vector:
-    """Angular momentum about the pelvis origin, with velocities against it, pelvis frame.
+    """Angular momentum about the pelvis origin, by velocities relative to it, pelvis frame.
 
     Args:
-        joints, rates: Of both legs. Shape (2, 7), in rad and rad/s.
+        joints, rates: Joint angles and rates of both legs. Shape (2, 7), in rad and rad/s.
         omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        momenta: The masses of the robot. Shape (1,).
+        momenta: Masses of the robot. Shape (1,).
 
     Returns:
         In kg m^2/s.
@@ -135,7 +135,7 @@ def about_pelvis(
 def momentum_velocity(
     robots: Records[Robot], stance: int, momenta: Records[Masses]
 ) -> tuple[float, float]:
-    """See `AngularMomentum.velocity`; `stance` is the number of that leg."""
+    """See `AngularMomentum.velocity`; `stance` is the number of the stance leg."""
     robot = robots[0]
     tilt, mass = robot.tilt, momenta[0].mass
     total = about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta)
@@ -154,7 +154,7 @@ def momentum_velocity(
 
 
 class AngularMomentum:
-    """Angular momentum about a point, from what the estimator gives."""
+    """Angular momentum about a point, from the estimated state."""
 
     def __init__(self) -> None:
         masses, pelvis = Masses(), robot.PELVIS

@@ -22,13 +22,14 @@ class PaperPlacement:
 
     with d = 1 in left stance and -1 in right stance: the swing foot lands further in.
 
-    The defaults are the authors' figures but for the sagittal Kd and the offset, which they tune
-    and trim by hand as well, on gaits of their own. With this project's gaits their Kd of
-    0.25 lets the speed swing by 0.3 m/s with a period of seven steps, 0.4 leaves 0.03; and an
-    offset of 0.04 rad runs away backward from the third step on: beyond the slowest gait, the law
-    removes too little of the speed, so that it falls at -0.25 m/s, too. With the drives' gains of
-    that time it walked in place and at 0.25 and 0.5 m/s, 0.02 m/s ahead and 0.03 to 0.1 m/s behind;
-    with those found since for the other law it falls in place within a minute.
+    The defaults are the authors' values except for the sagittal Kd and the offset, which the
+    authors tune and trim by hand for gaits of their own. With this project's gaits their Kd of 0.25
+    lets the speed oscillate by 0.3 m/s with a period of seven steps; 0.4 leaves 0.03. With an
+    offset of 0.04 rad the robot accelerates backward from the third step on: beyond the slowest
+    gait, the law removes too little of the speed. So the robot falls at -0.25 m/s, too. With the
+    drives' gains of that time it walked in place and at 0.25 and 0.5 m/s, with speed errors of
+    +0.02 m/s and of -0.03 to -0.1 m/s. With the gains since found for the other law it falls in
+    place within a minute.
 
     Source:
         Da et al. 2016, Eqs. (13) and (17), in the form that the authors run on Cassie; they
@@ -41,7 +42,7 @@ class PaperPlacement:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last touchdown."""
+        """Forget the velocity at the last touchdown."""
         self._last = (0.0, 0.0)
 
     def touchdown(
@@ -50,7 +51,7 @@ class PaperPlacement:
         velocity: tuple[float, float],
         commanded: Commanded,
     ) -> None:
-        """Remember the low-passed velocity of this touchdown. In m/s."""
+        """Store the low-passed velocity of this touchdown. In m/s."""
         self._last = velocity
 
     def swing_end(

@@ -1,8 +1,8 @@
-"""Where and when the swing foot comes down, by a walking pendulum of constant height.
+"""Where and when the swing foot lands, by a walking pendulum of constant height.
 
-Compiled; everything is in m, s and the heading frame, positions of the CoM from the stance toe
-joint, u the swing foot's from the CoM at touchdown. `side` is 1 if the left leg swings, else -1.
-`foot` says where it goes for a CoM that touches down with a velocity, and what it can reach.
+Compiled. Units are m and s, the frame is the heading frame. Positions of the CoM are relative to
+the stance toe joint; u is the swing foot's position relative to the CoM at touchdown. `side` is 1
+if the left leg swings, else -1. `foot` is the law: the foothold for a CoM's state at touchdown.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class Aim(NamedTuple):
     """Foot placement as a law of the velocity at touchdown.
 
     Attributes:
-        ux, uy: Of the swing foot from the CoM in steady walking.
+        ux, uy: Position of the swing foot relative to the CoM in steady walking.
         vx, vy: Velocity at touchdown in steady walking.
-        gain_x, gain_y: Of the error of that velocity, in place. In s.
-        loss_x, loss_y: What the gains lose with the velocity ahead. In s/m.
+        gain_x, gain_y: Gain on the error of the velocity at touchdown, in place. In s.
+        loss_x, loss_y: Decrease of the gains with the forward velocity. In s/m.
     """
 
     ux: float
@@ -42,12 +42,12 @@ class Reach(NamedTuple):
     """Where the swing foot can be set down.
 
     Attributes:
-        side: Of the swing leg.
-        hip_x, hip_y: Swing hip from the CoM.
-        far: Greatest distance from the hip fore and aft.
-        inward, outward: Greatest distance from the hip sideways.
+        side: 1 if the left leg swings, else -1.
+        hip_x, hip_y: Swing hip relative to the CoM.
+        far: Largest distance from the hip, forward and backward.
+        inward, outward: Largest distance from the hip sideways.
         apart: Least sideways distance from the stance foot.
-        cone: Distance from the CoM outward up to which every ground bears a foot.
+        cone: Outward distance from the CoM up to which a foot is within the friction cone.
     """
 
     side: float
@@ -64,11 +64,11 @@ class Reach(NamedTuple):
 def foot(
     aim: Aim, reach: Reach, end: tuple[float, float, float, float]
 ) -> tuple[float, float, float]:
-    """Where the foot goes for a CoM that touches down as `end` says, kept within reach.
+    """Foothold for a CoM with the state `end` (x, y, vx, vy) at touchdown, kept within reach.
 
     Returns:
-        u_x, u_y, and how far from there the law wanted it, or how far outside of the friction cone
-        it is, whichever is more. In m.
+        u_x, u_y, and the larger of two distances: to the law's foothold before it was kept within
+        reach, or beyond the friction cone. In m.
     """
     _, y_end, vx, vy = end
     side = reach.side
@@ -84,15 +84,15 @@ def foot(
 
 @compiled
 def _gain(in_place: float, loss: float, vx: float) -> float:
-    """a / b of the step-to-step map for a CoM that touches down at `vx`, as in place. In s."""
+    """a / b of the step-to-step map at a touchdown velocity `vx`, from its value in place. In s."""
     return in_place / (1.0 + loss * abs(vx))
 
 
 class Law(Record):
-    """What foot placement takes of `config.WalkConfig`, by the same names; the observer's state.
+    """Fields of `config.WalkConfig` for foot placement, and the observer's state.
 
     Attributes:
-        offset_x, offset_y: Of the foot, from the disturbance observer. In m.
+        offset_x, offset_y: Offset of the foot from the disturbance observer. In m.
     """
 
     double_support: float
@@ -111,25 +111,26 @@ class Law(Record):
     offset_y: float
 
 
-# Of the foot in steady walking at v: how far ahead of the pendulum's it lies, by powers of v; the
-# disturbance observer's offset of robots 1 to 6 at 14 speeds, within 5 mm. In m, v in m/s.
+# Polynomial in v, rising powers: how far the robot's foothold lies ahead of the pendulum's in
+# steady walking at v. Fitted to the disturbance observer's offset of robots 1 to 6 at 14 speeds,
+# within 5 mm. In m, v in m/s.
 _AHEAD = (-0.0018, 0.0227, -0.0223, -0.0054)
-_SLOWEST, _FASTEST = -1.0, 1.8  # m/s, of these speeds
-_LONGEST = 0.95  # m, of a leg that is aimed
+_SLOWEST, _FASTEST = -1.0, 1.8  # m/s, range of these speeds
+_LONGEST = 0.95  # m, largest leg length for a foothold
 _SHORTEST = 0.5
-_SHORTEST_SINGLE = 0.1  # s, of a step on one foot
+_SHORTEST_SINGLE = 0.1  # s, least duration of single support
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
-_LATENESS = 0.02  # m^2/s^2, what a change of the step's time costs against a foot out of reach
+_LATENESS = 0.02  # m^2/s^2, weight of the step time's change against a foot out of reach
 
 
 class Fall(NamedTuple):
-    """A CoM that coasts for a moment, then falls away from the stance foot.
+    """A CoM at constant velocity for a while, which then falls away from the stance foot.
 
     Attributes:
-        x, y, vx, vy: Now.
+        x, y, vx, vy: Position and velocity now.
         rate: w = sqrt(g / height). In 1/s.
-        coasting: Time that is left of coasting.
+        coasting: Remaining time at constant velocity.
     """
 
     x: float
@@ -160,15 +161,16 @@ def fallen(fall: Fall, remaining: float) -> tuple[float, float, float, float]:
 def touchdown_time(
     fall: Fall, aim: Aim, reach: Reach, planned: float, earliest: float, latest: float
 ) -> float:
-    """Time to touchdown at which the foot that the law wants is nearest to within reach.
+    """Time to touchdown at which the law's foothold is in reach, or nearest to it.
 
     Args:
-        planned: Time to the gait's own touchdown, which is kept where it serves as well.
+        fall, aim, reach: State of the CoM, the law, and where a foot can be set down.
+        planned: Time to the gait's own touchdown, which is kept if its foothold is in reach.
         earliest, latest: Bounds of the result.
     """
     if _cost(fall, aim, reach, planned, 0.0) < 1e-4 * _LATENESS:
         return planned
-    # Golden section: the cost is the square of a distance to a box, and that of a delay.
+    # Golden section search: the cost is a squared distance to a box plus a squared delay.
     low, high = earliest, latest
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
     cost_left = _cost(fall, aim, reach, left, left - planned)
@@ -204,7 +206,7 @@ def landing(
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
     Args:
-        laws, robots, momenta, aheads, commands: What it is to know. Shape (1,).
+        laws, robots, momenta, aheads, commands: Law, robot, masses, step, commands. Shape (1,).
         swing: Number of the swing leg.
         lead: Time from the swing foot's first contact to the end of the step. In s.
 
@@ -250,7 +252,7 @@ def landing(
         ahead.yaw,
         robot.pitch,
     )
-    # From the first contact to the end of the step the hips go on along the slope.
+    # From the first contact to the end of the step the hips move on along the slope.
     climbed = lead * (ahead.slope[0] * end[2] + ahead.slope[1] * end[3])
     length += law.landing_depth + climbed
     return roll, pitch, max(_SHORTEST, min(_LONGEST, length)), lead + time
@@ -260,10 +262,10 @@ def landing(
 def _falling(
     law: Law, robot: Robot, stance: int, velocity: tuple[float, float], ahead: StepAhead
 ) -> Fall:
-    """The pendulum as it is, its height above the foot along the slope."""
+    """Present state of the pendulum; its height is measured from the slope through the foot."""
     x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
     height = robot.com[2] - robot.ankle[stance, 2]
-    # Along a slope the CoM travels in a plane parallel to it, at this height above the foot.
+    # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
     above = max(0.4, height - ahead.slope[0] * x - ahead.slope[1] * y)
     faster = max(0.4, height) / above
     coasts = max(0.0, law.double_support - ahead.elapsed)
@@ -274,14 +276,14 @@ def _falling(
 
 @compiled
 def ahead_of_pendulum(speed: float) -> float:
-    """How far ahead of the pendulum's foot the robot's lies in steady walking (m/s). In m."""
+    """Distance, in m, of the robot's foothold ahead of the pendulum's, at a steady speed (m/s)."""
     v = max(_SLOWEST, min(_FASTEST, speed))
     return _AHEAD[0] + v * (_AHEAD[1] + v * (_AHEAD[2] + v * _AHEAD[3]))
 
 
 @compiled
 def _steady(law: Law, duration: float, commanded: Commanded, side: float, w: float) -> Aim:
-    """Steady walking as commanded, with steps of a duration (s); w is the pendulum's rate (1/s)."""
+    """Law for steady walking as commanded: step duration in s, w the pendulum's rate (1/s)."""
     coast, duration = law.double_support, max(0.2, duration)
     single = max(_SHORTEST_SINGLE, duration - coast)
     tanh_half = math.tanh(0.5 * w * single) / w
@@ -291,7 +293,7 @@ def _steady(law: Law, duration: float, commanded: Commanded, side: float, w: flo
     travel = duration / (coast + 2.0 * tanh_half)
     vx, vy = commanded.vx * travel, commanded.vy * travel
     sway = width / (coast + 2.0 * coth_half)
-    # The next touchdown's velocity, turned with the heading, less what it is in that heading.
+    # Difference of the next touchdown's velocity in the present and in the next heading.
     turn = commanded.turn_rate * duration
     push = w * math.sinh(w * single)
     turned_x = -turn * (vy - sway) * _gain(law.map_gain_x, law.map_loss_x, vx) / push

@@ -1,4 +1,4 @@
-"""What leg-angle adjustment is asked, and what it answers."""
+"""Interface of leg-angle adjustment: its inputs and its result."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from cassie_gaits.records import FloatArray, Record, array
 
 
 class Commanded(Record):
-    """What the operator wants of the steps.
+    """Commands for the steps.
 
     Attributes:
-        vx, vy: Velocity, forward and to the left. In m/s.
-        turn_rate: Of the heading, to the left. In rad/s.
+        vx, vy: Commanded velocity, forward and to the left. In m/s.
+        turn_rate: Commanded rate of the heading, to the left. In rad/s.
         pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
         spread: How far each foot lands outside its usual place. In m.
     """
@@ -33,10 +33,10 @@ class SwingEnd:
     """Swing leg at touchdown.
 
     Attributes:
-        pitch, roll: In rad.
-        length: In m.
+        pitch, roll: Leg angles. In rad.
+        length: Leg length. In m.
         remaining: Time to the end of the step. In s.
-        lead: How long before that the foot touches down. In s.
+        lead: Time from the foot's first contact to the end of the step. In s.
     """
 
     pitch: float
@@ -47,20 +47,21 @@ class SwingEnd:
 
 
 class StepAhead(Record):
-    """The present step, as far as leg-angle adjustment needs to know it.
+    """The present step, as input of leg-angle adjustment.
 
     Attributes:
         elapsed: Time since the last touchdown. In s.
-        remaining: Time to the next one as the gait has it. In s.
-        earliest: Least time to the next one that the swing leg can make. In s.
-        step_time: Duration of the next step. In s.
-        velocity: Low-passed, forward and to the left. In m/s.
+        remaining: Time to the next touchdown by the gait. In s.
+        earliest: Least time to the next touchdown that the swing leg can follow. In s.
+        step_time: Duration of the step by the gait. In s.
+        velocity: Low-passed velocity, forward and to the left. In m/s.
         pitch, roll: The gait's swing leg angles at touchdown. In rad.
         length: The gait's swing leg length at touchdown. In m.
-        rise: How much the gait's stance leg grows until touchdown, less what its foot sinks, and
-            what the next foot lands lower for the stance foot's own height. In m.
+        rise: Difference of the hip's height over the next foothold at touchdown and its present
+            height over the stance foot: the gait's stance leg grows, its foot sinks, and the ground
+            around that foot is lower than the foot. In m.
         yaw: Swing hip yaw at touchdown. In rad.
-        slope: Rise of the ground ahead and to the left. Shape (2,).
+        slope: Slope of the ground forward and to the left, rise over distance. Shape (2,).
     """
 
     elapsed: float
@@ -90,12 +91,12 @@ class Placement(Protocol):
         velocity: tuple[float, float],
         commanded: Commanded,
     ) -> None:
-        """A step ended.
+        """Update at the end of a step.
 
         Args:
-            mean_velocity: Of the last two steps, forward and to the left. In m/s.
-            velocity: Low-passed. In m/s.
-            command: Commanded velocity.
+            mean_velocity: Mean of the last two steps, forward and to the left. In m/s.
+            velocity: Low-passed velocity. In m/s.
+            commanded: Commands for the steps.
         """
 
     def swing_end(
@@ -106,11 +107,11 @@ class Placement(Protocol):
         commanded: Commanded,
         ahead: StepAhead,
     ) -> SwingEnd:
-        """Leg angles at touchdown.
+        """Swing leg at touchdown.
 
         Args:
             readings: The robot now.
-            stance, swing: Its legs.
-            command: Commanded velocity.
+            stance, swing: Stance leg and swing leg.
+            commanded: Commands for the steps.
             ahead: The present step.
         """

@@ -1,4 +1,4 @@
-"""Where in a step the robot is, when the step ends, and how fast it walks on the whole."""
+"""Phase of the step, when the step ends, and the mean walking velocity."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, Record, Records, array, whole
 
 LEFT, RIGHT = 0, 1
-"""Legs, as numbers of the stance leg."""
+"""Numbers of the legs."""
 
 
-_RATE_TIME = 0.02  # s
-_LATE = 0.9  # phase from which a step's time is settled
-_SPEED_TIME = 0.03  # s, low-pass of the swing foot's vertical speed, up or down
-_THROWN = 1.5  # m/s of it, from which a foot that feels a force is thrown, not set down
+_RATE_TIME = 0.02  # s, time constant of the phase's rate
+_LATE = 0.9  # phase from which the step's time is not changed
+_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
+_THROWN = 1.5  # m/s, vertical speed from which a force on the swing foot is no touchdown
 
 
 class StepTiming(Record):
@@ -24,25 +24,25 @@ class StepTiming(Record):
 
     A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`, or
     at phase `latest_touchdown`. A foot that caught on an edge and comes free springs up at 3 m/s
-    and comes down as fast. As its leg stops it, the springs feel what they feel at a touchdown, for
-    20 ms, so a foot that moves up or down so fast ends no step: feet that are set down move by less
-    than 0.9 m/s, on rough ground and stairs too.
+    and comes down as fast. As the leg stops the foot, the springs deflect as at a touchdown for
+    20 ms. So a foot with such a vertical speed ends no step. At a real touchdown the foot moves at
+    less than 0.9 m/s, on rough ground and stairs too.
 
     Attributes:
         stance: LEFT or RIGHT.
         steps: Steps ended since walking began.
         phase: The paper's tau, 0 at touchdown, 1 at the planned end of the step.
-        rate: Of the phase. In 1/s.
+        rate: Rate of the phase. In 1/s.
         step_time: Planned duration of the step. In s.
         elapsed: Time since the last touchdown. In s.
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
-        travel: Integral of its velocity since the last touchdown. In m.
+        travel: Integral of the pelvis's velocity since the last touchdown. In m.
         means: Mean velocities of the last two steps, the newer one last. In m/s.
-        height: Of the swing foot above the stance foot. In m.
-        swing_speed: At which it goes up or down, low-passed. In m/s.
+        height: Height of the swing foot above the stance foot. In m.
+        swing_speed: Low-passed vertical speed of the swing foot, without sign. In m/s.
         touchdown_force, earliest_touchdown, latest_touchdown: See `config.WalkConfig`.
-        filter: Share of a new velocity in the low-passed one.
-        period: Of control. In s.
+        filter: Low-pass weight of a new velocity.
+        period: Control period. In s.
     """
 
     stance: int = whole()
@@ -69,7 +69,7 @@ class StepTiming(Record):
         self.start(LEFT)
 
     def configure(self, config: WalkConfig) -> None:
-        """Take over new figures; the step goes on."""
+        """Use new parameters; the step goes on."""
         self.touchdown_force = config.touchdown_force
         self.earliest_touchdown = config.earliest_touchdown
         self.latest_touchdown = config.latest_touchdown
@@ -86,7 +86,7 @@ class StepTiming(Record):
 
 @compiled
 def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
-    """Go on by one period; says whether the step ended. `end_step` then begins the next."""
+    """Advance by one period; True if the step ended. `end_step` then begins the next."""
     timing, robot = timings[0], robots[0]
     for k in range(2):
         timing.velocity[k] += timing.filter * (robot.velocity[k] - timing.velocity[k])
@@ -107,9 +107,9 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
 
 @compiled
 def plan(timing: StepTiming, remaining: float) -> None:
-    """Go on so that the planned end of the step comes after a time, in s.
+    """Set the phase's rate so that the planned end of the step comes after a time, in s.
 
-    The rate follows within `_RATE_TIME`; near the end it stays as it is.
+    The rate follows with the time constant `_RATE_TIME`; near the end of the step it is constant.
     """
     if timing.phase > _LATE:
         return
@@ -119,7 +119,7 @@ def plan(timing: StepTiming, remaining: float) -> None:
 
 @compiled
 def end_step(timings: Records[StepTiming]) -> tuple[float, float]:
-    """Exchange the legs and begin a step.
+    """Exchange stance and swing leg, and begin a step.
 
     Returns:
         Mean velocity of the last two steps, or of the only one. In m/s.

@@ -9,7 +9,7 @@ from cassie_msgs.tunables import ParameterError, tunable
 
 @dataclass(frozen=True, kw_only=True)
 class SupervisorConfig:
-    """Which set-points are let through, how fast they change, and when a mode may begin."""
+    """Which set-points are permitted, how fast they change, and when a mode may begin."""
 
     vx_forward: float = tunable(1.2, "m/s", 0.0, 2.4, "Largest speed forward")
     vx_backward: float = tunable(0.7, "m/s", 0.0, 1.5, "Largest speed backward")
@@ -31,11 +31,11 @@ class SupervisorConfig:
     walk_roll: float = tunable(0.0, "rad", 0.0, 0.4, "Largest torso roll while walking")
     walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "Largest torso pitch while walking")
     walk_trim: float = tunable(0.02, "rad", 0.0, 0.2, "Largest trim while walking")
-    walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Height from which walking begins")
+    walk_height: float = tunable(0.95, "m", 0.8, 1.05, "Pelvis height at which walking begins")
     height_tolerance: float = tunable(
         0.03, "m", 0.005, 0.1, "Distance from `walk_height` within which walking begins"
     )
-    stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Standing still before walking begins")
+    stand_time: float = tunable(1.0, "s", 0.1, 10.0, "Time at rest before walking or riding begins")
     still_speed: float = tunable(0.06, "m/s", 0.01, 0.5, "CoM speed that counts as still")
     ride_forward: float = tunable(4.2, "m/s", 0.0, 4.5, "Largest speed forward on a Segway")
     ride_backward: float = tunable(1.0, "m/s", 0.0, 2.0, "Largest speed backward on a Segway")
@@ -57,40 +57,40 @@ class SupervisorConfig:
         0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway, with trims"
     )
     ride_stop_time: float = tunable(
-        6.0, "s", 0.0, 60.0, "Time for which it brakes before riding may be left"
+        6.0, "s", 0.0, 60.0, "Time of braking before riding a Segway may end"
     )
     ride_confirm_time: float = tunable(
         2.0,
         "s",
         0.2,
         20.0,
-        "Time within which the operator asks for stand again to leave the Segway",
+        "Time within which the operator must ask for stand again to end riding",
     )
     weight_share: float = tunable(0.75, "", 0.1, 1.0, "Share of the weight the feet must carry")
     stop_speed: float = tunable(0.15, "m/s", 0.02, 0.5, "Mean speed below which walking may end")
-    stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Stepping in place before walking ends")
+    stop_time: float = tunable(1.2, "s", 0.2, 10.0, "Time of stepping in place before walking ends")
     fall_tilt: float = tunable(0.8, "rad", 0.3, 1.5, "Torso tilt that counts as a fall")
     fall_height: float = tunable(0.33, "m", 0.1, 0.6, "Pelvis height that counts as a fall")
     upright_tilt: float = tunable(
-        0.3, "rad", 0.1, 0.8, "Tilt below which drives may do more than damp"
+        0.3, "rad", 0.1, 0.8, "Torso tilt below which drives may do more than damp"
     )
-    upright_time: float = tunable(1.0, "s", 0.1, 10.0, "Time upright after a fall")
-    battery_low: float = tunable(0.2, "", 0.0, 1.0, "Battery charge below which a fault is told")
+    upright_time: float = tunable(1.0, "s", 0.1, 10.0, "Time upright that ends a fall")
+    battery_low: float = tunable(0.2, "", 0.0, 1.0, "Battery charge below which there is a fault")
     battery_empty: float = tunable(
         0.1, "", 0.0, 1.0, "Battery charge below which the robot stops and sits down"
     )
     battery_margin: float = tunable(
-        0.05, "", 0.0, 0.5, "Charge beyond these bounds from which the battery counts as charged"
+        0.05, "", 0.0, 0.5, "Hysteresis of `battery_low` and `battery_empty`, upward"
     )
     missed_share: float = tunable(
         0.2, "", 0.0, 1.0, "Share of missed control ticks in a second from which the robot stops"
     )
 
     def __post_init__(self) -> None:
-        """Hold that bounds agree with each other.
+        """Check that bounds do not contradict each other.
 
         Raises:
-            ParameterError: naming two that do not, and their values.
+            ParameterError: if two bounds contradict each other; the message names them.
         """
         for low, high in (
             ("height_low", "height_high"),
@@ -101,5 +101,5 @@ class SupervisorConfig:
         ):
             lower, upper = getattr(self, low), getattr(self, high)
             numbers = isinstance(lower, (int, float)) and isinstance(upper, (int, float))
-            if numbers and lower > upper:  # what is no number is told by its own name
+            if numbers and lower > upper:  # another check names a value that is no number
                 raise ParameterError(f"{low} = {lower:g} is above {high} = {upper:g}")

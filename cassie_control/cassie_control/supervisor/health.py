@@ -1,4 +1,4 @@
-"""What the supervisor makes of the machine it runs on: missed control ticks, the battery."""
+"""Health of computer and battery for the supervisor: missed control ticks, the charge."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections import deque
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_msgs.layout import RobotState
 
-_WINDOW = 60.0  # s, over which the share of missed ticks is told
-_RECENT = 1.0  # s, over which it decides
+_WINDOW = 60.0  # s, over which the share of missed ticks is reported
+_RECENT = 1.0  # s, over which the share of missed ticks decides
 
 
 class TickLoss:
-    """Share of the control ticks for which no new command had come in time.
+    """Share of the control ticks for which no new command came in time.
 
     Attributes:
-        share: Over the last minute, 0..1.
-        recent: Over the last second.
+        share: Share over the last minute, 0..1.
+        recent: Share over the last second, 0..1.
     """
 
     def __init__(self, period: float) -> None:
@@ -25,14 +25,14 @@ class TickLoss:
         self.share = self.recent = 0.0
 
     def step(self, state: RobotState) -> None:
-        """Take in a state."""
+        """Update with a state."""
         if not int(state.wall_paced):
             return
         now = (int(state.seq), int(state.missed_ticks))
         self._ticks.append(now)
         self._recent.append(now)
         self.share, self.recent = _share(self._ticks), 0.0
-        if 2 * len(self._recent) > (self._recent.maxlen or 0):  # a few ticks tell no share
+        if 2 * len(self._recent) > (self._recent.maxlen or 0):  # a few ticks give no reliable share
             self.recent = _share(self._recent)
 
 
@@ -42,10 +42,10 @@ def _share(ticks: deque[tuple[int, int]]) -> float:
 
 
 class Battery:
-    """What the battery's charge permits.
+    """Thresholds of the battery's charge, with hysteresis.
 
     Attributes:
-        low: Whether it is time to end.
+        low: Whether the robot should stop to be charged.
         empty: Whether the robot stops and sits down; stays so until the battery is charged.
     """
 
@@ -53,7 +53,7 @@ class Battery:
         self.low = self.empty = False
 
     def step(self, state: RobotState, config: SupervisorConfig) -> None:
-        """Take in a state; a charge that is not known changes nothing."""
+        """Update with a state; an unknown charge changes nothing."""
         charge = float(state.battery_charge)
         if charge <= 0.0:
             return

@@ -6,36 +6,36 @@ from cassie_control.supervisor.config import SupervisorConfig
 
 
 class Leaving:
-    """Whether the law of standing may come in again.
+    """Whether riding may end, so that the law of standing is used again.
 
-    It shakes a Segway that nobody holds, also one at rest, and a robot cannot feel whether it
-    stands on one, nor its speed. So riding ends only
+    That law shakes a Segway that nobody holds, also one at rest. The robot has no sensor for
+    whether it stands on a Segway, nor for the Segway's speed. So riding ends only
 
-    - when it hangs; or
-    - when the operator confirms that what it stands on is held, or is plain ground: he asks to
-      stand, upon which it brakes for `ride_stop_time`, then for riding, and within
-      `ride_confirm_time` to stand again.
+    - when the robot hangs; or
+    - when the operator confirms that the Segway is held, or that the robot is on fixed ground. The
+      operator asks to stand, upon which the robot brakes for `ride_stop_time`, then for riding, and
+      within `ride_confirm_time` to stand again.
 
     Attributes:
-        confirmed: Whether he did.
+        confirmed: Whether the operator has confirmed.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Riding begins, or nobody is there to confirm."""
+        """Begin anew, without a confirmation."""
         self.confirmed = False
         self._asked: bool | None = False
         self._braked = self._window = 0.0
 
     def step(self, asked: bool | None, config: SupervisorConfig, period: float) -> None:
-        """Take in a moment of riding.
+        """Update with one period of riding.
 
         Args:
-            asked: Whether the operator asks to stand; None without one.
+            asked: Whether the operator asks to stand; None without an operator.
             config: Times.
-            period: Since the last moment. In s.
+            period: Time since the last update. In s.
         """
         self._asked = asked
         if asked is None:
@@ -49,12 +49,12 @@ class Leaving:
             self.confirmed, self._braked = False, 0.0
 
     def refusal(self, config: SupervisorConfig, restless: str, *, hangs: bool) -> str:
-        """Why it goes on riding; empty if it hangs, or the operator confirmed and it rests.
+        """Why riding goes on; empty if the robot hangs, or rests and the operator confirmed.
 
         Args:
             config: Times.
-            restless: Why it does not rest, or empty.
-            hangs: Whether somebody lifted it.
+            restless: Why the robot is not at rest, or empty.
+            hangs: Whether somebody has lifted the robot.
         """
         if self._asked is None:
             return "riding on without the operator"

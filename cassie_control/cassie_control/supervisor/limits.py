@@ -1,8 +1,8 @@
-"""What each situation permits of the set-points, and how fast they change there.
+"""Bounds of the set-points and of their rates in each situation.
 
-A command is first brought within the limits of the mode that it asks for. What the mode in force
-makes of it is a row of `situation`: bounds alone, so that every set-point is the nearest to the
-command that is permitted, and one table says what holds when.
+A command is first clamped to the limits of the mode that it asks for. The mode in force then
+applies a row of `situation`. Each row has bounds alone, so that every set-point is the permitted
+one nearest to the command, and one table lists all cases.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cassie_msgs.layout import RobotMode
 
 _STAND, _WALK, _SEGWAY = RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY
 
-_ON_FOOT, _RIDING = 3.0, 2.0  # exponents of speeds at once
+_ON_FOOT, _RIDING = 3.0, 2.0  # `Limits.exponent`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +27,17 @@ class Limits:
     Attributes:
         vx_forward, vx_backward, vy: Largest speeds. In m/s.
         yaw_rate: Largest turn rate. In rad/s.
-        exponent: p of the superellipsoid |vx/..|^p + |vy/..|^p + |yaw_rate/..|^p <= 1 over these,
-            which what is asked for at once must keep.
-        height_low, height_high: Of the pelvis. In m.
+        exponent: p of the superellipsoid |vx/..|^p + |vy/..|^p + |yaw_rate/..|^p <= 1 over the
+            largest speeds, which bounds combined speeds.
+        height_low, height_high: Range of the pelvis height. In m.
         com_x, com_y: Largest shift of the centre of mass. In m.
         roll, pitch: Largest tilt of the torso, with trims. In rad.
         trim: Largest trim. In rad.
         torso_trim: Largest trim of the torso. In rad.
         acceleration, turn_acceleration: Rates of speeds and turn rate. In m/s^2 and rad/s^2.
-        height_rate, shift_rate, tilt_rate: Rates of the others. In m/s, m/s and rad/s.
-        brakes: Whether vx goes to its bounds at once.
+        height_rate, shift_rate, tilt_rate: Rates of height, CoM shift, and tilt with trims. In m/s,
+            m/s and rad/s.
+        brakes: Whether vx steps to its set-point at once, without the rate limit.
     """
 
     vx_forward: float
@@ -62,9 +63,9 @@ class Limits:
     def nearest(self, commanded: SetPoints) -> SetPoints:
         """The set-points within the bounds that are nearest to a command.
 
-        Speeds are kept together within a superellipsoid over their bounds: each bound can be used
-        up alone; what is asked for at once is scaled down as a whole, so that the robot turns and
-        sidesteps less while it walks fast.
+        Combined speeds are kept within a superellipsoid over their bounds. A single speed may reach
+        its bound; combined speeds are scaled down together, so that the robot turns and sidesteps
+        less while it walks fast.
         """
         vx, vy, yaw_rate = self._speeds(commanded)
         sagittal, lateral, pitch_trim, roll_trim = commanded.trims
@@ -102,7 +103,7 @@ class Limits:
         return scale * vx, scale * vy, scale * yaw_rate
 
     def approach(self, now: SetPoints, commanded: SetPoints, period: float) -> None:
-        """Move set-points towards a command by one period, in s, each no faster than permitted."""
+        """Move set-points towards a command over one period (s), each within its rate limit."""
         speed, turn = self.acceleration * period, self.turn_acceleration * period
         height, shift = self.height_rate * period, self.shift_rate * period
         tilt = self.tilt_rate * period
@@ -125,7 +126,7 @@ class Limits:
 
 @functools.cache
 def on_foot(c: SupervisorConfig) -> Limits:
-    """What an operator may ask for on foot."""
+    """Limits of an operator's commands on foot."""
     return Limits(
         vx_forward=c.vx_forward,
         vx_backward=c.vx_backward,
@@ -150,7 +151,7 @@ def on_foot(c: SupervisorConfig) -> Limits:
 
 @functools.cache
 def on_segway(c: SupervisorConfig) -> Limits:
-    """What an operator may ask for on a Segway."""
+    """Limits of an operator's commands on a Segway."""
     return replace(
         on_foot(c),
         vx_forward=c.ride_forward,
@@ -171,7 +172,7 @@ def on_segway(c: SupervisorConfig) -> Limits:
 
 
 def asked_for(mode: RobotMode, c: SupervisorConfig) -> Limits:
-    """What a command may ask for with a mode."""
+    """Limits of a command that asks for a mode."""
     return on_segway(c) if mode is _SEGWAY else on_foot(c)
 
 
@@ -179,7 +180,7 @@ def asked_for(mode: RobotMode, c: SupervisorConfig) -> Limits:
 def situation(
     c: SupervisorConfig, current: RobotMode, requested: RobotMode, *, stepping: bool, walked: bool
 ) -> Limits:
-    """What the mode in force makes of a command, which is within the limits of its own mode.
+    """Limits that the mode in force applies to a command, which is within its own mode's limits.
 
     | mode in force | asked for | speeds | height | CoM shift | tilt and trims |
     |---|---|---|---|---|---|
@@ -194,14 +195,14 @@ def situation(
     | segway | segway | as commanded | of riding | as commanded | of riding |
     | segway | another | 0, vx at once | of riding | 0 | of riding |
 
-    Standing takes over from walking with an upright torso: with a tilted one the legs give way
+    Standing takes over from walking with an upright torso: with a tilted torso the legs yield
     meanwhile. With power off or damped drives no set-point is in force.
 
     Args:
-        c: The limits.
-        current, requested: Mode in force, and the one that the operator asks for.
+        c: Parameters of the supervisor.
+        current, requested: Mode in force, and mode that the operator asks for.
         stepping: Whether a foot is in the air, or was within about a step.
-        walked: Whether it stands and has walked just now.
+        walked: Whether the robot stands and has walked just now.
     """
     limits = on_segway(c) if current is _SEGWAY else on_foot(c)
     limits = replace(limits, vx_forward=math.inf, vx_backward=math.inf, vy=math.inf)
@@ -230,7 +231,7 @@ def _share(value: float, limit: float) -> float:
 
 
 def _bounded(value: float, most: float) -> float:
-    return min(most, max(-most, value))  # with no room that is 0, not -0
+    return min(most, max(-most, value))  # 0, not -0, for a bound of 0
 
 
 def _towards(now: float, commanded: float, step: float) -> float:

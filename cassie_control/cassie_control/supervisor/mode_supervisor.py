@@ -1,4 +1,4 @@
-"""Decides the robot's mode and what of the operator's commands the controller gets."""
+"""Decides the robot's mode, and the set-points that the controller gets from commands."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from cassie_control.supervisor.transitions import Moment, carries_weight, refusa
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS, effective_seq
 
-# Feet that are carried off contradict the accelerometer, by which its failures are found.
+# Moving feet contradict the accelerometer, whose faults are found from the feet's forces.
 _FELT_FROM_FEET = 7 << ACCELEROMETER
 _MODES = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
-_TAKING_OVER = 1.0  # s, for which a robot that walked stands upright before it may tilt
+_TAKING_OVER = 1.0  # s for which the torso stays upright after walking
 
 
 class ModeSupervisor:
@@ -35,26 +35,26 @@ class ModeSupervisor:
 
     - Without power: off. After a fall, or while the controller is lost: damp, until the torso has
       been upright for `upright_time` (hung up, or set on its feet).
-    - Stand: whenever the torso is upright. From walking it first stops: set-points go to zero,
-      and once Cassie has stepped in place for `stop_time` the controller ends on the next
-      touchdown.
+    - Stand: whenever the torso is upright. From walking the robot first stops: set-points go to
+      zero. Once it has stepped in place for `stop_time`, the controller begins to stand at one of
+      the next touchdowns.
     - Walk: from standing, once the feet carry the weight and the CoM has been still at
       `walk_height` for `stand_time`; the supervisor itself raises the robot to that height.
-    - Segway: from standing, crouched, on both feet, upright and at rest, when the operator asks
-      for it and, which confirms it, for the crouch; else it crouches and waits to be asked again.
-      `Leaving` says when it ends.
+    - Segway: from standing, crouched, on both feet, upright and at rest. The operator asks for
+      Segway and, as a confirmation, for the crouch. Without the confirmation the robot crouches and
+      waits to be asked again. `Leaving` says when riding ends.
     - No command from the operator, a bad link, a sensor that fails, an empty battery, or too many
       missed control ticks: stop and stand; on a Segway, brake and stay on it. With an empty battery
-      it then sits down.
-    - A command that means nothing (not a number, an unknown mode) is refused: the last good one
+      the robot then sits down.
+    - A command without meaning (not a number, an unknown mode) is refused: the last good command
       holds, without its speeds.
-    - After damping with feet on the ground, standing begins from the height the pelvis has.
+    - After damping with feet on the ground, standing begins from the present pelvis height.
 
-    All decisions rest on the state's own clock, so that a recording replays to the same bits.
+    All decisions use the state's own clock, so that a recording replays to the same bits.
 
     Args:
         config: Limits and conditions.
-        period: Between control ticks; `step` is called every `PERIOD_TICKS` of them. In s.
+        period: Control period; `step` is called every `PERIOD_TICKS` control ticks. In s.
     """
 
     def __init__(self, config: SupervisorConfig, period: float) -> None:
@@ -64,20 +64,20 @@ class ModeSupervisor:
         self.reset()
 
     def reset(self) -> None:
-        """Back to off."""
+        """Return to mode off."""
         self.status = SupervisorStatus()
         self._set_points = SetPoints()
         self._commanded = SetPoints()
-        self._asked: tuple[bytes, int, SupervisorConfig] | None = None  # what was heard last
-        self._refused = ""  # why that was
+        self._asked: tuple[bytes, int, SupervisorConfig] | None = None  # last command
+        self._refused = ""  # why the last command was refused
         self._requested = RobotMode.STAND
         self._current = RobotMode.OFF
         self._linked = False
-        self._ride_confirmed = False  # by the crouch that was asked for with it
+        self._ride_confirmed = False  # by the crouch in the same command
         self._since = 0.0
         self._slow = 0.0
         self._walked = False
-        self._lifted = False  # as it walked, until stand is asked for
+        self._lifted = False  # while it walked, until stand is asked for
         self._posture = Posture()
         self._leaving = Leaving()
         self._loss = TickLoss(self._period)
@@ -94,14 +94,14 @@ class ModeSupervisor:
 
         Args:
             state: The robot now; its seq a multiple of `PERIOD_TICKS`.
-            operator: The command in force; None when none arrives any more.
+            operator: The command in force; None when no command arrives any more.
             controller_lost: Whether the controller has fallen silent.
 
         Returns:
             The mode from `effective_seq` on; reused by the next step.
 
         Raises:
-            ControlError: if the state holds a value that is not finite; it then changes nothing.
+            ControlError: if the state holds a value that is not finite; nothing is then changed.
         """
         check(state, "state", ControlError)
         moving = self._current in (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
@@ -129,7 +129,7 @@ class ModeSupervisor:
         else:
             self._leaving.reset()
         if self._current is RobotMode.WALK:
-            # Feet whose force cannot be believed do not tell that somebody lifts it.
+            # With failed sensors the feet's forces do not show that somebody lifts the robot.
             self._lifted = self._posture.hangs and not failed
         elif self._requested is RobotMode.STAND:
             self._lifted = False
@@ -162,7 +162,7 @@ class ModeSupervisor:
             segway=reasons[RobotMode.SEGWAY],
             faults=faults(
                 self._posture.fallen,
-                linked or not powered,  # without power there is nothing that needs one
+                linked or not powered,  # without power no operator is needed
                 refused,
                 failed,
                 self._loss.recent if self._late else 0.0,
@@ -176,7 +176,7 @@ class ModeSupervisor:
         return self._answer(state)
 
     def _hear(self, operator: OperatorCommand | None) -> str:
-        """Take in the operator's command; says why it is refused, if it is."""
+        """Store the operator's command; returns why it is refused, or empty."""
         if operator is None:
             self._asked = None
             low = self._battery.empty and self._current is RobotMode.STAND
@@ -186,7 +186,7 @@ class ModeSupervisor:
             return ""
         asked = (operator.floats.tobytes(), int(operator.mode), self.config)
         if asked == self._asked:
-            return self._refused  # operators say the same again and again
+            return self._refused  # operators repeat the same command
         self._asked, self._refused = asked, meaningless(operator)
         if self._refused:
             self._commanded = replace(self._commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
@@ -214,7 +214,7 @@ class ModeSupervisor:
         return self._current if reasons[wanted] else wanted
 
     def _limit(self) -> None:
-        """Move the set-points towards what the mode in force permits of the command."""
+        """Move the set-points towards the command, within the limits of the mode in force."""
         c = self.config
         if self._current in (RobotMode.OFF, RobotMode.DAMP):
             height = max(c.height_low, min(c.height_high, self._posture.height))

@@ -1,4 +1,4 @@
-"""What the supervisor makes of the robot's state: upright, on the ground, fallen, at rest."""
+"""Posture from the robot's state, for the supervisor: upright, on the ground, fallen, at rest."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import RobotState
 
-_GROUNDED = 50.0  # N on a foot, from which it counts as on the ground
-_HANGING = 0.25  # of the weight on the feet, below which somebody lifts it
+_GROUNDED = 50.0  # N, threshold of a foot's force for ground contact
+_HANGING = 0.25  # share of the weight on the feet, below which somebody lifts the robot
 _HANGING_TIME = 0.5  # s
-_SUNK_TIME = 0.1  # s; so late the kinematic estimate finds the ground when let down
-_STEP_TIME = 0.4  # s, about one: so long the sway is averaged, and a lifted foot is a step
+_SUNK_TIME = 0.1  # s, delay with which the kinematic estimate finds the ground after a hang
+_STEP_TIME = 0.4  # s, about one step: time constant of `velocity`, and memory of a lifted foot
 
 
 class Posture:
-    """How it stands, lies or hangs; `step` takes every state that the supervisor answers.
+    """Whether the robot stands, lies or hangs; `step` takes every state the supervisor answers.
 
     Attributes:
-        height: Of the pelvis above the ground. In m.
+        height: Height of the pelvis above the ground. In m.
         grounded: Whether a foot is on the ground.
-        hangs: Whether its feet have carried nearly nothing for a while.
-        low: Whether the pelvis is too near to it.
-        fallen: Since it tilted or sank too far, until it has been upright for `upright_time`.
-        upright: For how long it has been. In s.
-        still: For how long the CoM has been. In s.
-        velocity: Of the CoM, ahead and to the left, averaged over a step. In m/s.
+        hangs: Whether the feet have carried nearly nothing for a while.
+        low: Whether the pelvis is too near to the ground.
+        fallen: True from too large a tilt or too low a pelvis until `upright_time` of being
+            upright.
+        upright: Time for which the torso has been upright. In s.
+        still: Time for which the CoM has been still. In s.
+        velocity: CoM velocity, forward and to the left, low-passed over a step. In m/s.
     """
 
     def __init__(self) -> None:
@@ -48,13 +49,13 @@ class Posture:
     def step(
         self, state: RobotState, moving: bool, config: SupervisorConfig, period: float
     ) -> None:
-        """Take in a state.
+        """Update with a state.
 
         Args:
             state: The robot now.
-            moving: Whether a controller holds it up, so that sinking is a fall.
+            moving: Whether a controller holds the robot up, so that sinking is a fall.
             config: Bounds.
-            period: Since the last state. In s.
+            period: Time since the last state. In s.
         """
         self._feel_ground(state, moving, config, period)
         tilt = max(abs(float(state.q[4])), abs(float(state.q[5])))

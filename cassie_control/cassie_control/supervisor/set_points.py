@@ -1,4 +1,4 @@
-"""What the controller is given, and what an operator's command asks for."""
+"""Set-points of the controller, and those that an operator's command asks for."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _NEAR = 1e-3  # rad or m
 
 @dataclass
 class SetPoints:
-    """What the controller is given.
+    """Set-points of the controller.
 
     Attributes:
-        vx, vy: Forward and to the left. In m/s.
-        yaw_rate: To the left. In rad/s.
-        height: Of the pelvis above the soles. In m.
+        vx, vy: Velocity, forward and to the left. In m/s.
+        yaw_rate: Turn rate, to the left. In rad/s.
+        height: Height of the pelvis above the soles. In m.
         com_x, com_y: Shift of the centre of mass, forward and to the left. In m.
-        roll, pitch: Of the torso. In rad.
-        trims: Sagittal and lateral leg angle, torso pitch and roll. In rad.
+        roll, pitch: Angles of the torso. In rad.
+        trims: Trims of sagittal and lateral leg angle, torso pitch and roll. In rad.
     """
 
     vx: float = 0.0
@@ -43,9 +43,9 @@ _NAMES = tuple(field.name for field in fields(SetPoints))
 
 
 def meaningless(command: OperatorCommand) -> str:
-    """Why an operator's command cannot be followed; empty if it can.
+    """Why an operator's command has no meaning; empty if it has.
 
-    What exceeds a limit is followed up to that limit; this is about what means nothing.
+    A value beyond a limit is no reason: the command is then followed up to that limit.
     """
     if int(command.mode) > RobotMode.SEGWAY:
         return f"mode is {command.mode}, must be 0 .. {RobotMode.SEGWAY:d}"
@@ -53,7 +53,7 @@ def meaningless(command: OperatorCommand) -> str:
 
 
 def requested_mode(command: OperatorCommand) -> RobotMode:
-    """The mode that an operator asks for; standing if it is none to ask for."""
+    """The mode that an operator asks for; standing if the operator may not ask for it."""
     asked = int(command.mode)
     permitted = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
     return RobotMode(asked) if asked in permitted else RobotMode.STAND
@@ -77,7 +77,7 @@ def commanded_by(command: OperatorCommand) -> SetPoints:
 
 
 def agree(now: SetPoints, least: SetPoints) -> bool:
-    """Whether set-points have come to where a mode wants them, height and speeds aside."""
+    """Whether set-points have reached those of a mode, except height and speeds."""
     pairs = (
         (now.roll, least.roll),
         (now.pitch, least.pitch),
@@ -89,5 +89,5 @@ def agree(now: SetPoints, least: SetPoints) -> bool:
 
 
 def is_upright(now: SetPoints) -> bool:
-    """Whether set-points have come to an upright torso."""
+    """Whether set-points have reached an upright torso."""
     return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < _NEAR

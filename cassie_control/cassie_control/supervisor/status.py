@@ -1,4 +1,4 @@
-"""What the supervisor tells people."""
+"""Status of the supervisor, for people."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from cassie_msgs.layout import RobotMode
 
 @dataclass(frozen=True)
 class SupervisorStatus:
-    """What the supervisor tells people.
+    """Status of the supervisor, for people.
 
     Attributes:
-        mode: In force from `effective_seq` of the last answer on.
-        requested: By the operator.
+        mode: Mode in force from `effective_seq` of the last answer on.
+        requested: Mode that the operator asks for.
         stand, walk, segway: Why that mode is refused now; empty when it would be entered.
         faults: What is wrong, in words.
         fallen: Whether Cassie fell and has not been set upright since.
-        waits: What it waits for while it stands as asked for: to be let down, or for rest.
+        waits: What the robot waits for in the requested stand: to be let down, or for rest.
         link: Whether the operator's commands arrive over a good link.
-        missed_share: Of the control ticks of the last minute, those without a new command. 0..1.
+        missed_share: Share of the last minute's control ticks without a new command. 0..1.
     """
 
     mode: RobotMode = RobotMode.OFF
@@ -36,7 +36,7 @@ class SupervisorStatus:
 
     @property
     def readiness(self) -> str:
-        """Why the requested mode is not in force, or what it waits for; empty when it is."""
+        """Why the requested mode is not in force, or what the robot waits for in it; or empty."""
         if self.mode == self.requested:
             return self.waits
         reasons = {
@@ -72,9 +72,9 @@ def faults(
     Args:
         fallen: Whether Cassie fell.
         linked: Whether the operator's commands arrive over a good link, where they are needed.
-        refused: Why his command is refused, or empty.
+        refused: Why the operator's command is refused, or empty.
         failed: Sensors' channels that fail, a bit each.
-        missed: Share of missed control ticks, where it is too large, else 0.
+        missed: Share of missed control ticks if it is too large, else 0.
         battery: What is wrong with the battery, or empty.
     """
     words = []

@@ -1,4 +1,4 @@
-"""Which mode may follow which: a table of conditions, each of which says in words what it lacks."""
+"""Which mode may follow which: a table of conditions; each one says in words why it fails."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _STAND, _WALK, _SEGWAY = RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY
 
 @dataclass(frozen=True)
 class Moment:
-    """What the conditions look at.
+    """Inputs of the conditions.
 
     Attributes:
         state: The robot now.
-        posture, leaving: What was made of its states.
-        set_points: In force.
+        posture, leaving: Posture of the robot, and whether riding may end.
+        set_points: Set-points in force.
         powered: Whether the drives have power.
         controller_lost: Whether the controller is silent.
-        since: For how long the mode has been in force. In s.
-        slow: For how long it has stepped in place, ready to stand. In s.
+        since: Time for which the mode has been in force. In s.
+        slow: Time for which the robot has stepped in place, ready to stand. In s.
         requested: Mode that the operator asks for.
-        ride_confirmed: Whether he has asked for riding and for its crouch.
-        lifted: Whether it was lifted as it walked, and stand was not asked for since.
+        ride_confirmed: Whether the operator has asked for riding and for its crouch.
+        lifted: Whether the robot was lifted while it walked, and stand was not asked for since.
         config: Bounds.
     """
 
@@ -49,7 +49,7 @@ class Moment:
 
 
 Condition = Callable[[Moment], str]
-"""Says why it does not hold; empty where it does."""
+"""Returns why the condition does not hold; empty where it holds."""
 
 
 def _has_power(now: Moment) -> str:
@@ -80,7 +80,7 @@ def _stands(_: Moment) -> str:
 
 
 def carries_weight(now: Moment) -> str:
-    """Both feet are on the ground and carry the robot."""
+    """Condition: both feet are on the ground and carry the robot."""
     carried = float(now.state.foot_force.sum())
     loaded = carried >= now.config.weight_share * WEIGHT
     if loaded and float(now.state.contact_probability.min()) >= 0.5:
@@ -103,7 +103,7 @@ def _is_crouched(now: Moment) -> str:
 
 
 def _is_straight_to(mode: RobotMode) -> Condition:
-    """Tilt, shift and trims are within the limits of a mode in which no CoM shift is asked for."""
+    """Condition: tilt, shift and trims are within the limits of a mode without CoM shift."""
 
     def condition(now: Moment) -> str:
         asked = mode if mode is _WALK else _STAND
@@ -155,7 +155,7 @@ CONDITIONS: dict[tuple[RobotMode, RobotMode], tuple[Condition, ...]] = {
     (_STAND, _WALK): (
         *(carries_weight, _is_at_walking_height, _is_straight_to(_WALK), _is_still, _is_asked_anew),
     ),
-    # Riding begins at rest, crouched, on both feet; what is below them it cannot know.
+    # Riding begins at rest, crouched, on both feet. No sensor shows what is below the feet.
     (_STAND, _SEGWAY): (
         *(carries_weight, _is_crouched, _is_straight_to(_SEGWAY), _is_still, _is_confirmed),
     ),
@@ -164,14 +164,14 @@ CONDITIONS: dict[tuple[RobotMode, RobotMode], tuple[Condition, ...]] = {
     (RobotMode.OFF, _STAND): (),
     (RobotMode.DAMP, _STAND): (),
 }
-"""What else it takes from one mode to another; whatever is not here leads over standing."""
+"""Further conditions from one mode to another; all other changes lead through standing."""
 
 
 def refusal(now: Moment, current: RobotMode, wanted: RobotMode) -> str:
     """Why a mode would be refused now; empty where it would not.
 
     Args:
-        now: What the conditions look at.
+        now: Inputs of the conditions.
         current: Mode in force.
         wanted: Stand, walk or segway.
     """
