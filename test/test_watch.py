@@ -13,7 +13,7 @@ from rclpy.node import Node
 from cassie_bags.ros.processes import own_domain
 from cassie_control.ros.common import Conditions
 from cassie_control.ros.watch import Watch
-from cassie_msgs.schedule import ANSWER_AFTER, START_TIMEOUT
+from cassie_msgs.schedule import ANSWER_AFTER, REPEAT_PERIOD, START_TIMEOUT
 
 
 @pytest.fixture
@@ -35,6 +35,36 @@ def test_a_controller_is_not_lost_for_a_time_without_states(watch: Watch) -> Non
     now += START_TIMEOUT + 1.0
     watch.heard_state(now)
     assert not watch.controller_lost(now)
+
+
+def test_without_a_simulator_the_others_are_not_lost(watch: Watch) -> None:
+    """The estimator was named first, as it has less time to answer."""
+    clock = watch._clock
+    heard = [b"time 1"]
+    clock.take_raw = lambda: heard.pop() if heard else None  # type: ignore[method-assign]
+    now = time.monotonic()
+    watch.look(now)
+    watch.heard_state(now)
+    told = []
+    for _ in range(20):
+        now += 0.05
+        watch.look(now)
+        told += watch.faults
+    assert set(told) == {"simulator lost: waiting for it"}
+
+
+def test_an_estimator_that_does_not_answer_repeated_samples_is_lost(watch: Watch) -> None:
+    clock = watch._clock
+    now = time.monotonic()
+    due = now
+    watch.heard_state(now)
+    for _ in range(20):
+        heard = now >= due
+        due += REPEAT_PERIOD * heard
+        clock.take_raw = lambda heard=heard: b"time 1" if heard else None  # type: ignore[misc, method-assign]
+        watch.look(now)
+        now += 0.05
+    assert watch.faults == ("state_estimator lost: robot time waits for it",)
 
 
 def test_a_controller_that_gets_states_and_is_silent_is_lost(watch: Watch) -> None:

@@ -17,6 +17,11 @@ class Silence:
         self._since = now
         self._ever = False
 
+    @property
+    def since(self) -> float:
+        """When the last message came, or the time-out started anew. In s."""
+        return self._since
+
     def heard(self, now: float) -> None:
         """A message has just arrived."""
         self._since = now

@@ -204,6 +204,10 @@ def test_a_fall_damps_until_it_has_been_upright_for_a_while(walking, index, valu
     assert walking.mode is DAMP
     assert walking.core.status.fallen
     assert walking.core.status.faults == ("fallen: drives damp",)
+    walking.state.power[...] = 0.0
+    walking.run(0.1)
+    assert walking.core.status.faults == ("fallen",)
+    walking.state.power[...] = 1.0
     walking.run(2.0)
     walking.state.q[index] = 0.0
     walking.run(0.9 * CONFIG.upright_time)

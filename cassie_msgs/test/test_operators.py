@@ -129,6 +129,33 @@ def test_the_lease_of_a_silent_operator_is_free_and_its_speeds_end(driven):
     assert driven.operators.power  # nobody has switched it off
 
 
+def test_nobody_drives_on_the_robot_of_a_silent_operator(driven):
+    """A second operator got a walking robot, and drove it on, as soon as the first one hung."""
+    driven.say(B, walk("b-2", vx=0.0))
+    driven.now += COMMAND_AGE + 0.01
+    for vx in (0.0, 0.5):
+        driven.say(B, walk("b-2", vx=vx))
+        assert driven.vx is None and driven.holder == ""
+    told = "b-2 may drive after asking for stand without a speed"
+    assert driven.operators.waiting(driven.now) == told
+    driven.say(B, command("b-2"))
+    assert driven.holder == "b-2" and not driven.operators.waiting(driven.now)
+    driven.say(B, walk("b-2"))
+    assert driven.vx == 0.5
+    driven.say(A, walk("a-1", vx=-0.3))  # it is back, and has to ask
+    assert driven.vx == 0.5
+
+
+def test_a_riding_robot_of_a_silent_operator_is_taken_over_without_a_lean(driven):
+    ride = {"mode": RobotMode.SEGWAY, "com_x": 0.0}
+    driven.now += COMMAND_AGE + 0.01
+    driven.say(B, command("b-2", **ride))
+    driven.say(B, command("b-2", **ride | {"com_x": 0.03, "take_over": True}))
+    assert driven.holder == ""
+    driven.say(B, command("b-2", **ride | {"take_over": True}))
+    assert driven.holder == "b-2"
+
+
 def test_speeds_count_only_after_they_were_zero():
     scene = Scene()
     scene.say(A, walk("a-1"))

@@ -43,11 +43,16 @@ def hold_bar(plant: Plant, held: bool) -> str:
         What happens, in words.
 
     Raises:
-        SimulationError: if there is no Segway, or it rolls too fast for somebody to take its bar.
+        SimulationError: if there is no Segway, if it rolls too fast for somebody to take its bar,
+            or if the bar is to be let go while the robot hangs.
     """
     vehicle = plant.vehicle
     if vehicle is None:
         raise SimulationError(f"there is no Segway in scene {plant.scenario.scene}")
+    if not held and plant.gantry.attached:
+        raise SimulationError(
+            "the robot hangs in the gantry: let it down, wait for mode segway, then let go"
+        )
     speed = vehicle.speed(plant.data)
     if held and speed > CAUGHT:
         raise SimulationError(

@@ -44,6 +44,7 @@ class Keyboard:
         asks: Whether the lease of another operator was just asked for.
         left: Whether the user leaves.
         orders: Services that were asked for and not yet called.
+        mode: Of the robot, as the supervisor says; empty while it is silent.
     """
 
     def __init__(self) -> None:
@@ -51,6 +52,7 @@ class Keyboard:
         self.request: Request | None = None
         self.asks = self.left = False
         self.orders: list[str] = []
+        self.mode = ""
         self._bar_held = True
 
     def disarm(self) -> None:
@@ -72,6 +74,8 @@ class Keyboard:
         elif key == "o":
             request = replace_checked(stopped(self.request or Request()), mode="stand")
             self.request = replace_checked(request, power=False, emergency_stop=True)
+        elif key == "b" and self._bar_held and self.mode not in ("", "segway"):
+            return f"the bar is held until mode segway (key 3): the mode is {self.mode}"
         elif key in ORDER_KEYS:
             self._order(ORDER_KEYS[key])
         elif key in STEPS or key in MODE_KEYS or key in (" ", "c", "0"):

@@ -75,6 +75,7 @@ class Picture:
         state, mode, controller, operator: Newest of each, and when it came.
         factor: Robot time by wall time.
         poses: Of each frame in its parent: x, y, z in m, quaternion x, y, z, w.
+        segway: Speed of the Segway, in m/s, and when it came.
     """
 
     def __init__(self) -> None:
@@ -82,6 +83,7 @@ class Picture:
         self.controller, self.operator = Heard(ControllerStatus()), Heard(OperatorCommand())
         self.factor = RealTimeFactor()
         self.poses: dict[str, Sequence[float]] = {}
+        self.segway = (0.0, -math.inf)
 
     def follow_state(self, raw: bytes, now: float) -> bool:
         """Take a state in; says whether it begins another episode."""
@@ -118,6 +120,7 @@ class Picture:
             "stamp": round(state.stamp_ns * 1e-9, 3) if known else None,
             "poses": [_pose(self.poses.get(name, ())) for name in links],
             "achieved": _rounded(achieved(state), 3) if known else None,
+            "segway": finite(self.segway[0], 2) if now - self.segway[1] <= SILENCE else None,
             "limited": _set_points(self.mode.sample) if limited else None,
             "asked": _set_points(self.operator.sample) if asked else None,
             "torque": _rounded(state.drive_torque / limits, 3) if known else None,

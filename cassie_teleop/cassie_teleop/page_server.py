@@ -38,6 +38,7 @@ PAUSE_WHEN_LATE = 0.5
 _WEB = Path(__file__).with_name("web")
 _LIBRARIES = {"scene": "scene/dist", "joystick": "joystick/dist", "echart": "echart/dist"}
 _COOKIE = "cassie_console"
+_LONGEST_REASON = 123  # bytes of a closing frame's text
 _LONGEST = 2000  # bytes of a WebSocket message; what a page says is shorter
 _SHUTDOWN = 1.0  # s
 _HEADERS = {
@@ -206,7 +207,7 @@ class PageServer:
                     raise MessageError(f"more than {MAX_RATE} messages a second")
                 told = self._pages.hear(page, _read(message))
             except MessageError as error:
-                await opened.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error).encode())
+                await opened.close(code=WSCloseCode.POLICY_VIOLATION, message=_reason(error))
                 return
             if told:
                 await opened.send_str(json.dumps({"told": told}))
@@ -230,6 +231,11 @@ class PageServer:
         deadline = time.monotonic() + PAUSE_WHEN_LATE
         while self._pages.late(page) and time.monotonic() < deadline:
             await asyncio.sleep(PAUSE_WHEN_LATE / 20)
+
+
+def _reason(error: MessageError) -> bytes:
+    """Why a connection is closed, no longer than the protocol permits (RFC 6455)."""
+    return str(error).encode()[:_LONGEST_REASON].decode(errors="ignore").encode()
 
 
 def is_loopback(host: str) -> bool:

@@ -100,8 +100,10 @@ def table(outcome: RunResult) -> str:
 
 def _verdict(outcome: RunResult) -> str:
     """Whether it passed, and where the pictures are."""
-    count = len(outcome.failures)
-    verdict = "passed" if outcome.passed else f"FAILED: {count} not as expected"
+    first, more = next(iter(outcome.failures), ""), len(outcome.failures) - 1
+    verdict = "passed" if outcome.passed else f"FAILED: {first}"
+    if more > 0:
+        verdict += f", and {more} more"
     pictures = [path for path in outcome.files.values() if path.endswith((".png", ".gif", ".mp4"))]
     return f"{verdict}; pictures in {Path(pictures[0]).parent}" if pictures else verdict
 

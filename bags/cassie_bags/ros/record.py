@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.clock import RobotClock
@@ -35,7 +34,7 @@ from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
-from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.process import Stop, own_arguments, run
 
 DEFAULT_TOPICS = (
     *TYPES,
@@ -534,7 +533,7 @@ def _mebibytes(word: str) -> int:
 
 def main() -> None:
     """Entry point of `ros2 run cassie_bags record`."""
-    arguments = _arguments(remove_ros_args(sys.argv)[1:])
+    arguments = _arguments(own_arguments("record"))
     # It does not give way to the loop: what it cannot take in time is lost.
     run("record", lambda stop: Recorder(arguments, stop))
 

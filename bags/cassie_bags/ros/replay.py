@@ -18,7 +18,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
@@ -32,7 +31,7 @@ from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
-from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.process import Stop, own_arguments, run
 from cassie_msgs.tunables import unknown_name
 from cassie_teleop.terminal import Terminal
 
@@ -439,7 +438,7 @@ def main() -> None:
     """Entry point of `ros2 run cassie_bags replay`."""
     if "--verify" in sys.argv[1:]:
         sys.exit(verify.main(sys.argv[1:]))
-    arguments = _arguments(remove_ros_args(sys.argv)[1:])
+    arguments = _arguments(own_arguments("replay"))
     run("replay", lambda stop: Replay(arguments, stop))
 
 

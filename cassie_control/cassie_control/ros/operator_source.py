@@ -123,9 +123,15 @@ class OperatorSource:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why the robot has no power although the operator asks for it, in words."""
-        refused = "" if self._scripted else self.operators.power_refused
-        return (f"no power: {refused}",) if refused else ()
+        """Why no power comes on that is asked for, and who may take a silent operator's lease."""
+        if self._scripted:
+            return ()
+        refused = self.operators.power_refused
+        found = (
+            f"no power: {refused}" if refused else "",
+            self.operators.waiting(time.monotonic()),
+        )
+        return tuple(word for word in found if word)
 
     def _of_script(self, seq: int) -> OperatorCommand | None:
         if self._waited_for:

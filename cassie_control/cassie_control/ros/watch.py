@@ -13,11 +13,13 @@ from cassie_control.silence import Silence
 from cassie_msgs.layout import ControllerStatus
 from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LaneSubscription, RawSubscription
 from cassie_msgs.ros.one_writer import OneWriter
-from cassie_msgs.schedule import ANSWER_AFTER, SILENT_AFTER, START_TIMEOUT
+from cassie_msgs.schedule import ANSWER_AFTER, REPEAT_PERIOD, SILENT_AFTER, START_TIMEOUT
 
 _CLOCK = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=1
 )
+
+_REPEATED = REPEAT_PERIOD / 2  # s after its last answer, from which a node was asked again
 
 
 class Watch:
@@ -53,7 +55,8 @@ class Watch:
         """Whether the controller has fallen silent although it gets states."""
         while self._status.take_raw() is not None:
             self._controller.heard(now)
-        return self._controller.lost(now)
+        asked = self._estimator.since - self._controller.since > _REPEATED
+        return asked and self._controller.lost(now)
 
     def look(self, now: float) -> bool:
         """See who is silent; says whether that has changed."""
@@ -81,7 +84,9 @@ class Watch:
             self._estimator.excuse(now)
             self._controller.excuse(now)
             faults.append("simulator lost: waiting for it")
-        estimator_lost = self._estimator.lost(now)
+        # A simulator that runs repeats a sample without an answer, and its clock.
+        asked = self._simulator.since - self._estimator.since > _REPEATED
+        estimator_lost = asked and self._estimator.lost(now)
         if estimator_lost:
             self._controller.excuse(now)
             faults.append(f"state_estimator lost: {follows}")

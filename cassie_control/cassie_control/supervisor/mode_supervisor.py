@@ -162,6 +162,7 @@ class ModeSupervisor:
             segway=reasons[RobotMode.SEGWAY],
             faults=faults(
                 self._posture.fallen,
+                powered,
                 linked or not powered,  # without power no operator is needed
                 refused,
                 failed,

@@ -61,6 +61,7 @@ def damped(status: SupervisorStatus, problem: str) -> SupervisorStatus:
 
 def faults(
     fallen: bool,
+    powered: bool,
     linked: bool,
     refused: str,
     failed: int,
@@ -71,6 +72,7 @@ def faults(
 
     Args:
         fallen: Whether Cassie fell.
+        powered: Whether the drives have power.
         linked: Whether the operator's commands arrive over a good link, where they are needed.
         refused: Why the operator's command is refused, or empty.
         failed: Sensors' channels that fail, a bit each.
@@ -79,7 +81,7 @@ def faults(
     """
     words = []
     if fallen:
-        words.append("fallen: drives damp")
+        words.append("fallen: drives damp" if powered else "fallen")
     if not linked:
         words.append("operator lost: stopping and standing")
     if refused:

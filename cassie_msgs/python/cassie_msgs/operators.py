@@ -132,8 +132,11 @@ class _Operator:
 class Operators:
     """The operators that speak, the lease, the power switch and the arming of speeds.
 
-    - Lease: the first operator that speaks holds it until it falls silent for `COMMAND_AGE`, or
-      until another one asks for it (`take_over`) while the holder lets the robot rest.
+    - Lease: the first operator that speaks holds it. Another one gets it by an explicit request
+      (`take_over`) while the holder lets the robot rest. After a holder is silent for
+      `COMMAND_AGE`, the robot stops and stands; the lease then goes to whoever lets it rest: by a
+      command that asks for stand without a speed, or leaves the power off. On a Segway, which
+      cannot stand at once, `take_over` without a lean is enough.
     - Power: as the holder has it. It comes on only while the holder asks for stand without a speed.
       A new holder that has it off leaves it as it is until it had it on once.
     - Emergency stop: `emergency_stop`, or power from true to false, of any operator; one that does
@@ -254,6 +257,13 @@ class Operators:
         holder = self._heard_holder(now)
         return holder.name if holder is not None else ""
 
+    def waiting(self, now: float) -> str:
+        """Who waits for the lease of an operator that is silent, and how they get it, or empty."""
+        others = self.others(now)
+        if self._holder is None or self._heard_holder(now) is not None or not others:
+            return ""
+        return f"{', '.join(others)} may drive after asking for stand without a speed"
+
     def others(self, now: float) -> list[str]:
         """Names of the other operators that speak."""
         return sorted(
@@ -282,7 +292,13 @@ class Operators:
             return
         holder = self._heard_holder(now)
         asks = operator.asks and now - operator.asked < REQUEST_TIME
-        if holder is None or (asks and resting(holder.command)):
+        if self._holder is None:
+            self._give(writer)
+        elif holder is None:
+            rides = int(operator.command.mode) == RobotMode.SEGWAY
+            if resting(operator.command) or (asks and rides and neutral(operator.command)):
+                self._give(writer)
+        elif asks and resting(holder.command):
             self._give(writer)
 
     def _give(self, writer: bytes) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
@@ -16,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from cassie_msgs.layout import ControllerStatus, Mode, OperatorCommand, RobotState
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.operators import sender_of
-from cassie_msgs.ros.fast_lane import LaneSubscription, RawSubscription, take_from_each
+from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription, take_from_each
 from cassie_msgs.sample import LayoutError
 from cassie_msgs.standard_messages import read_transforms
 from cassie_teleop.page_frame import Picture, finite
@@ -69,12 +70,13 @@ class ConsoleTopics:
         )
         self._diagnostics = RawSubscription(node, DiagnosticArray, "/diagnostics", _ONLOOKER)
         self._descriptions = RawSubscription(node, String, "/robot_description", _LATCHED)
+        self._vehicle = RawSubscription(node, Odometry, "/segway/ground_truth", NEWEST)
 
     def close(self) -> None:
         """Subscribe no longer."""
         for each in (
             *(self._state, self._mode, self._controller, self._commands, self._transforms),
-            *(self._statuses, self._diagnostics, self._descriptions),
+            *(self._statuses, self._diagnostics, self._descriptions, self._vehicle),
         ):
             self._node.destroy_subscription(each.subscription)
 
@@ -96,6 +98,8 @@ class ConsoleTopics:
         for _, raw in take_from_each(self._statuses, most=1):
             if (status := self._statuses.read(raw)) is not None:
                 self._status, self._status_at, self.holder = status, now, status.holder
+        if (odometry := self._vehicle.take_message()) is not None:
+            picture.segway = (odometry.twist.twist.linear.x, now)
         while (reports := self._diagnostics.take_message()) is not None:
             for report in reports.status:
                 self._reports[report.name] = (now, report.level[0], report.message)

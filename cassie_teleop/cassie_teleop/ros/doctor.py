@@ -23,13 +23,13 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import remove_ros_args
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, RobotState, Sensors
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.claim import held_domains, held_roles
 from cassie_msgs.ros.fast_lane import NEWEST, message_type
 from cassie_msgs.ros.parameters import default_of
+from cassie_msgs.ros.process import own_arguments
 from cassie_msgs.ros.transport import PROFILE, use_loopback, wait_for_discovery
 from cassie_teleop.doctor import LANE, End, Facts, as_json, exit_code, findings, report
 
@@ -261,7 +261,7 @@ def main() -> None:
     )
     parser.add_argument("--json", action="store_true", help="facts and findings as JSON")
     parser.add_argument("--seconds", type=_seconds, default=3.0, help="to look (default: 3)")
-    options = parser.parse_args(remove_ros_args(sys.argv)[1:])
+    options = parser.parse_args(own_arguments("doctor"))
     status = 2
     try:
         use_loopback()

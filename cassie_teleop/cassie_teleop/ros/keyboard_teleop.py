@@ -149,7 +149,7 @@ class KeyboardTeleop(Node):
         self._heard = time.monotonic()
         if self._status is not None and status.episode != self._status.episode:
             self._keyboard.disarm()
-        self._status = status
+        self._status, self._keyboard.mode = status, status.mode
 
     def _status_now(self) -> Status | None:
         status = self._status

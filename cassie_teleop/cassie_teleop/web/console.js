@@ -157,6 +157,8 @@ function showFigures(frame) {
   put("age", age === null || age > 9 ? "–" : figure(1000 * age, 0, " ms"));
   find("age").className = age > 0.3 ? "bad" : "";
   put("battery", frame.battery === null || frame.battery < 0 ? "–" : figure(100 * frame.battery, 0, " %"));
+  find("vehicle").hidden = frame.segway === null;
+  put("segway", figure(frame.segway, 2));
   const columns = [frame.asked, frame.limited, [...smooth, view?.height ?? null]];
   for (const row of every("#speeds tr[data-row]")) {
     columns.forEach((column, i) => {
@@ -227,7 +229,7 @@ function showButtons() {
   find("simulator").hidden = !orders.size;
   for (const button of every("#simulator button")) {
     button.hidden = !orders.has(button.dataset.press);
-    button.disabled = !mine;
+    button.disabled = !mine || (button.dataset.press === "let_go_bar" && robot?.mode !== "segway");
   }
   for (const each of every("#sliders input, #sliders button")) each.disabled = !mine;
 }

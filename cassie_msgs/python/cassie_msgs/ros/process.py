@@ -34,6 +34,7 @@ another node leaves just then. What the others have to know, they know before.
 """
 
 _SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
+_ARGUMENT_ERRORS = (_rclpy.UnknownROSArgsError, _rclpy.RCLInvalidROSArgsError)
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
 
 
@@ -102,9 +103,27 @@ def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> 
     sys.exit(status)
 
 
+def own_arguments(name: str) -> list[str]:
+    """Arguments of the program without those of ROS.
+
+    Malformed ones of ROS end the process with one line and status 2.
+    """
+    try:
+        return list(remove_ros_args(sys.argv)[1:])
+    except _ARGUMENT_ERRORS as error:
+        print(f"{name}: error: {_argument_error(error)}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _argument_error(error: Exception) -> str:
+    """What is wrong with the arguments of ROS, without the place in the sources of ROS."""
+    text, _, _ = str(error).partition(", at ")
+    return " ".join(text.split()) + ": ROS takes --ros-args -p NAME:=VALUE, or -r FROM:=TO"
+
+
 def _read_arguments(name: str, about: About) -> None:
     """Answer `--help`, and refuse what nobody would read."""
-    words = remove_ros_args(sys.argv)[1:]
+    words = own_arguments(name)
     if {"-h", "--help"} & set(sys.argv[1:]):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may close before the end
         print(help_text(name, about))
@@ -124,6 +143,10 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
         for each in nodes:
             if claim := getattr(each, "claim", None):
                 claim.take()
+    except _ARGUMENT_ERRORS as error:
+        print(f"{name}: error: {_argument_error(error)}", file=sys.stderr)
+        end_within(LEAVE_TIMEOUT, 2)
+        return 2
     except (ValueError, OSError, ParameterException, _rclpy.RCLError) as error:
         print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
         end_within(LEAVE_TIMEOUT, 2)
