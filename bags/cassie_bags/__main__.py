@@ -12,8 +12,8 @@ from cassie_bags.cli.frame import OK, WRONG_INPUT
 
 COMMANDS = {
     "Run": {
-        "robot": ("ros.robot", "start the nodes of a robot, and end them by one Ctrl-C"),
-        "experiment": ("cli.experiment", "run experiment files, and judge what came"),
+        "robot": ("ros.robot", "start the nodes of a robot, and end all by one Ctrl-C"),
+        "experiment": ("cli.experiment", "run experiment files, and evaluate them"),
     },
     "Record and replay": {
         "record": ("ros.record", "record topics into a bag"),
@@ -21,17 +21,17 @@ COMMANDS = {
         "recover": ("cli.recover", "make an indexed bag of a damaged one"),
     },
     "Look at bags": {
-        "info": ("cli.info", "what is in a bag"),
-        "report": ("cli.report", "a page of recorded runs"),
+        "info": ("cli.info", "summary of a bag"),
+        "report": ("cli.report", "a page about recorded runs"),
         "plot": ("cli.plot", "draw fields over time"),
         "compare": ("cli.compare", "where two bags differ"),
         "export": ("cli.export", "topics as CSV, Parquet or npz"),
     },
     "Measure": {
         "sweep": ("cli.sweep", "what the robot can do, row by row"),
-        "faults": ("cli.faults", "let sensors fail"),
-        "failsafes": ("cli.failsafes", "play the table of fail-safes"),
-        "fingerprint": ("cli.fingerprint", "whether every trajectory is as it was"),
+        "faults": ("cli.faults", "let sensors fail, and measure the reaction"),
+        "failsafes": ("cli.failsafes", "test every fail-safe"),
+        "fingerprint": ("cli.fingerprint", "whether every trajectory is unchanged"),
         "estimators": ("cli.estimators", "errors of both estimators"),
         "return_map": ("cli.return_map", "the step-to-step map, by gentle pushes"),
     },
@@ -40,11 +40,11 @@ COMMANDS = {
         "learn_torques": ("cli.learn_torques", "learn torques over steps"),
     },
 }
-"""Commands by group: module and what it does. Each is an executable of the package, too."""
+"""Commands by group, with module and purpose. Each is an executable of the package, too."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Hand over to the command that is named first."""
+    """Run the command that is named first."""
     words = list(sys.argv[1:] if argv is None else argv)
     known = {name: module for group in COMMANDS.values() for name, (module, _) in group.items()}
     if not words or words[0].startswith("-"):

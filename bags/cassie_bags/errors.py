@@ -6,7 +6,7 @@ from cassie_gaits.errors import CassieError
 
 
 class ExperimentError(CassieError):
-    """An experiment file says something that cannot be run."""
+    """An experiment file has content that cannot be run."""
 
 
 class BagError(CassieError):
@@ -14,4 +14,4 @@ class BagError(CassieError):
 
 
 class RunError(CassieError):
-    """A run did not come to its end: a node died, or did not answer."""
+    """A run did not end normally: a node died, or did not answer."""

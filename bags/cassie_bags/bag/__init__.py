@@ -1,1 +1,1 @@
-"""Bags: written, read, repaired, and as arrays. Knows no experiment and no physics."""
+"""Writing, reading and repair of bags, and bags as arrays; no experiment and no physics here."""

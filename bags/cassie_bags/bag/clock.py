@@ -1,7 +1,7 @@
 """Robot time of the messages of a recording, continued over episodes.
 
-Episodes begin at robot time 0 again. So that a bag has one time axis, each new episode begins
-where the one before ended.
+Robot time begins at 0 again in each episode. For one time axis in a bag, each new episode begins
+where the last one ended.
 """
 
 from __future__ import annotations
@@ -14,37 +14,37 @@ from cassie_msgs.layout import OperatorCommand
 
 CLOCK_TOPIC = "/clock"
 
-_EPISODIC = frozenset(LANE_TOPICS) - {OperatorCommand.TOPIC}  # a person's carry wall time
+_EPISODIC = frozenset(LANE_TOPICS) - {OperatorCommand.TOPIC}  # a person's command carries wall time
 _STAMPED = (frozenset(TYPES) - frozenset(LANE_TOPICS)) | {CLOCK_TOPIC}
 _STAMP = struct.Struct("<4xiI")
 _STAMP_AND_EPISODE = struct.Struct("<4xiII")
-_PLAUSIBLE = 1_000_000_000  # ns that an unnumbered stamp may be away from the newest one
+_PLAUSIBLE = 1_000_000_000  # ns, largest difference of a stamp without episode from the newest one
 
 
 class RobotClock:
-    """Gives each message of a recording its time.
+    """Gives each message of a recording its robot time.
 
-    A recording may begin when the robot runs already: until a message tells robot time, the time
-    of others is not known.
+    A recording may begin while the robot runs. The time of messages without a stamp is unknown
+    until the first message with robot time.
 
     Attributes:
         now: Newest robot time, continued over episodes. In ns.
-        known: Whether robot time has been told, or `run_on_wall` called.
+        known: Whether robot time is known: a message has told it, or `run_on_wall` was called.
     """
 
     def __init__(self) -> None:
         self.now = 0
         self.known = False
         self._start = 0
-        self._starts: dict[int, int] = {}  # of each episode
+        self._starts: dict[int, int] = {}  # start time by episode
         self._episode: int | None = None
         self._wall_start: int | None = None
 
     def run_on_wall(self, wall_time: int) -> None:
-        """Go on without robot time: as long as none is told, time runs as the wall clock does.
+        """Let time run as the wall clock does until a message tells robot time.
 
         Args:
-            wall_time: Of the first message. In ns.
+            wall_time: Wall time of the first message. In ns.
         """
         self.known = True
         self._wall_start = wall_time
@@ -53,11 +53,11 @@ class RobotClock:
         """Robot time of a message; the newest known one if it carries none. In ns.
 
         Args:
-            topic: Where it was received.
+            topic: Topic of the message.
             raw: Serialized message.
-            wall_time: When it was received. In ns.
+            wall_time: Wall time of receipt. In ns.
         """
-        # Anybody may send what is no such message, or a time before the first.
+        # Any publisher may send bytes of another type, or a time before the first.
         with suppress(struct.error):
             if topic in _EPISODIC:
                 return max(0, self._of_lane(raw))
@@ -76,7 +76,7 @@ class RobotClock:
         elif episode > self._episode:
             self._start = self.now
             self._episode = episode
-        elif episode < self._episode:  # a late message of an episode before
+        elif episode < self._episode:  # a late message of an earlier episode
             start = self._starts.get(episode)
             return self.now if start is None else start + stamp
         self._starts[episode] = self._start
@@ -96,7 +96,7 @@ class RobotClock:
         return time
 
     def _begin(self, stamp: int) -> None:
-        """Robot time is told for the first time."""
+        """Use the first robot time: set the start of the time axis."""
         if self._wall_start is not None:
             self._start = self.now - stamp
             self._wall_start = None

@@ -1,4 +1,4 @@
-"""Two recordings, sample by sample and bit by bit: where they first differ."""
+"""Comparison of two recordings, sample by sample and bit by bit: where they first differ."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cassie_msgs.layout import OperatorCommand
 
 Keys = npt.NDArray[np.int64]
 
-_EPISODE_SHIFT = 40  # bits of a key that number the samples of an episode
+_EPISODE_SHIFT = 40  # bits of a key for the number of a sample within its episode
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Difference:
     """The first sample of a topic in which two recordings differ.
 
     Attributes:
-        field: Name of the field, with that of its component.
-        tick: `seq` of the sample; of topics without one, its number.
-        time: Robot time of its episode. In s.
-        values: Of both recordings.
+        field: Name of the field, with the name of the component.
+        tick: `seq` of the sample; the sample's key for a topic without `seq`.
+        time: Robot time within the episode. In s.
+        values: Values in the two recordings.
     """
 
     field: str
@@ -39,14 +39,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class TopicComparison:
-    """One topic of two recordings.
+    """Comparison of one topic of two recordings.
 
     Attributes:
-        topic: Its name.
-        counts: Samples in each, without repeats.
-        common: Samples that both have.
-        different: How many of those differ.
-        first: The first of them; None if there is none.
+        topic: Name of the topic.
+        counts: Number of samples in each recording, without repeats.
+        common: Number of samples that both recordings have.
+        different: Number of common samples that differ.
+        first: The first common sample that differs; None if there is none.
     """
 
     topic: str
@@ -57,15 +57,15 @@ class TopicComparison:
 
     @property
     def same(self) -> bool:
-        """Whether both hold the same samples."""
+        """Whether both recordings hold the same samples."""
         return self.counts == (self.common, self.common) and not self.different
 
 
 def compare_recordings(one: Recording, other: Recording) -> list[TopicComparison]:
-    """Compare every topic that every run is recorded with.
+    """Compare every topic that is recorded in every run.
 
-    Samples belong together by the order of their episodes and by their tick. The number of an
-    episode is not compared: it tells runs apart.
+    Samples are matched by the order of their episodes and by their tick. The number of an episode
+    is not compared, because it differs between runs.
     """
     return [_compare(topic, one, other) for topic in TYPES]
 
@@ -86,18 +86,18 @@ def _compare(topic: str, one: Recording, other: Recording) -> TopicComparison:
 
 
 def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
-    """Samples of a topic without repeats, and the key by which they are found in the other."""
+    """Samples of a topic without repeats, and the keys that match them with the other recording."""
     if topic in LANE_TOPICS:
         rows = recording.lane[topic]
         if topic == OperatorCommand.TOPIC and not rows["scripted"].all():
-            return rows, np.arange(len(rows))  # a person's have no tick
+            return rows, np.arange(len(rows))  # a person's commands have no tick
         rows = first_occurrences(rows)
         _, ordinal = np.unique(rows["episode"], return_inverse=True)
         return rows, (ordinal.astype(np.int64) << _EPISODE_SHIFT) + rows["seq"].astype(np.int64)
     rows = recording.beside[topic]
     times = stamps_ns(rows)
     ordinal = np.concatenate([[0], np.cumsum(np.diff(times) < 0)])[: len(rows)]
-    keys = (ordinal << _EPISODE_SHIFT) + times // 1000  # in microseconds, which fit
+    keys = (ordinal << _EPISODE_SHIFT) + times // 1000  # in us, to fit into the lower bits
     keys, index = np.unique(keys, return_index=True)
     return rows[index], keys
 
@@ -108,7 +108,7 @@ def _compared(a: Rows, b: Rows) -> Sequence[str]:
 
 
 def _unequal(a: Rows, b: Rows) -> npt.NDArray[np.bool_]:
-    """Where bits differ: NaN equals itself, and 0 is not -0."""
+    """Whether bits differ: NaN equals itself, and 0 is not -0."""
     if a.dtype.kind == "f":
         a, b = (np.ascontiguousarray(values).view(np.uint64) for values in (a, b))
     unequal: npt.NDArray[np.bool_] = np.asarray(a != b)

@@ -1,4 +1,4 @@
-"""Whether a recording is whole: no sample of the control lane is missing."""
+"""Whether a recording is complete: no sample of the control lane is missing."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ SEQ_STEP: dict[str, int] = {
     Mode.TOPIC: PERIOD_TICKS,
     OperatorCommand.TOPIC: PERIOD_TICKS,
 }
-"""By how much `seq` rises from one message to the next, per topic."""
+"""Increment of `seq` from one message to the next, by topic."""
 
 
 def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
-    """What is missing, one line each; empty if nothing is.
+    """Missing samples, one line for each gap; empty if none is missing.
 
-    A repeated sample (the simulator repeats one that was not answered in time) is no gap, nor
-    is a person's command, which has no seq. Where the wall clock sets the pace, nobody waits for an
-    answer: one that is missing is a missed tick, which the samples count, and no loss.
+    A repeated sample is no gap: the simulator repeats one that was not answered in time. A person's
+    command has no seq and is no gap either. Where the wall clock sets the pace, no node waits for
+    an answer: a missing answer is a missed tick, which the samples count, and no loss.
 
     Args:
-        recording: What to look at.
+        recording: Recording to check.
         from_start: Whether each episode must begin with seq 0.
     """
     found = []
@@ -57,23 +57,23 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
 
 
 class SeqMonitor:
-    """Counts, while messages come in, those that are missing between them."""
+    """Counts missing messages while messages come in."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[int, int]] = {}
         self._missing: dict[str, int] = {}
 
     def note(self, topic: str, raw: bytes) -> None:
-        """Take in a message of any topic."""
+        """Process a message of any topic."""
         step = SEQ_STEP.get(topic)
         if step is None:
             return
         try:
             _, _, episode, seq = header(raw)
         except LayoutError:
-            return  # of nobody who writes such messages
+            return  # not a message of this type
         if topic == OperatorCommand.TOPIC and seq == 0:
-            return  # a person's
+            return  # a person's command
         before = self._last.get(topic)
         if before is not None and episode == before[0] and seq > before[1] + step:
             missing = (seq - before[1]) // step - 1
@@ -82,12 +82,12 @@ class SeqMonitor:
             self._last[topic] = (episode, seq)
 
     def gaps(self) -> list[str]:
-        """What was missing so far, one line a topic."""
+        """Missing messages so far, one line for each topic."""
         return [f"{topic}: {count} samples" for topic, count in self._missing.items()]
 
 
 def first_occurrences(rows: Rows) -> Rows:
-    """The rows without repeats of a (episode, seq), in the order of these."""
+    """The rows without repeats of an (episode, seq), sorted by episode and seq."""
     key = rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
     if (key[1:] > key[:-1]).all():
         return rows
@@ -95,17 +95,17 @@ def first_occurrences(rows: Rows) -> Rows:
 
 
 def episodes(recording: Recording) -> list[int]:
-    """Episodes of the sensor samples, in the order they began."""
+    """Episodes of the sensor samples, in the order of their starts."""
     values = recording.lane[Sensors.TOPIC]["episode"]
     _, first = np.unique(values, return_index=True)
     return [int(values[index]) for index in sorted(first)]
 
 
 def only_episode(recording: Recording, episode: int) -> Recording:
-    """What belongs to one episode.
+    """The part of a recording that belongs to one episode.
 
     Args:
-        recording: The whole.
+        recording: The whole recording.
         episode: One of `episodes(recording)`.
     """
     sensors = recording.lane[Sensors.TOPIC]

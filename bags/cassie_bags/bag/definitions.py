@@ -1,11 +1,11 @@
 """Definitions of ROS messages as text, found without ROS's own tools.
 
-A bag carries the definition of each of its types with all that it rests on, so that a
+A bag carries the definition of each of its types, with all types that it contains, so that a
 reader needs no workspace. The text comes from the installed `.msg` files.
 
 Source:
     The schema encoding "ros2msg" of the MCAP well-known encodings. First comes the `.msg` file.
-    For each type that it rests on follow a line of 80 `=`, a line `MSG: package/Name`, its file.
+    For each type that it contains follow a line of 80 `=`, a line `MSG: package/Name`, its file.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def definition(type_name: str) -> str:
         type_name: For example `nav_msgs/msg/Odometry`.
 
     Raises:
-        BagError: if a `.msg` file is not installed; the message says which and where it
-            was looked for.
+        BagError: if a `.msg` file is not installed; the message names the file and the searched
+            folders.
     """
     text = message_file(type_name).read_text(encoding="utf-8")
     parts = [text.rstrip("\n") + "\n"]
@@ -72,11 +72,11 @@ def message_file(type_name: str) -> Path:
 
 
 def dependencies(text: str, package: str) -> list[str]:
-    """Types of other messages that a `.msg` text names, in the order they appear.
+    """Types of other messages that a `.msg` text names, in the order of their appearance.
 
     Args:
         text: Content of the file.
-        package: Package it belongs to, for names without one.
+        package: Package of the file, for names without a package.
     """
     found = []
     for line in text.splitlines():
@@ -104,7 +104,7 @@ def _all_dependencies(type_name: str) -> list[str]:
 
 
 def _share_folders(package: str) -> Iterator[Path]:
-    """Where a package's files may be: ament's prefixes, this interpreter, our own sources."""
+    """Folders that may hold a package's files: ament's prefixes, this interpreter, our sources."""
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if prefix:
             yield Path(prefix) / "share" / package

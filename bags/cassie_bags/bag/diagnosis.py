@@ -1,4 +1,4 @@
-"""What the nodes said of themselves in a bag."""
+"""Problems that the nodes reported in a bag."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _OK = 0
 
 
 def problems(path: Path | str) -> list[str]:
-    """Conditions on /diagnostics that were not in order, each once, in the order they came.
+    """Conditions on /diagnostics that were not OK, each once, in the order of their appearance.
 
     Args:
         path: The bag.
 
     Returns:
-        "node: subject: message" of each.
+        "node: subject: message" of each condition.
 
     Raises:
         BagError: if the file cannot be read.
@@ -36,5 +36,5 @@ def problems(path: Path | str) -> list[str]:
 
 
 def lockstep_broken(found: list[str]) -> bool:
-    """Whether lock-step was given up in the run, from what `problems` found."""
+    """Whether lock-step was given up in the run, according to the result of `problems`."""
     return any("lockstep_broken" in line for line in found)

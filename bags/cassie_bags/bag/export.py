@@ -13,22 +13,22 @@ from cassie_bags.bag.tables import TIMES, Table
 from cassie_bags.errors import BagError
 
 UNITS = "fields.csv"
-"""File that names topic, column, unit and meaning of every column."""
+"""Name of the file with topic, column, unit and meaning of every column."""
 
 
 def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     """Write each topic into a file of its own, and `UNITS`.
 
     Args:
-        tables: By topic.
-        folder: Where to; it is made if it is not there.
-        form: One of `FORMATS`.
+        tables: Tables by topic.
+        folder: Target folder; it is made if it does not exist.
+        form: File format, one of `FORMATS`.
 
     Returns:
-        The files.
+        The written files.
 
     Raises:
-        BagError: if a file of that name exists, which is found before any is written; if the
+        BagError: if a file of that name exists, which is checked before any is written; if the
             library for `form` is not installed.
     """
     write = FORMATS[form]
@@ -110,4 +110,4 @@ FORMATS: dict[str, Callable[[Table, Path], None]] = {
     "npz": _write_npz,
     "parquet": _write_parquet,
 }
-"""Writers by ending."""
+"""Writers by file ending."""

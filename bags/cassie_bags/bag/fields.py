@@ -1,7 +1,7 @@
-"""What each field of a recorded topic is: its unit and the names of its components.
+"""Meaning of each field of a recorded topic: its unit and the names of its components.
 
-The control lane, the ground truth and the Segway's topics stand here, and the units of ROS's own
-messages. Every other topic is described by its ROS definition, in SI units.
+The fields of the control lane, the ground truth and the Segway's topics stand here, and the units
+of ROS's own messages. Other topics are described by their ROS definitions, in SI units.
 
 Source:
     REP 103, "Standard Units of Measure and Coordinate Conventions".
@@ -59,10 +59,10 @@ class Field:
     """One field of a message.
 
     Attributes:
-        unit: Its unit; empty for numbers without one.
-        about: What it is.
+        unit: Unit of the field; empty for numbers without one.
+        about: Meaning of the field.
         components: Names of the entries of an array, in order; empty for a scalar.
-        units: Unit of each entry, where they differ.
+        units: Unit of each entry, where the units differ.
     """
 
     unit: str
@@ -71,7 +71,7 @@ class Field:
     units: tuple[str, ...] = ()
 
     def unit_of(self, component: str) -> str:
-        """Unit of an entry by its name; the field's for a scalar."""
+        """Unit of an entry by its name; for a scalar, the unit of the field."""
         if self.units and component in self.components:
             return self.units[self.components.index(component)]
         return self.unit
@@ -127,7 +127,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "drive_velocity": Field("rad/s", "speed at the joint", DRIVES),
         "drive_torque": Field("Nm", "torque at the joint", DRIVES),
         "joint_position": Field("rad", "joints without a drive of their own", JOINTS),
-        "joint_velocity": Field("rad/s", "their speed", JOINTS),
+        "joint_velocity": Field("rad/s", "velocity of joints without a drive of their own", JOINTS),
         "battery": Field(
             "V, 0..1", "voltage and state of charge", ("voltage", "charge"), ("V", "0..1")
         ),
@@ -139,22 +139,22 @@ FIELDS: dict[str, dict[str, Field]] = {
         **_COMMON,
         "q": Field("m, rad", "generalized coordinates, see eq:qdef", COORDINATES, _POSE_UNITS),
         "v": Field("m/s, rad/s", "time derivative of q", COORDINATES, _per_second(_POSE_UNITS)),
-        "com_position": Field("m", "from the middle of the feet, heading frame", XYZ),
-        "com_velocity": Field("m/s", "of the centre of mass, heading frame", XYZ),
+        "com_position": Field("m", "centre of mass from the feet's middle, heading frame", XYZ),
+        "com_velocity": Field("m/s", "velocity of the centre of mass, heading frame", XYZ),
         "foot_force": Field("N", "vertical force from spring deflection", LEGS),
         "foot_load": Field("0..1", "part of the load threshold on each foot", LEGS),
-        "contact_probability": Field("0..1", "of each foot", LEGS),
+        "contact_probability": Field("0..1", "contact probability of each foot", LEGS),
         "angular_velocity": Field("rad/s", "pelvis frame", XYZ),
-        "covariance": Field("", "its diagonal", _VARIANCES, _VARIANCE_UNITS),
+        "covariance": Field("", "diagonal of the covariance", _VARIANCES, _VARIANCE_UNITS),
         "power": Field("", "1 while the drives are powered"),
         "drive_torque": Field("Nm", "as the drives report it", DRIVES),
         "battery_charge": Field("0..1", "-1 while the gauge fails"),
-        "sensor_faults": Field("", "channels of Sensors that are not believed, a bit each"),
+        "sensor_faults": Field("", "rejected channels of Sensors, a bit each"),
         **_DELAYS,
     },
     Mode.TOPIC: {
         **_COMMON,
-        "effective_seq": Field("", "first control tick it holds for"),
+        "effective_seq": Field("", "first control tick at which the mode holds"),
         "mode": Field("", _MODES),
         "transition": Field("0..1", "progress of the change into this mode"),
         **_SET_POINTS,
@@ -178,7 +178,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "step_time": Field("s", "nominal duration of the present step"),
         "velocity": Field("m/s", "filtered velocity", ("sagittal", "lateral")),
         "y": Field("rad, m", "tracking error of the nine outputs", OUTPUTS, _OUTPUT_UNITS),
-        "dy": Field("rad/s, m/s", "its rate", OUTPUTS, _per_second(_OUTPUT_UNITS)),
+        "dy": Field("rad/s, m/s", "rate of the errors y", OUTPUTS, _per_second(_OUTPUT_UNITS)),
         "saturation": Field("", "largest ratio of commanded to permitted torque"),
         "command_latency": Field("s", "from a state to the drives, beyond their 3 ms"),
         "supervisor_lost": Field("", "1 while the controller stops and stands by itself"),
@@ -186,15 +186,15 @@ FIELDS: dict[str, dict[str, Field]] = {
     OperatorCommand.TOPIC: {
         **_COMMON,
         "sec": Field("s", "stamp, robot time from a script, wall time from a person"),
-        "effective_seq": Field("", "first control tick it holds for; 0 from a person"),
+        "effective_seq": Field("", "first control tick of the command; 0 from a person"),
         **_SET_POINTS,
         "mode": Field("", f"requested mode: {_MODES}"),
         "power": Field("", "whether the drives shall be powered"),
         "link": Field("", "whether the radio link is good at both ends"),
-        "scripted": Field("", "whether a script speaks, on the robot's clock"),
+        "scripted": Field("", "whether a script is the sender, on the robot's clock"),
         "emergency_stop": Field("", "cuts the power at once"),
         "take_over": Field("", "asks for the lease that another operator holds"),
-        "sender": Field("", "who speaks, ASCII codes", tuple(str(i) for i in range(30))),
+        "sender": Field("", "name of the sender, ASCII codes", tuple(str(i) for i in range(30))),
     },
     GROUND_TRUTH_TOPIC: _ODOMETRY,
     SEGWAY_TRUTH_TOPIC: _ODOMETRY,
@@ -204,7 +204,7 @@ FIELDS: dict[str, dict[str, Field]] = {
         "force": Field("m/s^2", "specific force, chassis axes", XYZ),
     },
 }
-"""Fields by topic, then by name, as the columns of an export have them."""
+"""Fields by topic, then by name; the names are the columns of an export."""
 
 _TIME = {"sec": "s", "nanosec": "ns"}
 _TWIST = {**_TIME, "linear": "m/s", "angular": "rad/s"}
@@ -227,10 +227,10 @@ STANDARD_UNITS: dict[str, dict[str, str]] = {
     },
     "tf2_msgs/msg/TFMessage": {**_TIME, "translation": "m"},
 }
-"""Units of ROS's own messages by type, then by the part of a field's dotted name that has one."""
+"""Units of ROS's own messages by type, then by the part of a field's dotted name with a unit."""
 
 
 def standard_field(message_type: str, name: str) -> Field:
-    """What is known of a field of one of ROS's own messages: its unit, or nothing."""
+    """Field of one of ROS's own messages: with its unit where it is known, else without."""
     units = STANDARD_UNITS.get(message_type, {})
     return Field(next((units[part] for part in name.split(".") if part in units), ""), "")

@@ -1,8 +1,8 @@
-"""The framing of MCAP files: records one after another, also of a damaged file.
+"""Framing of MCAP files: the records in order, also of a damaged file.
 
 Source:
-    The MCAP specification, "Records" and "Chunk". A record is one byte of opcode, eight of
-    length and its content. A chunk holds records of its own, compressed together.
+    The MCAP specification, "Records" and "Chunk". A record is one byte of opcode, eight bytes of
+    length, and its content. A chunk contains records, compressed together.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cassie_bags.errors import BagError
 MAGIC = b"\x89MCAP0\r\n"
 
 Record = tuple[int, Any]
-"""Opcode and content: bytes, or what `_KINDS` makes of them."""
+"""Opcode and content: bytes, or the record that `_KINDS` reads from them."""
 
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: mcap.records.Header,
@@ -39,40 +39,40 @@ _MESSAGE = struct.Struct("<HIQQ")
 _FOOTER = struct.Struct("<BQQQI")
 _CRC = struct.Struct("<I")
 
-# Where a record may begin whose soundness can be told: a chunk, metadata, the ends of data and
-# file. No length reaches 2^40.
+# Possible starts of records that can be verified: a chunk, metadata, the ends of data and file. No
+# length reaches 2^40.
 _BEGINNING = re.compile(rb"(?=[\x02\x06\x0c\x0f][\x00-\xff]{5}\x00\x00\x00)")
 _DATA_END = _FRAME.pack(Opcode.DATA_END, _CRC.size)
-_WINDOW = 1 << 22  # bytes looked through at a time
-_RATIO = 1024  # largest compression that is believed, beside
-_ALWAYS = 1 << 26  # bytes, which a chunk may have in any case
+_WINDOW = 1 << 22  # bytes searched at a time
+_RATIO = 1024  # largest plausible compression ratio, apart from
+_ALWAYS = 1 << 26  # bytes that a chunk may have in any case
 
 
 class RecordReader:
-    """Records of a bag up to its end; what is damaged is left out.
+    """Reads the records of a bag up to its end, without damaged ones.
 
-    After damage that moved what follows, as a byte that was put in, reading goes on at the next
+    Damage may shift what follows it, such as an inserted byte. Reading then goes on at the next
     record that is sound.
 
     Attributes:
-        complete: Whether the file had been closed properly and nothing in it is damaged; known
-            once `records` ended.
-        lost_bytes: Bytes that could not be read; 1 if a checksum tells of damage at an unknown
-            place.
+        complete: Whether the file was closed properly and nothing in it is damaged; known once
+            `records` has ended.
+        lost_bytes: Number of bytes that could not be read; 1 if a checksum reveals damage at an
+            unknown place.
     """
 
     def __init__(self, stream: BinaryIO, name: str) -> None:
-        """Look at the start of the file.
+        """Read the start of the file.
 
         Args:
             stream: The file, open for reading.
-            name: What to call it in an error.
+            name: Name of the file in errors.
 
         Raises:
             BagError: if it is not an MCAP file.
         """
         self._stream = stream
-        self._repeated = False  # whether the definitions at the end were given
+        self._repeated = False  # whether the definitions at the end were yielded
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
@@ -82,9 +82,9 @@ class RecordReader:
             self.lost_bytes = len(MAGIC)
 
     def records(self) -> Iterator[Record]:
-        """Each whole record of messages, definitions and metadata; a chunk after those in it.
+        """Yield each whole record of messages, definitions and metadata; a chunk after its records.
 
-        The index at the end is checked and not given.
+        The index at the end is checked, but not yielded.
         """
         position, checksum, chunked = len(MAGIC), zlib.crc32(MAGIC), False
         while position < self._size:
@@ -93,11 +93,11 @@ class RecordReader:
             body = self._read(position + _FRAME.size, length) if opcode else b""
             chunked |= opcode == Opcode.CHUNK
             if chunked and opcode == Opcode.MESSAGE and _index_is_whole(body):
-                # An index that lost a bit: a file with chunks has its messages in them.
+                # An index that lost a bit: in a file with chunks, all messages are inside chunks.
                 opcode = Opcode.MESSAGE_INDEX
                 self.lost_bytes += 1
             try:
-                # All that is in a chunk is looked at before any of it is used.
+                # All records of a chunk are checked before any of them is used.
                 found = list(whole(opcode, body))
             except BagError:
                 definitions = [] if self._repeated else self._definitions()
@@ -105,7 +105,7 @@ class RecordReader:
                 next_position = end if opcode and self._frame(end)[0] else self._sound(position + 1)
                 self.lost_bytes += next_position - position
                 position = next_position
-                yield from definitions  # the damage may have had them
+                yield from definitions  # they may be in the damaged part
                 continue
             if opcode == Opcode.DATA_END:
                 self._check_end(end, checksum, _CRC.unpack(body)[0])
@@ -131,7 +131,7 @@ class RecordReader:
         return True
 
     def _frame(self, position: int) -> tuple[int, int]:
-        """Opcode and length of a record; opcode 0 if none of a known kind can be there."""
+        """Opcode and length of a record; opcode 0 if no record of a known kind fits there."""
         frame = self._read(position, _FRAME.size)
         if len(frame) < _FRAME.size:
             return 0, 0
@@ -144,7 +144,7 @@ class RecordReader:
         return self._stream.read(length)
 
     def _sound(self, position: int) -> int:
-        """Where the next record begins that is sound without doubt; the file's end if none is."""
+        """Start of the next record that is certainly sound; the file's end if there is none."""
         while position < self._size:
             window = self._read(position, _WINDOW + _FRAME.size)
             for match in _BEGINNING.finditer(window):
@@ -174,13 +174,13 @@ class RecordReader:
         return opcode == Opcode.FOOTER or end == self._size or bool(self._frame(end)[0])
 
     def _footer(self, position: int) -> bool:
-        """Whether a footer at a place ends the file."""
+        """Whether a footer at this position ends the file."""
         return position + _FOOTER.size + len(MAGIC) == self._size and (
             self._read(self._size - len(MAGIC), len(MAGIC)) == MAGIC
         )
 
     def _check_end(self, position: int, checksum: int, expected: int) -> None:
-        """Look at what follows the data, and at the checksum of the data."""
+        """Check the index after the data, and the checksum of the data."""
         if not self.lost_bytes and expected and checksum != expected:
             self.lost_bytes = 1
         summary = self._summary()
@@ -189,7 +189,7 @@ class RecordReader:
         self.complete = not self.lost_bytes
 
     def _summary(self) -> tuple[int, bytes] | None:
-        """Where the index at the end begins, and its bytes; None if it is not whole."""
+        """Start of the index at the end, and its bytes; None if the index is damaged."""
         place = max(0, self._size - len(MAGIC) - _FOOTER.size)
         footer = self._read(place, _FOOTER.size)
         if len(footer) < _FOOTER.size or not self._footer(place):
@@ -208,13 +208,13 @@ class RecordReader:
         return None
 
     def _ends_of_data(self, place: int) -> Iterator[int]:
-        """Where the index may begin, looked for in what comes before a footer."""
+        """Possible starts of the index: ends of data that are found before a footer."""
         begin = max(0, place - _WINDOW)
         for match in re.finditer(_DATA_END, self._read(begin, place - begin)):
             yield begin + match.end() + _CRC.size
 
     def _definitions(self) -> list[Record]:
-        """Schemas and channels as the end of the file repeats them."""
+        """Schemas and channels, which are repeated at the end of the file."""
         summary = self._summary()
         found: list[Record] = []
         for opcode, body in _frames(summary[1]) if summary else ():
@@ -224,10 +224,10 @@ class RecordReader:
 
 
 def whole(opcode: int, body: bytes) -> Iterator[Record]:
-    """A record, and those in it if it is a chunk.
+    """A record; if it is a chunk, first the records in it.
 
     Raises:
-        BagError: if it is damaged.
+        BagError: if the record is damaged.
     """
     kind = _KINDS.get(opcode)
     if opcode == Opcode.CHUNK:
@@ -263,7 +263,7 @@ _CHECKS: dict[int, Callable[[bytes], bool]] = {
     Opcode.ATTACHMENT: _attachment_is_whole,
     Opcode.DATA_END: lambda body: len(body) == _CRC.size,
 }
-"""Whether the content of a record can be one of its kind."""
+"""Whether the content of a record can be one of its kind, by opcode."""
 
 
 def _parsed(kind: Any, body: bytes) -> Any:
@@ -281,7 +281,7 @@ def _frames(content: bytes) -> Iterator[Record]:
     """The records within the content of a chunk.
 
     Raises:
-        BagError: if the last one is not all there.
+        BagError: if the last one is incomplete.
     """
     position, size = 0, len(content)
     while position < size:
@@ -307,13 +307,13 @@ def _may_be_chunk(start: bytes, length: int) -> bool:
 
 
 def chunk_content(body: bytes) -> bytes:
-    """What a chunk holds, decompressed.
+    """The content of a chunk, decompressed.
 
     Args:
         body: Content of a chunk record.
 
     Raises:
-        BagError: if it is damaged or compressed in a way that is not known.
+        BagError: if the chunk is damaged or its compression is unknown.
     """
     chunk = _parsed(mcap.records.Chunk, body)
     if chunk.uncompressed_size > _ALWAYS + _RATIO * len(body):

@@ -1,4 +1,4 @@
-"""Which files a bag consists of: one MCAP file, or a folder as `ros2 bag` writes it."""
+"""Finds the files of a bag: one MCAP file, or a folder as `ros2 bag` writes it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def bag_files(bag: Path | str) -> list[Path]:
         bag: MCAP file, or a folder with metadata.yaml and MCAP files, or with MCAP files alone.
 
     Raises:
-        BagError: if there is none; the message says what is there instead.
+        BagError: if there is none; the message names what was found instead.
     """
     path = Path(bag)
     try:
@@ -54,19 +54,19 @@ def _files_of_folder(folder: Path) -> list[Path]:
 
 
 def _named_files(folder: Path) -> list[Path] | None:
-    """Files that `ros2 bag` lists in metadata.yaml; None if it wrote none."""
+    """Files that `ros2 bag` lists in metadata.yaml; None if there is no usable metadata.yaml."""
     if not (folder / _METADATA).is_file():
         return None
-    from cassie_msgs.strict_yaml import YamlError, read_yaml  # most bags are files: not loaded
+    from cassie_msgs.strict_yaml import YamlError, read_yaml  # not loaded for a bag that is a file
 
     try:
         content = read_yaml(folder / _METADATA)
-    except YamlError:  # damaged: the files tell enough
+    except YamlError:  # damaged: the files suffice
         return None
     section = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(section, Mapping):
         return None
-    return [folder / Path(name).name for name in _names(section, folder)]  # nowhere else
+    return [folder / Path(name).name for name in _names(section, folder)]  # never elsewhere
 
 
 def _names(section: Mapping[str, Any], folder: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""What nodes took in beside what they answer: /cassie/node_events and /cassie/operator_in_force."""
+"""Inputs of nodes beyond samples and schedule: /cassie/node_events, /cassie/operator_in_force."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Event:
     """A NodeEvent; see its .msg file.
 
     Attributes:
-        episode: Of the tick.
-        seq: First control tick that it holds for.
-        node: Whose event it is.
-        event: Kind.
-        content: What JSON says.
+        episode: Episode of the tick.
+        seq: First control tick at which the event holds.
+        node: Node of the event.
+        event: Kind of event.
+        content: Decoded JSON content.
     """
 
     episode: int
@@ -36,10 +36,10 @@ class Event:
 
 
 def read_event(raw: bytes) -> Event:
-    """A serialized NodeEvent.
+    """Parse a serialized NodeEvent.
 
     Raises:
-        BagError: if it is none.
+        BagError: if the bytes are no NodeEvent.
     """
     try:
         _, _, episode, seq = _FIXED.unpack_from(raw)

@@ -1,4 +1,4 @@
-"""When each message of a recording is due: rate, pause, step, seek and loop.
+"""Timing of a playback: when each message is due, with rate, pause, step, seek and loop.
 
 Wall time comes in as an argument; nothing here waits.
 """
@@ -9,16 +9,16 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 RATES = (0.01, 1000.0)
-"""Smallest and largest robot time per wall time."""
+"""Smallest and largest ratio of robot time to wall time."""
 
 
 class Playback:
-    """Position in a recording.
+    """Position in a recording that is played.
 
     Attributes:
-        rate: Robot time per wall time.
-        paused: Whether time stands still.
-        rounds: How often it began anew.
+        rate: Ratio of robot time to wall time.
+        paused: Whether the playback is paused.
+        rounds: How often the playback began again.
     """
 
     def __init__(
@@ -35,9 +35,9 @@ class Playback:
 
         Args:
             times: Log time of each message, ascending. In ns.
-            rate: Robot time per wall time.
-            loop: Whether it begins anew at the end.
-            paused: Whether it waits at the beginning.
+            rate: Ratio of robot time to wall time.
+            loop: Whether the playback begins again at the end.
+            paused: Whether the playback waits at the beginning.
             begin: Time of the first message to be played; the first of all by default. In ns.
             end: Time up to which messages are played; the last of all by default. In ns.
         """
@@ -51,7 +51,7 @@ class Playback:
         self.paused = paused
         self.rounds = 0
         self._index = self._first
-        self._anchor = self.begin  # robot time at the wall time below
+        self._anchor = self.begin  # log time at the wall time `_wall`
         self._wall: int | None = None
 
     @property
@@ -60,7 +60,7 @@ class Playback:
         return self._index >= self._last and not self._loop
 
     def position(self, wall: int) -> int:
-        """Log time that is played now. In ns.
+        """Log time of the present position. In ns.
 
         Args:
             wall: Wall time. In ns.
@@ -70,14 +70,14 @@ class Playback:
         return min(self.end, self._anchor + int((wall - self._wall) * self.rate))
 
     def next(self, wall: int) -> tuple[int | None, float]:
-        """The message that is due, or how long to wait for it.
+        """The next message if it is due, or the time to wait for it.
 
         Args:
             wall: Wall time. In ns.
 
         Returns:
-            Index of a message, which counts as played now; None if none is due. Wall time to wait
-            in that case, in s; infinite while paused or finished.
+            Index of a message, which then counts as played, and 0. If no message is due: None, and
+            wall time to wait, in s; infinite while paused or finished.
         """
         if self._wall is None:
             self._wall = wall
@@ -96,7 +96,7 @@ class Playback:
         return None, float("inf") if self.paused else left * 1e-9 / self.rate
 
     def pause(self, paused: bool, wall: int) -> None:
-        """Let time stand still, or go on."""
+        """Pause the playback, or resume it."""
         self._anchor, self._wall = self.position(wall), wall
         self.paused = paused
 
@@ -106,17 +106,17 @@ class Playback:
         self.rate = min(max(rate, RATES[0]), RATES[1])
 
     def seek(self, time: int, wall: int) -> None:
-        """Go on at another place.
+        """Continue from another time.
 
         Args:
-            time: Log time, limited to what is played. In ns.
+            time: Log time, limited to the played part. In ns.
             wall: Wall time. In ns.
         """
         self._anchor, self._wall = min(max(time, self.begin), self.end), wall
         self._index = max(self._first, bisect_left(self._times, self._anchor))
 
     def step(self, wall: int) -> bool:
-        """While paused, go on to the next time that has a message; says whether there is one."""
+        """While paused, advance to the next time that has a message; False if there is none."""
         if not self.paused or self._index >= self._last:
             return False
         self._anchor, self._wall = self._times[self._index], wall

@@ -1,4 +1,4 @@
-"""Fast reading of bags: raw messages by topic, also of a file whose writer was killed."""
+"""Fast reading of bags: raw messages by topic, also from a file whose writer was killed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cassie_bags.errors import BagError
 
 @dataclass
 class BagIndex:
-    """What a bag says about itself, filled while it is read.
+    """Index of a bag, filled while the bag is read.
 
     Attributes:
         types: Message type by topic.
-        definitions: Text of each message type's definition.
-        metadata: Named records of words.
+        definitions: Text of the definition, by message type.
+        metadata: Metadata records by name.
         complete: Whether the file was closed properly and nothing in it is damaged.
-        lost_bytes: Bytes that could not be read.
+        lost_bytes: Number of bytes that could not be read.
     """
 
     types: dict[str, str] = field(default_factory=dict)
@@ -38,12 +38,12 @@ class BagIndex:
 def read_messages(
     bag: Path | str, topics: Collection[str] | None = None, index: BagIndex | None = None
 ) -> Iterator[tuple[str, int, int, bytes]]:
-    """Messages of a bag in the order they were written.
+    """Messages of a bag in the order in which they were written.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
-        topics: Those wanted; None for all.
-        index: Filled with types and metadata as they come by.
+        topics: Topics that are read; None for all.
+        index: Gets types and metadata while reading goes on.
 
     Yields:
         Topic, log time (robot time) and publish time (wall time) in ns, serialized message.
@@ -74,7 +74,7 @@ def _messages_of(
                     if channel in wanted:
                         yield wanted[channel], log_time, wall_time, data
                     elif channel not in known:
-                        reader.lost_bytes += len(body)  # what it was is damaged
+                        reader.lost_bytes += len(body)  # its channel's definition is damaged
                 elif opcode == Opcode.SCHEMA:
                     schemas[body.id] = (body.name, body.data.decode("utf-8", "replace"))
                 elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
@@ -92,7 +92,7 @@ def _messages_of(
 
 
 def read_attachment(bag: Path | str, name: str) -> bytes | None:
-    """A file that a bag holds beside its messages; None if there is none of that name.
+    """A file attached to a bag; None if there is none of that name.
 
     Raises:
         BagError: if the bag cannot be read.

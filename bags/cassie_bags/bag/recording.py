@@ -1,4 +1,4 @@
-"""What a run recorded, as arrays: the same from a bag and from a run in one process."""
+"""Recorded runs as arrays: the same from a bag and from a run in one process."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ TYPES: dict[str, str] = {
     **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
     **{topic: kind.type for topic, kind in _BESIDE.items()},
 }
-"""Message type of each topic that every run is recorded with; the Segway's only where it is."""
+"""Message type of each topic that is recorded in every run; the Segway's only with a Segway."""
 
 RECORDED_TOPICS = tuple(TYPES)
 
 
 def message_check(topic: str) -> Callable[[bytes], bool] | None:
-    """What says whether some bytes are a message of one of `TYPES`; None for another topic.
+    """A function that says whether bytes are a message of a topic; None if not one of `TYPES`.
 
-    Each of them is a table: all messages have the size of the first.
+    All messages of such a topic have the size of the first one.
     """
     if topic in LANE_TOPICS:
         size = LANE_TOPICS[topic].SIZE
@@ -73,14 +73,14 @@ class Recording:
         truth: Rows of `/cassie/ground_truth`: sec, nanosec, position (m, world), orientation
             (x, y, z, w, pelvis to world), linear and angular velocity (m/s and rad/s, pelvis
             axes).
-        segway: The same of `/segway/ground_truth`, of the Segway's chassis; no row without one.
+        segway: Rows of `/segway/ground_truth`, like `truth`, of the chassis; none without a Segway.
         segway_imu: Rows of `/segway/imu`: sec, nanosec, angular velocity (rad/s) and specific
             force (m/s^2), chassis axes.
-        strays: Number of messages left out of each topic that others published than the run's
-            nodes (`without_strays`).
-        wall_time: Wall time that the run took, from the first sensor sample to the last; NaN if
-            it is not known. In s.
-        metadata: Named records of words: seed, what it drew, versions, the experiment's file.
+        strays: Number of messages from publishers outside of the run by topic, which were left out
+            (`without_strays`).
+        wall_time: Wall time of the run, from the first sensor sample to the last; NaN if unknown.
+            In s.
+        metadata: Metadata records by name: seed, values drawn, versions, the experiment's file.
     """
 
     lane: Mapping[str, Rows]
@@ -93,7 +93,7 @@ class Recording:
 
     @property
     def beside(self) -> dict[str, Rows]:
-        """Rows of each topic beside the control lane."""
+        """Rows of each topic outside of the control lane."""
         return {
             GROUND_TRUTH_TOPIC: self.truth,
             SEGWAY_TRUTH_TOPIC: self.segway,
@@ -101,10 +101,10 @@ class Recording:
         }
 
     def without_strays(self, kept: Mapping[str, BoolArray] | None = None) -> Recording:
-        """The run alone, without what others published on its topics.
+        """The run alone, without messages of publishers outside of the run.
 
         Args:
-            kept: Messages of the run by topic, as `strays.of_the_run` finds them.
+            kept: Whether each message is of the run, by topic, as from `strays.of_the_run`.
         """
         kept = of_the_run(self.lane, self.beside) if kept is None else kept
         strays = {topic: int((~flags).sum()) for topic, flags in kept.items() if not flags.all()}
@@ -123,7 +123,7 @@ class Recording:
         )
 
     def rows(self, kind: type[Sample]) -> Rows:
-        """Rows of one message type, `recording.rows(RobotState)["q"]`."""
+        """Rows of one message type, such as `recording.rows(RobotState)["q"]`."""
         return self.lane[kind.TOPIC]
 
 
@@ -145,10 +145,10 @@ def from_messages(
 
 
 def read_recording(path: Path | str) -> Recording:
-    """The run that a bag holds: an MCAP file, or a folder as `ros2 bag` writes it.
+    """The run in a bag: an MCAP file, or a folder as `ros2 bag` writes it.
 
     Raises:
-        BagError: if the file is not a bag, or its messages are not of our types.
+        BagError: if the file is not a bag, or a message is of another type than its topic's.
     """
     messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
     first = last = None
@@ -166,7 +166,7 @@ def lane_rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
     """Messages of one type of the control lane as one structured array.
 
     Raises:
-        BagError: if one does not have the size of its type.
+        BagError: if a message does not have the size of its type.
     """
     size = kind.SIZE
     trimmed = []

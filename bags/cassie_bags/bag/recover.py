@@ -1,4 +1,4 @@
-"""Repair of a bag that is damaged or was not closed: an indexed one of all that is whole."""
+"""Repairs a bag that is damaged or was not closed: copies all sound records, with an index."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from cassie_bags.errors import BagError
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was saved.
+    """Result of a repair.
 
     Attributes:
-        messages: Number of messages.
-        duration: From the first to the last of them, robot time. In s.
-        complete: Whether the bag had been closed properly and nothing in it is damaged.
-        lost_bytes: Bytes that could not be read.
+        messages: Number of copied messages.
+        duration: Robot time from the first to the last copied message. In s.
+        complete: Whether the bag was closed properly and nothing in it is damaged.
+        lost_bytes: Number of bytes that could not be read.
     """
 
     messages: int
@@ -48,12 +48,12 @@ class Recovered:
 
 
 def recover(source: Path | str, target: Path | str) -> Recovered:
-    """Copy every whole record of a bag into a new, indexed one.
+    """Copy every sound record of a bag into a new bag with an index.
 
     Args:
         source: Bag whose end may be missing: a file, or a folder as `ros2 bag` writes it. It is
             not changed.
-        target: New bag, a folder if `source` is one. It must not exist; if recovery fails, it
+        target: New bag, a folder if `source` is one. It must not exist. If the repair fails, it
             does not exist afterwards.
 
     Raises:
@@ -81,7 +81,7 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
 
 @contextmanager
 def _new(target: Path, *, folder: bool) -> Iterator[None]:
-    """Make what does not exist; whatever goes wrong meanwhile, it is gone afterwards."""
+    """Create the target; remove it again if anything fails in the `with` statement."""
     try:
         if folder:
             target.mkdir()
@@ -119,11 +119,11 @@ def _recovered_file(source: Path, target: Path) -> _Copy:
 
 
 class _Copy:
-    """Writes records as they come, one chunk for each chunk.
+    """Writes records as they come, with one chunk for each chunk of the source.
 
     Attributes:
-        contents: What is in it.
-        complete, lost_bytes: As of `Recovered`.
+        contents: Contents of the new file.
+        complete, lost_bytes: As in `Recovered`.
     """
 
     def __init__(self, output: BinaryIO, name: str) -> None:
@@ -189,7 +189,7 @@ class _Copy:
         )
 
     def _take_metadata(self, metadata: Metadata) -> None:
-        if metadata.name != RECORD:  # written anew at the end
+        if metadata.name != RECORD:  # written again at the end
             self._writer.add_metadata(metadata.name, metadata.metadata)
 
     def _take_attachment(self, body: bytes) -> None:
@@ -201,7 +201,7 @@ class _Copy:
     def _take_message(self, body: bytes) -> None:
         channel, log_time, publish_time, data = message(body)
         if channel not in self._channels:
-            self.lost_bytes += len(body)  # what it was is damaged
+            self.lost_bytes += len(body)  # its channel's definition is damaged
             return
         contents = self.contents
         contents.start = min(contents.start, log_time) if self._any else log_time

@@ -1,9 +1,9 @@
-"""What `ros2 bag` keeps beside the messages: QoS in words, and metadata.yaml of version 9.
+"""What `ros2 bag` stores besides the messages: QoS as words, and metadata.yaml of version 9.
 
 Source:
     rosbag2 of ROS 2 Jazzy, `rosbag2_storage/yaml.hpp`, `rosbag2_storage/qos.cpp` and
-    `rosbag2_storage_mcap`: the QoS of a topic's writers stands in its channel's metadata, and the
-    content of metadata.yaml in a metadata record `rosbag2`.
+    `rosbag2_storage_mcap`. The metadata of a topic's channel has the QoS of the topic's writers. A
+    metadata record `rosbag2` has the content of metadata.yaml.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from cassie_msgs.strict_yaml import YamlError, parse_yaml
 
 METADATA_FILE = "metadata.yaml"
 RECORD = "rosbag2"
-"""Metadata record of a file that says what metadata.yaml says of a folder."""
+"""Name of a file's metadata record that has the same content as metadata.yaml of a folder."""
 
 QOS_KEY = "offered_qos_profiles"
-"""Where the metadata of a channel has the QoS."""
+"""Key of the QoS in the metadata of a channel."""
 
 _VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -36,12 +36,12 @@ _WORDS = {
     "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
     "liveliness": ("system_default", "automatic", "", "manual_by_topic", "unknown"),
 }
-"""What older versions wrote as numbers, in the order of rmw/types.h."""
+"""Words for the numbers of older versions, in the order of rmw/types.h."""
 
 
 @dataclass(frozen=True)
 class Qos:
-    """Under which conditions the writers of a topic send, in the words of ROS."""
+    """Quality of service of a topic's writers, in ROS's words."""
 
     reliability: str = "reliable"
     durability: str = "volatile"
@@ -50,7 +50,7 @@ class Qos:
 
     @property
     def profile(self) -> dict[str, Any]:
-        """All that `ros2 bag` keeps of it."""
+        """The full profile that `ros2 bag` stores."""
         return {
             "history": self.history,
             "depth": self.depth,
@@ -65,7 +65,7 @@ class Qos:
 
     @cached_property
     def text(self) -> str:
-        """This profile alone, as the metadata of a channel has it."""
+        """This profile alone, as in the metadata of a channel."""
         return _profiles_text([self.profile])
 
 
@@ -78,8 +78,8 @@ class Topic:
     """A topic in a file.
 
     Attributes:
-        type: Of its messages, package/msg/Name.
-        profiles: QoS of its writers, as version 9 has it.
+        type: Message type, package/msg/Name.
+        profiles: QoS of the topic's writers, as in version 9.
         count: Number of messages.
     """
 
@@ -90,11 +90,11 @@ class Topic:
 
 @dataclass
 class Contents:
-    """What a file of a bag holds.
+    """Contents of one file of a bag.
 
     Attributes:
-        name: Of the file.
-        topics: By name.
+        name: Name of the file.
+        topics: Topics by name.
         start, end: Earliest and latest log time. In ns; 0 without messages.
     """
 
@@ -110,15 +110,15 @@ class Contents:
 
 
 def _profiles_text(profiles: Sequence[Mapping[str, Any]]) -> str:
-    """QoS as the metadata of a channel has it."""
+    """QoS profiles as the text in the metadata of a channel."""
     return str(yaml.safe_dump(list(profiles), sort_keys=False)) if profiles else ""
 
 
-@lru_cache(maxsize=64)  # most topics have the same, and YAML takes its time
+@lru_cache(maxsize=64)  # most topics have the same QoS, and YAML is slow
 def read_profiles(text: str) -> tuple[tuple[Mapping[str, Any], ...], str]:
-    """QoS from the metadata of a channel, in words where older versions had numbers; and its text.
+    """QoS profiles from a channel's metadata, with words for old versions' numbers; their text.
 
-    What cannot be read is left out: a bag can be used without it.
+    Unreadable profiles are left out: a bag can be used without them.
     """
     try:
         content = parse_yaml(text, QOS_KEY)
@@ -139,7 +139,7 @@ def _in_words(profile: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def information(files: Sequence[Contents]) -> dict[str, Any]:
-    """What metadata.yaml says of files of one bag, in order of time."""
+    """Content of metadata.yaml for the files of one bag, which are given in order of time."""
     topics: dict[str, Topic] = {}
     for contents in files:
         for name, topic in contents.topics.items():
@@ -185,13 +185,13 @@ def information(files: Sequence[Contents]) -> dict[str, Any]:
 
 
 def record_of(contents: Contents) -> dict[str, str]:
-    """Content of the metadata record `RECORD` of a file, which may be renamed."""
+    """Content of the metadata record `RECORD` of a file, without the file's name: it may change."""
     said = information([contents]) | {"relative_file_paths": [], "files": []}
     return {"serialized_metadata": _text(said), "ROS_DISTRO": "jazzy"}
 
 
 def write_metadata(folder: Path, files: Sequence[Contents]) -> None:
-    """Write metadata.yaml, over one that is there.
+    """Write metadata.yaml, or replace it.
 
     Raises:
         BagError: if it cannot be written.
@@ -205,10 +205,10 @@ def write_metadata(folder: Path, files: Sequence[Contents]) -> None:
 
 
 def contents_of(path: Path) -> Contents:
-    """What a file holds, from its index.
+    """Contents of a file, from its index.
 
     Raises:
-        BagError: if it cannot be read or has no index, as when its writer was killed.
+        BagError: if the file cannot be read or has no index, as when its writer was killed.
     """
     try:
         with path.open("rb") as stream:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[Any]
-"""Structured array of a message type: `rows["q"]` is of shape (n, 20)."""
+"""Structured array of a message type: `rows["q"]` has the shape (n, 20)."""
 
 
 def stamps(rows: Rows) -> FloatArray:
@@ -23,5 +23,5 @@ def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
 
 
 def where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
-    """Rows that a flag is set for: not copied if it is set for all."""
+    """Rows whose flag is set; the array itself, not a copy, if all flags are set."""
     return rows if flags.all() else rows[flags]

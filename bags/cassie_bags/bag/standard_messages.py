@@ -16,7 +16,7 @@ def read_odometry(messages: Sequence[bytes]) -> npt.NDArray[Any]:
     """Odometry: sec, nanosec, position, orientation (x, y, z, w), linear, angular.
 
     Raises:
-        BagError: if one is none, or the names of their frames differ in length.
+        BagError: if a message is of another type, or the names of the frames differ in length.
     """
     return _read(ODOMETRY, messages)
 
@@ -25,7 +25,7 @@ def read_imu(messages: Sequence[bytes]) -> npt.NDArray[Any]:
     """IMU messages: sec, nanosec, angular (velocity) and (specific) force.
 
     Raises:
-        BagError: if one is none, or the names of their frames differ in length.
+        BagError: if a message is of another type, or the names of the frames differ in length.
     """
     return _read(IMU, messages)
 

@@ -1,7 +1,7 @@
-"""Messages in a bag that nobody of the recorded run published: found by their order.
+"""Finds stray messages of a bag, which no node of the recorded run published, by their order.
 
-A recorder keeps what anybody publishes on a topic, while the nodes of the run ignore strangers.
-The run is the longest series of messages in which time goes on.
+A recorder keeps all messages on a topic, but the nodes of the run ignore other publishers. The run
+is the longest series of messages in which time never goes back.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ IntArray = npt.NDArray[np.int64]
 _ChoiceT = TypeVar("_ChoiceT", int, tuple[int, int])
 
 NOBODYS = -1
-"""In place of the number of an episode: the message belongs to none."""
+"""Instead of the number of an episode: the message belongs to no episode."""
 
 _SEQ_BITS = 31  # 12 days at 2 kHz; with the 32 bits of an episode they fit in a number
 _IN_FLIGHT = 1_000_000_000  # ns by which a stamp may lie outside of its episode's samples
-_IN_FLIGHT_TICKS = 2000  # the same at 2 kHz
-_LATE_TICKS = 20  # by which an answer of a node that was replaced may come after its successor's
+_IN_FLIGHT_TICKS = 2000  # _IN_FLIGHT in ticks at 2 kHz
+_LATE_TICKS = 20  # largest delay of a replaced node's answer after those of its successor
 
 
 def of_the_run(lane: Mapping[str, Rows], beside: Mapping[str, Rows]) -> dict[str, BoolArray]:
-    """Which messages of each topic are of the recorded run. By topic, each of shape (n,).
+    """Whether each message is of the recorded run. By topic, each of shape (n,).
 
-    Without a sensor sample nothing tells them apart: all are.
+    Without a sensor sample they cannot be distinguished: all count as of the run.
 
     Args:
-        lane: Messages by topic of the control lane, which carry episode and seq.
-        beside: Those of topics that carry stamps only.
+        lane: Messages of the control lane by topic; they carry episode and seq.
+        beside: Messages of topics that carry only stamps, by topic.
     """
     sensors = lane[Sensors.TOPIC]
     if not len(sensors):
@@ -54,14 +54,14 @@ def of_the_run(lane: Mapping[str, Rows], beside: Mapping[str, Rows]) -> dict[str
 
 
 def episode_of(rows: Rows, sensors: Rows) -> IntArray:
-    """Episode of messages that carry no number of it. Shape (n,); `NOBODYS` for a stray.
+    """Episode of messages that do not carry its number. Shape (n,); `NOBODYS` for a stray.
 
-    Their stamps begin at 0 in each episode, so a stamp alone may be of several. Taken is the
-    longest series that goes through the episodes in order and through each one's time in order.
+    Stamps begin at 0 in each episode, so that a stamp alone may fit several episodes. The result is
+    the longest series that is in order of the episodes, and of time within each episode.
 
     Args:
-        rows: Stamped messages in the order they were published. Shape (n,).
-        sensors: Samples of the run in the order they were published.
+        rows: Stamped messages in the order of publication. Shape (n,).
+        sensors: Samples of the run in the order of publication.
     """
     times = stamps_ns(rows)
     numbers, starts = np.unique(sensors["episode"], return_index=True)
@@ -83,17 +83,17 @@ def episode_of(rows: Rows, sensors: Rows) -> IntArray:
 
 
 def _key(rows: Rows) -> IntArray:
-    """Episode and seq as one number that rises over a run; -1 for a seq beyond any run's."""
+    """Episode and seq as one number that rises over a run; -1 for a seq too large for any run."""
     seq = rows["seq"].astype(np.uint64)
     key = (rows["episode"].astype(np.int64) << _SEQ_BITS) + seq.astype(np.int64)
     return np.where(seq < 1 << _SEQ_BITS, key, -1)
 
 
 def _answers(topic: str, rows: Rows, latest: Mapping[int, int]) -> BoolArray:
-    """Which messages of a topic of the lane belong to samples of the run, in their order."""
+    """Whether messages of a topic of the lane belong to samples of the run, in their order."""
     by_person = np.zeros(len(rows), np.bool_)
     if topic == OperatorCommand.TOPIC:
-        by_person = ~rows["scripted"]  # which has no seq
+        by_person = ~rows["scripted"]  # a person's command has no seq
     known = np.zeros(len(rows), np.bool_)
     for episode, last in latest.items():
         known |= (rows["episode"] == episode) & (rows["seq"] <= last + _IN_FLIGHT_TICKS)
@@ -106,7 +106,7 @@ def _answers(topic: str, rows: Rows, latest: Mapping[int, int]) -> BoolArray:
 
 
 def _rising(keys: IntArray) -> BoolArray:
-    """Which of some keys form their longest series that never falls. Shape (n,)."""
+    """Whether each key belongs to the longest series of keys that never falls. Shape (n,)."""
     flags = keys >= 0
     if (np.diff(keys[flags]) >= 0).all():
         return flags
@@ -117,16 +117,16 @@ def _rising(keys: IntArray) -> BoolArray:
 
 
 def _longest(choices: Sequence[Sequence[_ChoiceT]]) -> dict[int, _ChoiceT]:
-    """The longest series that never falls, of at most one choice of each row.
+    """The longest series that never falls, with at most one choice of each row.
 
     Source: Hunt and Szymanski, "A fast algorithm for computing longest common subsequences",
     1977: the least end of a series of each length, found by bisection.
 
     Args:
-        choices: Of each row, the greatest first.
+        choices: Choices of each row, the largest first.
 
     Returns:
-        What was taken, by row.
+        The choices of the series, by row.
     """
     ends: list[_ChoiceT] = []
     links: list[_Link[_ChoiceT]] = []
@@ -149,7 +149,7 @@ def _longest(choices: Sequence[Sequence[_ChoiceT]]) -> dict[int, _ChoiceT]:
 
 @dataclass(frozen=True)
 class _Link(Generic[_ChoiceT]):
-    """The last member of a series and what leads to it."""
+    """The last member of a series, and the link before it."""
 
     row: int
     value: _ChoiceT

@@ -1,4 +1,4 @@
-"""What is in a bag, in short: topics, gaps, episodes, modes over time, faults, origin."""
+"""Summary of a bag: topics, gaps, episodes, modes over time, faults, origin."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from cassie_msgs.layout import Mode, RobotMode, Sensors
 STATUS_TOPIC = "/cassie/supervisor_status"
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
-_SOON = 300_000_000  # ns after a change of mode in which the supervisor says why
+_SOON = 300_000_000  # ns after a change of mode in which the supervisor reports the reason
 _OK = 0
 
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic: its type, number of messages, and mean rate of the run's in robot time (Hz)."""
+    """Type of a topic, number of messages, and mean rate of the run's (Hz, robot time)."""
 
     topic: str
     type: str
@@ -41,12 +41,12 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class Interval:
-    """Something that held for a while: a mode, a fault, an episode.
+    """A mode, fault or episode with its start and end.
 
     Attributes:
-        name: What.
-        t0, t1: From and to, on the bag's axis of robot time. In s.
-        reason: Why, in words; empty if nothing was said.
+        name: Name of the mode, fault or episode.
+        t0, t1: Start and end, on the bag's axis of robot time. In s.
+        reason: Reason in words; empty if none was reported.
     """
 
     name: str
@@ -57,24 +57,24 @@ class Interval:
 
 @dataclass(frozen=True)
 class Summary:
-    """What is in a bag.
+    """Summary of a bag.
 
     Attributes:
-        files: Its MCAP files.
-        size: Of all of them. In bytes.
-        complete: Whether each was closed properly and nothing in it is damaged.
-        lost_bytes: Bytes that could not be read.
+        files: MCAP files of the bag.
+        size: Size of all files. In bytes.
+        complete: Whether each file was closed properly and nothing in it is damaged.
+        lost_bytes: Number of bytes that could not be read.
         duration: Robot time from the first message to the last. In s.
         wall_time: Wall time from the first sensor sample to the last, or of all messages where
             there is none. In s.
-        topics: In the order of their names.
+        topics: Topics in the order of their names.
         gaps: Missing samples of the control lane, one line each.
-        strays: Messages that others published than the run's nodes, one line each.
-        episodes, modes: In order.
-        faults: What the supervisor took for a fault.
-        nodes: Nodes that began anew, were lost or got other parameters, at the time of it.
-        problems: What the nodes said of themselves on /diagnostics, in order.
-        metadata: Named records of words.
+        strays: Messages from publishers outside of the run, one line for each topic.
+        episodes, modes: Intervals in order.
+        faults: Faults that the supervisor reported.
+        nodes: Times at which nodes restarted, were lost or got other parameters.
+        problems: Problems that the nodes reported on /diagnostics, in order.
+        metadata: Metadata records by name.
         recording: The control lane as arrays, without strays.
     """
 
@@ -97,15 +97,15 @@ class Summary:
 
 
 def summarize(bag: Path | str) -> Summary:
-    """Read a bag once and say what is in it.
+    """Read a bag once and summarize it.
 
     Raises:
-        BagError: if it cannot be read, holds nothing, or a message of ours is not of its type.
+        BagError: if the bag cannot be read or is empty, or one of our messages has a wrong type.
     """
     files, index = bag_files(bag), BagIndex()
     messages: dict[str, list[bytes]] = {}
     times: dict[str, list[int]] = {}
-    walls: list[int] = []  # of samples
+    walls: list[int] = []  # wall times of the sensor samples
     begun = ended = 0
     for topic, log_time, wall_time, data in read_messages(bag, None, index):
         messages.setdefault(topic, []).append(data)
@@ -116,7 +116,7 @@ def summarize(bag: Path | str) -> Summary:
     if not messages and not index.complete:
         raise BagError(f"{bag} holds no whole message")
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
-    # A run without ROS is stamped with robot time: how long it took is not known.
+    # A run without ROS has robot time in both stamps: its wall time is unknown.
     took = math.nan if walls == times.get(Sensors.TOPIC) else wall
     recording = from_messages(
         {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, took, index.metadata
@@ -176,11 +176,11 @@ def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
 def intervals_of_mode(
     time: npt.NDArray[np.float64], modes: npt.NDArray[np.int64]
 ) -> list[Interval]:
-    """Intervals of one mode each.
+    """Intervals with one mode each.
 
     Args:
-        time: Of samples. Shape (n,), in s.
-        modes: Mode at each. Shape (n,).
+        time: Time of samples. Shape (n,), in s.
+        modes: Mode at each sample. Shape (n,).
     """
     last = len(time) - 1
     return [
@@ -195,7 +195,7 @@ def _decoded(
     times: Mapping[str, list[int]],
     index: BagIndex,
 ) -> Iterator[tuple[int, Any]]:
-    """Log time (ns) and message of each message of a topic that is no fixed layout."""
+    """Log time (ns) and decoded message of each message of a topic without fixed layout."""
     if raw := messages.get(topic):
         kind = index.types[topic]
         yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
@@ -204,7 +204,7 @@ def _decoded(
 def _topic(
     topic: str, kind: str, times: list[int], of_run: list[int] | None = None
 ) -> TopicSummary:
-    """A topic with all its times (ns), and those of the run's own messages if they are known."""
+    """Summary of a topic from all its times (ns), and from those of the run's messages if known."""
     own = times if of_run is None else of_run
     span = (max(own) - min(own)) * 1e-9 if own else 0.0
     return TopicSummary(topic, kind, len(times), (len(own) - 1) / span if span > 0.0 else 0.0)
@@ -240,7 +240,7 @@ def _mode_name(mode: Any) -> str:
 
 
 def _reason(status: Sequence[tuple[int, Any]], since: int) -> str:
-    """What the supervisor said when a mode began: faults, or why it is not the one asked for."""
+    """The supervisor's reason when a mode began: faults, or why the requested mode was refused."""
     for time, message in status:
         if since <= time <= since + _SOON:
             words = list(message.faults)

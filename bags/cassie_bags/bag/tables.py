@@ -1,4 +1,4 @@
-"""Topics of a bag as tables of numbers and words, whatever their type."""
+"""Topics of a bag as tables of numbers and words, for any message type."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from cassie_msgs.tunables import unknown_name
 Array = npt.NDArray[Any]
 
 MOST_ENTRIES = 256
-"""Longest array that a table shows; those of images and clouds are left out."""
+"""Longest array in a table; longer ones, as of images and point clouds, are left out."""
 
 TIMES = {
     "time": Field("s", "log_time in seconds"),
     "log_time": Field("ns", "robot time, continued over episodes"),
     "publish_time": Field("ns", "time of receipt, wall clock; robot time of a run without ROS"),
 }
-"""Columns that every table begins with."""
+"""Columns at the beginning of every table."""
 
-_RESERVED = frozenset((*TIMES, "file", "allow_pickle"))  # of the tables and of numpy.savez
+_RESERVED = frozenset((*TIMES, "file", "allow_pickle"))  # used by tables and numpy.savez
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Table:
     """Messages of one topic.
 
     Attributes:
-        topic, type: Where and what they are.
-        log_time, publish_time: Of each message. Shape (n,), int64, in ns.
-        fields: Arrays by dotted name of the field, numbers or words. Shape (n,) or (n, k).
-            An entry that a message does not have is NaN or empty.
-        left_out: Fields that are longer than `MOST_ENTRIES`.
+        topic, type: Name of the topic, and its message type.
+        log_time, publish_time: Times of each message. Shape (n,), int64, in ns.
+        fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
+            entry that a message does not have is NaN or empty.
+        left_out: Names of fields that are longer than `MOST_ENTRIES`.
     """
 
     topic: str
@@ -78,7 +78,7 @@ class Table:
         return self.field(name).components or tuple(str(i) for i in range(values.shape[1]))
 
     def columns(self) -> dict[str, Array]:
-        """Every column by name, times first; entries of arrays are `field.component`."""
+        """Every column by name, times first; an entry of an array is named `field.component`."""
         found: dict[str, Array] = {
             "time": self.log_time * 1e-9,
             "log_time": self.log_time,
@@ -97,10 +97,10 @@ def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
-        topics: Those wanted; None for all.
+        topics: Topics that are read; None for all.
 
     Raises:
-        BagError: if it cannot be read, or has no such topic (the message names the nearest one).
+        BagError: if the bag cannot be read, or lacks a topic (the message names the nearest one).
     """
     index = BagIndex()
     messages: dict[str, list[tuple[int, int, bytes]]] = {}
@@ -120,9 +120,9 @@ class Curve:
 
     Attributes:
         name: Topic and field.
-        unit: Of all of them.
-        time: In s.
-        columns: Shape (n,) each, by the name of the component; the field's for a scalar.
+        unit: Unit of all columns.
+        time: Robot time, continued over episodes. Shape (n,), in s.
+        columns: Values by name of the component, or of the field if scalar. Shape (n,) each.
     """
 
     name: str
@@ -132,15 +132,15 @@ class Curve:
 
 
 def read_curves(bag: Path | str, names: Sequence[str]) -> list[Curve]:
-    """Fields of a bag by name.
+    """Curves of a bag's fields by name.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
         names: TOPIC.FIELD or TOPIC.FIELD.COMPONENT; `/cassie/` may be left out.
 
     Raises:
-        BagError: if it cannot be read, or has no such field (the message names the nearest one);
-            if a field holds words.
+        BagError: if the bag cannot be read, lacks a field (the message names the nearest one), or
+            a field holds words.
     """
     index = BagIndex()
     for _ in read_messages(bag, (), index):
@@ -156,7 +156,7 @@ def read_curves(bag: Path | str, names: Sequence[str]) -> list[Curve]:
 
 
 def _topic_of(name: str, topics: Collection[str]) -> tuple[str, str]:
-    """Topic and field that a word names."""
+    """Topic and field in a name `TOPIC.FIELD`."""
     for topic in sorted(topics, key=len, reverse=True):
         for alias in (topic, topic.strip("/"), topic.removeprefix("/cassie/")):
             if name.startswith(f"{alias}."):
@@ -196,7 +196,7 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
 
 
 def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
-    """Rows of our own topics; None for others, and where the layout is of another version."""
+    """Rows of our own topics; None for other topics, and for a layout of another version."""
     try:
         if topic in LANE_TOPICS:
             return lane_rows(LANE_TOPICS[topic], raw)
@@ -208,7 +208,7 @@ def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
 
 
 def decode(kind: str, definition: str, raw: Collection[bytes]) -> Iterator[Any]:
-    """Messages of any type as objects, by the definition that stands in the bag.
+    """Messages of any type as objects, decoded by the definition in the bag.
 
     Raises:
         BagError: if the definition or a message cannot be read.
@@ -239,7 +239,7 @@ def _decoded(
 
 
 def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[str, Any]]:
-    """Numbers and words of a message by dotted name; joints by their names."""
+    """Numbers and words of a message by dotted name; entries of JointState by joint name."""
     if hasattr(value, "__msgtype__"):
         names = (field.name for field in fields(value) if field.default is MISSING)  # no constants
         entries = {key: getattr(value, key) for key in names}
@@ -266,7 +266,7 @@ def _sized(value: Any) -> Any:
 
 
 def _column(values: list[Any]) -> Array:
-    """One array of what a field held in each message; None where it was not there."""
+    """A field's values in all messages as one array; None where a message lacks the field."""
     if any(isinstance(value, str) for value in values):
         return np.array(["" if value is None else value for value in values], dtype=np.str_)
     if any(value is None for value in values):

@@ -1,11 +1,11 @@
-"""Writing of bags: MCAP in the ROS 2 profile, definitions embedded, safe against a kill.
+"""Writes bags: MCAP in the ROS 2 profile, with message definitions, safe if the writer is killed.
 
-A chunk is handed to the operating system within half a second of its first message, in robot time
-and in wall time. So a writer that is killed loses the last half second at most.
-`cassie_bags.bag.recover` makes an indexed file of the rest.
+A chunk is passed to the operating system within half a second of its first message, in robot time
+and in wall time. So a writer that is killed loses at most the last half second.
+`cassie_bags.bag.recover` makes a file with an index from the rest.
 
 `log_time` is robot time (continued over episodes), so that a bag replays and plots on the
-robot's clock whatever the speed of the machine; `publish_time` is the time of receipt.
+robot's clock at any speed of the machine. `publish_time` is the time of receipt.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ from cassie_bags.errors import BagError
 __all__ = ["CHUNK_NS", "PROFILE", "QOS_DEFAULT", "QOS_LANE", "BagWriter", "FolderWriter"]
 
 PROFILE = "ros2"
-"""How a bag says that its messages are of ROS 2."""
+"""MCAP profile of bags with messages of ROS 2."""
 
 CHUNK_NS = 500_000_000
-"""No chunk spans so much. In ns, of log time and of wall time."""
+"""Every chunk spans less than this. In ns, of log time and of wall time."""
 
-_OPEN_NS = 400_000_000  # of wall time that a chunk stays open: what is left is for writing it
+_OPEN_NS = 400_000_000  # of wall time in which a chunk is open; the rest is for writing it
 _CHUNK_BYTES = 1 << 30  # chunks are closed by time, not by size
 
 
 class BagWriter:
     """One bag, open for writing. Use it in a `with` statement, or call `close`.
 
-    Whatever writes raises a BagError if the file cannot take it, as when the disk is full.
+    All methods that write raise a BagError if the file cannot be written, as when the disk is full.
 
     Attributes:
         path: The file.
-        contents: What is in it so far.
+        contents: Contents written so far.
     """
 
     def __init__(self, path: Path | str, *, new: bool = False, compress: bool = True) -> None:
@@ -59,7 +59,7 @@ class BagWriter:
 
         Args:
             path: The file.
-            new: Whether a file that exists is refused instead of written over.
+            new: Whether an existing file is refused; otherwise it is replaced.
             compress: Whether chunks are compressed (zstd).
 
         Raises:
@@ -84,7 +84,7 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._topics: dict[int, Topic] = {}
-        self._first_log: int | None = None  # of the open chunk
+        self._first_log: int | None = None  # earliest log time of the open chunk
         self._last_log = 0
         self._chunk_wall = 0
         self._closed = False
@@ -93,12 +93,12 @@ class BagWriter:
         """Declare a topic.
 
         Args:
-            topic: Its full name.
-            type_name: Type of its messages, package/msg/Name.
-            qos: Of its writers.
+            topic: Full name of the topic.
+            type_name: Message type, package/msg/Name.
+            qos: QoS of the topic's writers.
 
         Returns:
-            The channel to give to `write`; the same one when the topic is known already.
+            The channel for `write`; the same one if the topic is known already.
 
         Raises:
             BagError: if the definition of the type is not installed.
@@ -140,22 +140,22 @@ class BagWriter:
         self.flush_if_due(wall_time)
 
     def flush_if_due(self, wall_time: int) -> None:
-        """Close the chunk if it has been open for long. To be called when idle.
+        """Close the chunk if it has been open for long; to be called when no message comes in.
 
         Args:
-            wall_time: Now. In ns.
+            wall_time: Present wall time. In ns.
         """
         if self._first_log is not None and wall_time - self._chunk_wall >= _OPEN_NS:
             self._close_chunk()
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Append a named record of words, for example what a seed drew."""
+        """Append a metadata record of words, for example the values drawn from a seed."""
         with self._told():
             self._writer.add_metadata(name, dict(content))
             self._stream.flush()
 
     def add_file(self, name: str, content: bytes) -> None:
-        """Append a file, for example the gait library that a run walked with."""
+        """Append a file, for example the gait library of a run."""
         with self._told():
             self._writer.add_attachment(0, 0, name, "application/octet-stream", content)
             self._stream.flush()
@@ -171,7 +171,7 @@ class BagWriter:
         return self._stream.tell()
 
     def close(self) -> None:
-        """Write what is open, then the index. Calling it again does nothing."""
+        """Write the open chunk, then the index. Calling it again does nothing."""
         if not self._closed:
             self._close_chunk()
             self.add_metadata(RECORD, record_of(self.contents))
@@ -207,7 +207,7 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            self._closed = True  # what it holds cannot be written, now or at the end
+            self._closed = True  # the open chunk can never be written
             with contextlib.suppress(OSError):
                 self._stream.close()
             raise BagError(f"cannot write bag {self.path}: {error.strerror}") from None
@@ -216,7 +216,7 @@ class BagWriter:
 class FolderWriter:
     """A bag as `ros2 bag` writes it: a folder of files NAME_0.mcap, ... and metadata.yaml.
 
-    To be used as a `BagWriter`. Each file has all metadata records, so that it can be read alone.
+    It is used like a `BagWriter`. Each file has all metadata records, so that it can be read alone.
 
     Args:
         path: The folder, which must not exist.
@@ -244,17 +244,17 @@ class FolderWriter:
         self._topics: dict[str, tuple[str, Qos]] = {}
         self._metadata: dict[str, Mapping[str, str]] = {}
         self._finished: list[Contents] = []
-        self._first_log: int | None = None  # of the open file
+        self._first_log: int | None = None  # first log time of the open file
         self._file = self._next_file()
 
     def add_topic(self, topic: str, type_name: str, qos: Qos = QOS_DEFAULT) -> int:
-        """As `BagWriter.add_topic`."""
+        """See `BagWriter.add_topic`."""
         channel = self._file.add_topic(topic, type_name, qos)
         self._topics.setdefault(topic, (type_name, qos))
         return channel
 
     def write(self, channel: int, data: bytes, log_time: int, wall_time: int) -> None:
-        """As `BagWriter.write`."""
+        """See `BagWriter.write`."""
         if self._first_log is None:
             self._first_log = log_time
         elif self._full(log_time):
@@ -263,7 +263,7 @@ class FolderWriter:
         self._file.write(channel, data, log_time, wall_time)
 
     def split(self) -> None:
-        """Go on in a new file."""
+        """Continue in a new file."""
         self._file.close()
         self._finished.append(self._file.contents)
         self._first_log = None
@@ -274,16 +274,16 @@ class FolderWriter:
             self._file.add_topic(topic, type_name, qos)  # in the same order: the same channel
 
     def flush_if_due(self, wall_time: int) -> None:
-        """As `BagWriter.flush_if_due`."""
+        """See `BagWriter.flush_if_due`."""
         self._file.flush_if_due(wall_time)
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """As `BagWriter.add_metadata`; it goes into this file and all that follow."""
+        """See `BagWriter.add_metadata`; the record goes into this file and all later ones."""
         self._metadata[name] = content
         self._file.add_metadata(name, content)
 
     def add_file(self, name: str, content: bytes) -> None:
-        """As `BagWriter.add_file`; it stands in one of the files."""
+        """See `BagWriter.add_file`; the file is in only one of the MCAP files."""
         self._file.add_file(name, content)
 
     @property
@@ -296,7 +296,7 @@ class FolderWriter:
         return found
 
     def close(self) -> None:
-        """Close the last file and write metadata.yaml. Calling it again only repeats the latter."""
+        """Close the last file and write metadata.yaml; a second call writes metadata.yaml again."""
         self._file.close()
         write_metadata(self.path, [*self._finished, self._file.contents])
 

@@ -1,1 +1,1 @@
-"""Commands, one thin file each."""
+"""The commands, one short file each."""

@@ -1,4 +1,4 @@
-"""What several commands read from their command lines."""
+"""Arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def count(word: str) -> int:
 
 
 def seconds(word: str) -> float:
-    """The length of a run, 2 .. 600 s.
+    """Length of a run, 2 .. 600 s.
 
     Raises:
-        argparse.ArgumentTypeError: if it is not one.
+        argparse.ArgumentTypeError: if the word is no number in this range.
     """
     value = number(word)
     if not 2.0 <= value <= 600.0:
@@ -45,11 +45,11 @@ def seconds(word: str) -> float:
 
 
 def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
-    """One of some words; another one is refused with the nearest of them.
+    """A reader of one of several words; it refuses other words and names the nearest known one.
 
     Args:
-        known: The words.
-        what: What they name.
+        known: The known words.
+        what: Kind of thing that the words name.
     """
 
     def read(word: str) -> str:
@@ -61,7 +61,7 @@ def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
 
 
 def number(word: str) -> float:
-    """A number; NaN if it is none, so that it is in no range."""
+    """A number; NaN if the word is none, so that it is in no range."""
     try:
         return float(word)
     except ValueError:
@@ -69,29 +69,31 @@ def number(word: str) -> float:
 
 
 def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> None:
-    """Option `--jobs`: on how many processes it is computed.
+    """Option `--jobs`: the number of processes.
 
     Args:
-        parser: Of the command.
-        elsewhere: With `--scheduler`, for those that other computers may help.
+        parser: Parser of the command.
+        elsewhere: Whether to add `--scheduler`, for work that other computers may do.
     """
     parser.add_argument(
         "--jobs", type=positive, metavar="N", help="processes (default: one for each core)"
     )
     if elsewhere:
         parser.add_argument(
-            "--scheduler", metavar="ADDRESS", help="of a Dask cluster to compute on, in their place"
+            "--scheduler",
+            metavar="ADDRESS",
+            help="address of a Dask cluster that computes instead of these processes",
         )
 
 
 def add_seeds(parser: argparse.ArgumentParser, default: int, use: str) -> None:
-    """Option `--seeds`: how many drawn robots, from 1 on."""
+    """Option `--seeds`: the number of drawn robots; their seeds begin at 1."""
     words = f"robots {use}, drawn by seeds 1 to N (default {default})"
     parser.add_argument("--seeds", type=positive, default=default, metavar="N", help=words)
 
 
 def add_out(parser: argparse.ArgumentParser, command: str) -> None:
-    """Option `--out`: the folder of results."""
+    """Option `--out`: the folder for results."""
     parser.add_argument(
         "--out",
         type=Path,
@@ -102,11 +104,11 @@ def add_out(parser: argparse.ArgumentParser, command: str) -> None:
 
 
 def add_results(parser: argparse.ArgumentParser, what: str) -> None:
-    """Option `--results`: a Markdown file of results to put a table into.
+    """Option `--results`: a Markdown file of results that gets the table.
 
     Args:
-        parser: Of the command.
-        what: Which rows it takes, for the help.
+        parser: Parser of the command.
+        what: Rows that the file gets, for the help.
     """
-    words = f"put the table into this file of results, too: {what}"
+    words = f"also write the table into this file of results: {what}"
     parser.add_argument("--results", type=Path, metavar="FILE.md", help=words)

@@ -1,4 +1,4 @@
-"""Command `compare`: whether two bags hold the same, and where they first differ."""
+"""Command `compare`: whether two bags are the same, and where they first differ."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="compare",
         description="Say whether two bags hold the same samples, where they first differ, and how "
-        "far the figures of the runs are apart.",
+        "much the metrics of the runs differ.",
         epilog=exit_codes("the same", "different", runs=False),
     )
     for name in ("a", "b"):
@@ -75,10 +75,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _figures(summary: Summary) -> dict[str, float]:
-    """Figures of a run by name.
+    """Metrics of a run by name.
 
     Raises:
-        BagError: if it cannot be measured.
+        BagError: if the run cannot be measured.
     """
     from cassie_bags.signals.metrics import measure
     from cassie_bags.signals.track import make_track

@@ -1,4 +1,4 @@
-"""Command `estimators`: both state estimators on the same samples, against the truth."""
+"""Command `estimators`: both state estimators on the same samples, compared with the truth."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def _parser() -> argparse.ArgumentParser:
         "print their errors against the truth.",
         epilog=exit_codes("done", ""),
     )
-    parser.add_argument("grounds", nargs="*", metavar="GROUND", help="all of them if none is named")
-    parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
+    parser.add_argument("grounds", nargs="*", metavar="GROUND", help="grounds (default: all)")
+    parser.add_argument("--seed", type=count, default=1, help="seed of robot and noise (default 1)")
     add_results(parser, "all grounds")
     return parser
 

@@ -1,4 +1,4 @@
-"""Command `experiment`: run experiment files, report on them, exit by what they expect."""
+"""Command `experiment`: run experiment files, report on them, exit by their expectations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.run.yaml_file import consistent
 
     changes = consistent(arguments.set)
-    for file in arguments.files:  # what is wrong in one is told before all the rest is loaded
+    for file in arguments.files:  # report errors in files before the slow imports
         load_experiment(file, changes)
     from cassie_bags.ros.experiments import run
 
@@ -31,15 +31,15 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="experiment",
-        description="Run experiment files, with all nodes as processes. Of one file it prints a "
-        "table on stderr and, where stdout is no terminal, one line of JSON on stdout; of several "
-        "it leaves bags, pictures and one page, report.html.",
+        description="Run experiment files, with all nodes as processes. For one file it prints a "
+        "table on stderr and, where stdout is no terminal, one line of JSON on stdout; for several "
+        "files it writes bags, pictures and one page, report.html.",
         epilog=exit_codes("as expected", "not as expected"),
     )
     parser.add_argument("files", nargs="*", type=Path, help="YAML files, see bags/README.md")
-    parser.add_argument("--all", action="store_true", help="those of the package")
+    parser.add_argument("--all", action="store_true", help="run all experiments of the package")
     seeds = parser.add_mutually_exclusive_group()
-    seeds.add_argument("--seed", type=count, default=None, help="seed in place of the file's")
+    seeds.add_argument("--seed", type=count, default=None, help="seed instead of the file's seed")
     seeds.add_argument(
         "--seeds", type=count, default=0, metavar="N", help="run each file with seeds 1 to N"
     )
@@ -49,14 +49,14 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="KEY=VALUE",
         help="replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6; "
-        "or put in those of a file: @tuned.yaml",
+        "or use the values of another file: @tuned.yaml",
     )
     parser.add_argument(
         "--out",
         type=Path,
         default=None,
         help="keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
-        "folder in it (build/experiments). What an earlier run left there is replaced",
+        "folder in it (build/experiments). Results of an earlier run are replaced",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
@@ -65,11 +65,11 @@ def _parser() -> argparse.ArgumentParser:
     how.add_argument(
         "--in-process",
         action="store_true",
-        help="the same cores in one process for each core of the machine, without ROS, as fast as "
-        "they go; the trajectories are the same to the last bit",
+        help="run without ROS, in one process for each core of the machine, as fast as "
+        "possible; the trajectories are the same to the last bit",
     )
     parser.add_argument(
-        "--json", action="store_true", help="one line of JSON on stdout, also on a terminal"
+        "--json", action="store_true", help="print one line of JSON on stdout, also on a terminal"
     )
     parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
     parser.add_argument("--no-video", action="store_true", help="with --out: no video")
@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
         "--sweeps",
         type=Path,
         default=Path("build/sweeps"),
-        help="results of sweeps to show on the page of several runs, where there are some",
+        help="folder of sweeps' results, which the page of several runs shows if it exists",
     )
     return parser
 

@@ -25,7 +25,7 @@ def _parser() -> argparse.ArgumentParser:
         "fields.csv with the unit of every column.",
         epilog=exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
     parser.add_argument(
         "--format",
         type=one_of(FORMATS, "format"),
@@ -36,7 +36,7 @@ def _parser() -> argparse.ArgumentParser:
         "--topics", nargs="+", metavar="TOPIC", default=None, help="topics (default: all)"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, default=None, help="folder (default: BAG_FORMAT)"
+        "-o", "--output", type=Path, default=None, help="target folder (default: BAG_FORMAT)"
     )
     return parser
 

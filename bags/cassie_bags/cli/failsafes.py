@@ -1,4 +1,4 @@
-"""Command `failsafes`: let everything around the robot go wrong, and tell what it does."""
+"""Command `failsafes`: test every fail-safe of the robot by faults at random times."""
 
 from __future__ import annotations
 
@@ -25,19 +25,22 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="failsafes",
-        description="Play every row of the table of fail-safes at random moments, in one process, "
-        "and tell what was not as the table promises.",
+        description="Test every row of the table of fail-safes at random times, in one process, "
+        "and report where the robot does not do what the table promises.",
         epilog=exit_codes("all as the table promises", "some not"),
     )
-    parser.add_argument("rows", nargs="*", metavar="ROW", help="all of them if none is named")
-    parser.add_argument("--list", action="store_true", help="name all rows and exit")
-    parser.add_argument("--phases", type=positive, default=20, help="runs of each (default 20)")
+    parser.add_argument("rows", nargs="*", metavar="ROW", help="rows (default: all)")
+    parser.add_argument("--list", action="store_true", help="list all rows and exit")
+    parser.add_argument("--phases", type=positive, default=20, help="runs of each row (default 20)")
     parser.add_argument(
-        "--first", type=count, default=0, help="number of the first: draws moment and robot"
+        "--first",
+        type=count,
+        default=0,
+        help="number of the first run; it decides time and robot (default 0)",
     )
     add_jobs(parser)
     parser.add_argument(
-        "--write", type=Path, metavar="README", help="write the table into a README and play none"
+        "--write", type=Path, metavar="README", help="write the table into a README and run no test"
     )
     return parser
 

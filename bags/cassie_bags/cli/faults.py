@@ -1,4 +1,4 @@
-"""Command `faults`: let every sensor fail in every way and tell what becomes of Cassie."""
+"""Command `faults`: let every sensor fail in every way and measure the reaction of Cassie."""
 
 from __future__ import annotations
 
@@ -25,18 +25,28 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="faults",
-        description="Let sensors fail while Cassie stands and walks; print a table of what it "
-        "does and how long after the error's bound the channel is reported.",
+        description="Let sensors fail while Cassie stands and walks; print a table of what Cassie "
+        "does, and of the time from the error's bound until the channel is reported.",
         epilog=exit_codes("all faults end safely and are reported within 100 ms", "some do not"),
     )
     parser.add_argument(
-        "channels", nargs="*", type=_channel, metavar="CHANNEL", help="drive_position.3; all"
+        "channels",
+        nargs="*",
+        type=_channel,
+        metavar="CHANNEL",
+        help="such as drive_position.3 (default: all)",
     )
     parser.add_argument(
-        "--kinds", nargs="+", type=_kind, metavar="KIND", help="off, stuck, nan, spike, delay; all"
+        "--kinds",
+        nargs="+",
+        type=_kind,
+        metavar="KIND",
+        help="off, stuck, nan, spike, delay (default: all)",
     )
-    parser.add_argument("--modes", nargs="+", metavar="MODE", help="standing, walking; both")
-    parser.add_argument("--seed", type=count, default=1, help="robot and noise drawn (default 1)")
+    parser.add_argument(
+        "--modes", nargs="+", metavar="MODE", help="standing, walking (default: both)"
+    )
+    parser.add_argument("--seed", type=count, default=1, help="seed of robot and noise (default 1)")
     add_jobs(parser)
     add_results(parser, "all channels, kinds and modes")
     return parser

@@ -1,4 +1,4 @@
-"""Command `fingerprint`: whether every trajectory is as it was, to the last bit."""
+"""Command `fingerprint`: whether every trajectory is unchanged, to the last bit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.run.experiment import load_experiment
 
-    for file in arguments.files:  # what is wrong in one is told before all the rest is loaded
+    for file in arguments.files:  # report errors in files before the slow imports
         load_experiment(file)
     from cassie_bags.studies.fingerprints import run
 
@@ -29,22 +29,28 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fingerprint",
-        description="Run experiments in one process, without ROS, and hold each topic against "
-        "its recorded SHA-256: a change that is meant to change nothing changes none. With other "
+        description="Run experiments in one process, without ROS, and compare each topic with "
+        "its recorded SHA-256. A change of structure alone must change none of them. With other "
         "libraries or another kind of processor the estimated pose in the first "
         "5 s must be the same within tolerances.",
         epilog=exit_codes("as recorded", "not"),
     )
-    parser.add_argument("files", nargs="*", type=Path, help="experiments; all of the package")
-    parser.add_argument("--fast", action="store_true", help="the first part of a few runs only")
-    parser.add_argument("--renew", action="store_true", help="record fingerprints anew")
+    parser.add_argument(
+        "files", nargs="*", type=Path, help="experiments (default: all of the package)"
+    )
+    parser.add_argument(
+        "--fast", action="store_true", help="run only the first part of a few experiments"
+    )
+    parser.add_argument("--renew", action="store_true", help="record new fingerprints")
     parser.add_argument(
         "--bags",
         type=Path,
         metavar="FOLDER",
-        help="read bags that the command experiments left here, in place of making these runs",
+        help="read bags of the command experiment from this folder instead of running them",
     )
-    parser.add_argument("--file", type=Path, default=None, help="of fingerprints (the package's)")
+    parser.add_argument(
+        "--file", type=Path, default=None, help="file of fingerprints (default: the package's)"
+    )
     add_jobs(parser)
     return parser
 

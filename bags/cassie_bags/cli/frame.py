@@ -1,7 +1,7 @@
-"""What every command has in common: exit codes, errors in one line, Ctrl-C.
+"""Common parts of the commands: exit codes, errors in one line, Ctrl-C.
 
-A command's file holds its options alone and imports what computes when it runs, so that `--help`
-and a wrong option are answered at once.
+A command's file has only its options, and imports the slow modules when it runs. So `--help` and a
+wrong option are answered at once.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 
 
 def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True) -> str:
-    """What the exit codes of a command mean, for the end of its help.
+    """Meaning of a command's exit codes, for the end of its help.
 
     Args:
-        ok: What the first means.
-        not_as_expected: What the second means, if there is one.
-        runs: Whether it makes runs, which may come to no end.
+        ok: Meaning of the first exit code.
+        not_as_expected: Meaning of the second exit code, if there is one.
+        runs: Whether the command makes runs, which may fail to end.
     """
     words = [f"{OK} {ok}"]
     if not_as_expected:
@@ -46,7 +46,7 @@ def play(
     """Read a command line and run it; returns the exit code.
 
     Args:
-        parser: Of the command.
+        parser: Parser of the command.
         run: Gets the arguments, returns the exit code.
         argv: Words after the command's name; those of this process if None.
     """
@@ -54,13 +54,13 @@ def play(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = run(arguments)
-        if sys.stdout is not None:  # it is closed
+        if sys.stdout is not None:  # None if stdout is closed
             sys.stdout.flush()
         return code
     except KeyboardInterrupt:
         print(f"{parser.prog}: stopped", file=sys.stderr)
         return STOPPED
-    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+    except BrokenPipeError:  # the reader of our output has ended, such as `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except RunError as error:
@@ -72,10 +72,10 @@ def play(
 
 
 def bag_argument(word: str) -> Path:
-    """A bag from a command line, looked for before anything heavy is loaded.
+    """A bag from a command line, checked before slow modules are loaded.
 
     Raises:
-        argparse.ArgumentTypeError: if there is none; the message says what is there instead.
+        argparse.ArgumentTypeError: if there is none; the message names what was found instead.
     """
     from cassie_bags.bag.location import bag_files
 
@@ -90,7 +90,7 @@ def picture(word: str) -> Path:
     """A picture's file name from a command line.
 
     Raises:
-        argparse.ArgumentTypeError: if it has no ending of a picture.
+        argparse.ArgumentTypeError: if the name does not end like a picture's.
     """
     if Path(word).suffix not in (".png", ".svg", ".pdf"):
         raise argparse.ArgumentTypeError(f"{word} does not end in .png, .svg or .pdf")
@@ -98,10 +98,10 @@ def picture(word: str) -> Path:
 
 
 def new_file(path: Path) -> Path:
-    """A path for output that does not exist yet, in a folder that does.
+    """A path for output, which must not exist, in a folder that exists.
 
     Raises:
-        BagError: if it exists, or its folder does not.
+        BagError: if the path exists, or its folder does not.
     """
     if path.exists():
         raise BagError(f"{path} exists: give another file with -o, or remove it")
@@ -111,7 +111,7 @@ def new_file(path: Path) -> Path:
 
 
 def stem(bag: Path) -> str:
-    """Name of a bag without its ending, for names of what is made of it."""
-    if bag.name == "bag.mcap":  # as every experiment's folder has one
+    """Name of a bag without its ending, for the names of files made from the bag."""
+    if bag.name == "bag.mcap":  # every experiment's folder has a file of this name
         return bag.resolve().parent.name
     return bag.stem if bag.suffix == ".mcap" else bag.resolve().name

@@ -1,4 +1,4 @@
-"""Command `info`: what is in a bag."""
+"""Command `info`: summary of a bag."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="info",
         description="Say what is in a bag: duration, topics and their rates, missing samples, "
-        "episodes, modes over time, faults, falls, what was drawn, versions.",
+        "episodes, modes over time, faults, falls, values drawn, versions.",
         epilog=exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
-    parser.add_argument("--json", action="store_true", help="one line of JSON instead of text")
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
+    parser.add_argument(
+        "--json", action="store_true", help="print one line of JSON instead of text"
+    )
     return parser
 
 

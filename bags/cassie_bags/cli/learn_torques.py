@@ -1,4 +1,4 @@
-"""Command `learn_torques`: learn feed-forward torques over repeated steps, and what they bring."""
+"""Command `learn_torques`: learn feed-forward torques over repeated steps; measure their effect."""
 
 from __future__ import annotations
 
@@ -26,16 +26,42 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="learn_torques",
         description="Drawn robots walk at each speed and learn torques over their steps; "
-        "their mean is kept and held against walking without it, by robots not seen before.",
+        "their mean is kept. Other robots then walk with and without it, for comparison.",
         epilog=exit_codes("done", "tracking or falls got worse at a speed"),
     )
     add_seeds(parser, 4, "to learn with")
-    parser.add_argument("--rounds", type=positive, default=2, help="each from the mean before")
-    parser.add_argument("--seconds", type=seconds, default=10.0, help="learned at each speed")
-    parser.add_argument("--held-out", type=positive, default=3, help="other robots to report on")
-    parser.add_argument("--measured", type=seconds, default=8.0, help="length of their runs in s")
-    parser.add_argument("--speeds", type=float, nargs="+", default=None, help="in m/s")
-    parser.add_argument("--begin", type=Path, default=None, metavar="FILE", help="learn on from it")
+    parser.add_argument(
+        "--rounds",
+        type=positive,
+        default=2,
+        help="rounds of learning; each begins at the last mean (default 2)",
+    )
+    parser.add_argument(
+        "--seconds",
+        type=seconds,
+        default=10.0,
+        help="time of learning at each speed, in s (default 10)",
+    )
+    parser.add_argument(
+        "--held-out",
+        type=positive,
+        default=3,
+        help="number of other robots for the comparison (default 3)",
+    )
+    parser.add_argument(
+        "--measured",
+        type=seconds,
+        default=8.0,
+        help="length of the runs of the comparison, in s (default 8)",
+    )
+    parser.add_argument("--speeds", type=float, nargs="+", default=None, help="speeds in m/s")
+    parser.add_argument(
+        "--begin",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="file of torques from which learning begins",
+    )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     add_jobs(parser, elsewhere=True)
     add_out(parser, "learn_torques")

@@ -1,4 +1,4 @@
-"""Command `plot`: fields of a bag over time, or the standard set."""
+"""Command `plot`: a bag's fields over time, or the standard set of plots."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
         "/imu/data.linear_acceleration.x. " + exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder that ros2 bag wrote")
+    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
     parser.add_argument(
         "fields", nargs="*", metavar="TOPIC.FIELD", help="one panel each; /cassie/ may be left out"
     )

@@ -1,4 +1,4 @@
-"""Command `recover`: an indexed bag out of one that is damaged or was not closed."""
+"""Command `recover`: make an indexed bag from one that is damaged or was not closed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="recover",
-        description="Make an indexed bag of one that is damaged or whose writer was killed.",
+        description="Make an indexed bag from one that is damaged or whose writer was killed.",
         epilog="The bag itself and anything that exists stay as they are. "
-        + exit_codes("something was saved", runs=False),
+        + exit_codes("messages were recovered", runs=False),
     )
     parser.add_argument("file", type=Path, help="the damaged bag: a file, or a folder of ros2 bag")
     parser.add_argument(
@@ -34,7 +34,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.bag.recover import recover
 
     source: Path = arguments.file
-    place = Path(os.path.realpath(source))  # also where links go round in a circle
+    place = Path(os.path.realpath(source))  # works also for links in a circle
     ending = "" if source.is_dir() else ".mcap"
     stem = place.name if source.is_dir() else source.stem
     target = arguments.output or place.with_name(f"{stem}_recovered{ending}")

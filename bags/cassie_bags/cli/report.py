@@ -27,8 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="report",
-        description="Make one page of recorded runs, of experiments or drives by hand: what was "
-        "expected and what came, modes, tracking, outputs, forces, torques, estimate, footsteps, "
+        description="Make one page about recorded runs, of experiments or drives by hand: "
+        "expectations and results, modes, tracking, outputs, forces, torques, estimate, footsteps, "
         "images and a video. Up to three bags stand side by side.",
         epilog=exit_codes("done", "an experiment was not as expected", runs=False),
     )
@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "-o", "--output", type=_page, default=Path("report.html"), help="default: report.html"
     )
-    parser.add_argument("--no-video", action="store_true", help="leave the video out")
+    parser.add_argument("--no-video", action="store_true", help="make no video")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""Command `return_map`: how each gait answers small pushes from step to step."""
+"""Command `return_map`: how deviations by small pushes decay from step to step, for each gait."""
 
 from __future__ import annotations
 
@@ -41,13 +41,18 @@ def _parser() -> argparse.ArgumentParser:
     add("file", nargs="?", metavar="FILE", help=library)
     add("--speeds", nargs="+", type=float, help="m/s (default: those of the library's gaits)")
     add(
-        "--seed", type=count, default=0, help="robot and noise drawn (default 0, the nominal robot)"
+        "--seed",
+        type=count,
+        default=0,
+        help="seed of robot and noise (default 0, the nominal robot)",
     )
-    add("--impulse", type=float, default=4.0, help="of each push, N s (default 4)")
+    add("--impulse", type=float, default=4.0, help="impulse of each push, in N s (default 4)")
     add_jobs(parser)
-    add("--out", type=Path, metavar="FOLDER", help="draw the decay there: return_map.png")
+    add(
+        "--out", type=Path, metavar="FOLDER", help="draw the decay into this folder: return_map.png"
+    )
     add_results(parser, "all speeds of the package's library")
-    add("--allow-uncertified", action="store_true", help="take a library without certificates")
+    add("--allow-uncertified", action="store_true", help="allow a library without certificates")
     return parser
 
 

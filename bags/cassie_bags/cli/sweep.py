@@ -1,4 +1,4 @@
-"""Command `sweep`: measure what the robot can do, row by row, beside the paper's own law."""
+"""Command `sweep`: measure the robot's abilities, row by row, compared with the paper's law."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sweep",
-        description="Measure what the robot can do: a table of target, figure, and the same with "
-        "the paper's own law. Runs in process, without ROS, as fast as it goes.",
+        description="Measure what the robot can do: a table of target, result, and result with "
+        "the paper's own law. Runs in process, without ROS, as fast as possible.",
         epilog=exit_codes("all targets reached", "not all"),
     )
     _add_extent(parser)
@@ -41,50 +41,52 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_extent(parser: argparse.ArgumentParser) -> None:
-    """How much to run."""
+    """Add the options about the number and length of runs."""
     parser.add_argument(
-        "rows", nargs="*", help="rows or groups of rows; if left out, all that are promised"
+        "rows", nargs="*", help="rows or groups of rows (default: all promised rows)"
     )
     parser.add_argument(
         "--list",
         action="store_true",
-        help="name all rows and exit; `beyond` is all that are not promised",
+        help="list all rows and exit; `beyond` is the group of rows that are not promised",
     )
-    parser.add_argument("--seeds", type=positive, help="robots tried for each setting (10)")
+    parser.add_argument("--seeds", type=positive, help="robots for each setting (10)")
     parser.add_argument(
-        "--phases", type=positive, help="moments over two steps for pushes and stops (10)"
+        "--phases", type=positive, help="times within two steps for pushes and stops (10)"
     )
-    parser.add_argument("--seconds", type=seconds, help="length of the part that is measured (40)")
+    parser.add_argument("--seconds", type=seconds, help="length of the measured part, in s (40)")
     parser.add_argument(
         "--beyond",
         type=count,
-        help="harder levels to try where a target is met; until one does not hold if left out",
+        help="harder levels to try after a met target (default: until one fails)",
     )
     parser.add_argument(
-        "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, unless they are given"
+        "--quick", action="store_true", help="3 seeds, 5 phases, 15 s, where these are not given"
     )
 
 
 def _add_comparison(parser: argparse.ArgumentParser) -> None:
-    """With which law."""
+    """Add the options about the law that is measured."""
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="for every run: controller.walk.map_gain_y=0.9",
+        help="value for every run, such as controller.walk.map_gain_y=0.9",
     )
     parser.add_argument(
         "--compare",
         default=None,
         metavar="KEY=VALUE",
-        help="measure also with this, or with what stands in @FILE (the paper's own law with "
-        "drive gains with which it walks)",
+        help="measure also with this value, or with the values in @FILE (default: the paper's own "
+        "law, with drive gains with which the robot walks)",
     )
     parser.add_argument(
-        "--compare-seeds", type=positive, help="robots and moments for that, if fewer will do"
+        "--compare-seeds",
+        type=positive,
+        help="robots and times for the comparison (default: as many)",
     )
-    parser.add_argument("--no-compare", action="store_true", help="measure only as it is")
+    parser.add_argument("--no-compare", action="store_true", help="measure without a comparison")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Command `tune`: search for controller parameters that walk well on many grounds and robots."""
+"""Command `tune`: search for controller parameters for many grounds and robots."""
 
 from __future__ import annotations
 
@@ -26,44 +26,49 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="tune",
         description="Search for controller parameters by CMA-ES, in process, on local processes "
-        "or a Dask cluster. Ctrl-C keeps what was found.",
+        "or a Dask cluster. Ctrl-C keeps the result so far.",
         epilog=exit_codes("done or stopped with a result", ""),
     )
     parser.add_argument(
         "parameters",
         nargs="*",
-        help="patterns of controller parameters, such as 'walk.joints.*'; the joint, torso and "
-        "leg-angle gains if left out",
+        help="patterns of controller parameters, such as 'walk.joints.*' (default: the joint, "
+        "torso and leg-angle gains)",
     )
     parser.add_argument(
         "--objective",
         type=Path,
         default=None,
-        help="file of courses, model errors and costs (the package's)",
+        help="file of courses, model errors and costs (default: the package's)",
     )
     parser.add_argument(
         "--seeds", type=positive, default=2, help="new robots in each generation (%(default)s)"
     )
     parser.add_argument(
-        "--held-out", type=count, default=10, help="other robots to report on (%(default)s)"
+        "--held-out", type=count, default=10, help="other robots for the final report (%(default)s)"
     )
-    parser.add_argument("--generations", type=count, default=30, help="in all (%(default)s)")
-    parser.add_argument("--population", type=_crowd, default=0, help="of a generation; 0: auto (0)")
+    parser.add_argument("--generations", type=count, default=30, help="total number (%(default)s)")
     parser.add_argument(
-        "--factor", type=_factor, default=2.0, help="a value goes up and down by (%(default)s)"
+        "--population", type=_crowd, default=0, help="size of a generation; 0: auto (0)"
     )
     parser.add_argument(
-        "--step", type=_share, default=0.3, help="first step, by the whole reach (%(default)s)"
+        "--factor",
+        type=_factor,
+        default=2.0,
+        help="largest factor on a value, up and down (%(default)s)",
     )
-    parser.add_argument("--seed", type=positive, default=1, help="of the search (%(default)s)")
+    parser.add_argument(
+        "--step", type=_share, default=0.3, help="first step as a share of the range (%(default)s)"
+    )
+    parser.add_argument("--seed", type=positive, default=1, help="seed of the search (%(default)s)")
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="for every run; controller parameters given so are where the search begins",
+        help="value for every run; the search begins at controller parameters given here",
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the search in --out")
+    parser.add_argument("--resume", action="store_true", help="continue the search in --out")
     add_jobs(parser, elsewhere=True)
     add_out(parser, "tune")
     return parser

@@ -1,4 +1,4 @@
-"""`replay --verify`: whether estimator, supervisor and controller answer a bag as recorded."""
+"""`replay --verify`: whether estimator, supervisor and controller compute the recorded messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm  # these take a while to load
+    from tqdm import tqdm  # these imports are slow
 
     from cassie_bags.run.verify import START, TOLERANCE, verify
     from cassie_bags.run.yaml_file import consistent
@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="replay --verify",
         description="Feed a bag's samples, operator commands and parameters through estimator, "
-        "supervisor and controller again, as fast as they go, and compare their states, modes and "
+        "supervisor and controller again, as fast as possible, and compare their states, modes and "
         "motor commands with the recorded ones, to the last bit.",
         epilog=exit_codes("identical", "not"),
     )
@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="what another parameter would have given on the same data, as a picture: "
+        help="draw what another parameter would have given on the same data: "
         "controller.walk.joints.kp_knee=500, estimator.…, supervisor.…; or @file.yaml",
     )
     parser.add_argument(
@@ -83,9 +83,9 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         default=None,
         metavar="FILE",
-        help="the same with another gait library",
+        help="draw what another gait library would have given on the same data",
     )
     parser.add_argument(
-        "--plot", type=Path, default=None, metavar="FILE", help="picture (replay.png)"
+        "--plot", type=Path, default=None, metavar="FILE", help="draw a picture (replay.png)"
     )
     return parser

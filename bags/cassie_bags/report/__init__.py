@@ -1,1 +1,1 @@
-"""Outcomes for people: text, figures, strips of images, videos and pages."""
+"""Results for readers: text, figures, strips of images, videos and pages."""

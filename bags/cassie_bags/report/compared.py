@@ -1,4 +1,4 @@
-"""How two bags differ, as text."""
+"""Differences of two bags, as text."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def comparison_text(
     topics: Sequence[TopicComparison],
     figures: tuple[Mapping[str, float], Mapping[str, float]] | str,
 ) -> str:
-    """Samples by topic, the first difference, and the runs' figures beside each other.
+    """Samples by topic, the first differences, and the metrics of both runs side by side.
 
     Args:
-        summaries: Of A and B.
-        topics: Compared.
-        figures: Of A and B by name; or why they cannot be measured.
+        summaries: Summaries of the bags A and B.
+        topics: Comparison of each topic.
+        figures: Metrics of A and B by name; or the reason why they cannot be measured.
 
     Raises:
-        BagError: if neither bag holds any of the topics compared.
+        BagError: if neither bag holds any of the compared topics.
     """
     if not any(any(one.counts) for one in topics):
         raise BagError("neither bag holds a topic of the control lane: there is nothing to compare")
@@ -52,7 +52,7 @@ def comparison_text(
 
 
 def in_one_bag(summaries: tuple[Summary, Summary]) -> list[str]:
-    """Topics that only one bag holds. Those beside the control lane have no fixed number."""
+    """Topics that only one bag holds, also outside of the control lane."""
     a, b = ({topic.topic for topic in s.topics if topic.count} for s in summaries)
     return sorted(a ^ b)
 

@@ -41,7 +41,7 @@ MODE_COLOURS = {
 }  # fmt: skip
 
 FEWEST_SAMPLES = 20
-"""Status samples of walking below which the outputs are not drawn over the phase."""
+"""Least number of walking status samples for the picture of the outputs over the phase."""
 
 _PANELS = (
     ("vx", "forward\n(m/s)"),
@@ -51,9 +51,9 @@ _PANELS = (
 )
 _LONGEST_NAME = 22  # characters
 _FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
-_BINS = 25  # of the phase
-_AFTER_PUSH = 0.5  # s for which outputs and phase portrait show a push
-_MEAN = 0.2  # s over which the estimator's velocity error is also averaged
+_BINS = 25  # bins of the phase
+_AFTER_PUSH = 0.5  # s after a push that count as pushed in outputs and phase portrait
+_MEAN = 0.2  # s, width of the moving mean of the estimator's velocity error
 
 STYLE: dict[str, Any] = {
     "font.size": 9,
@@ -72,11 +72,11 @@ def draw_all(view: View, folder: Path) -> dict[str, Path]:
     """Draw every picture into a folder.
 
     Args:
-        view: Of the run.
-        folder: Where to; it is made if it is not there.
+        view: View of the run.
+        folder: Target folder; it is made if it does not exist.
 
     Returns:
-        The files by name; what a run has no data for is left out.
+        The files by name; a picture is left out if the run has no data for it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = {}
@@ -90,7 +90,7 @@ def draw_all(view: View, folder: Path) -> dict[str, Path]:
 
 
 def mode_timeline(view: View) -> Figure:
-    """Modes over time with what the supervisor said, and every event by name."""
+    """Modes over time, and every event by name."""
     figure = Figure(figsize=(9.0, 2.1), layout="constrained")
     axes = figure.subplots()
     draw_modes(axes, view.modes)
@@ -99,7 +99,7 @@ def mode_timeline(view: View) -> Figure:
     span = float(view.track.time[-1] - view.track.time[0]) or 1.0
     for event in view.events:
         inside = event.t0 <= view.track.time[-1]
-        if inside and event.t0 - last > 0.03 * span:  # names on each other are left out
+        if inside and event.t0 - last > 0.03 * span:  # names that would overlap are left out
             axes.annotate(
                 shortened(event.text), (event.t0, 1.0), xycoords=("data", "axes fraction"),
                 xytext=(0, 3), textcoords="offset points", rotation=30, fontsize=7,
@@ -124,7 +124,7 @@ def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
 
 
 def shortened(name: str) -> str:
-    """A name that fits beside others; tables have all of it."""
+    """A name short enough for its place in a picture; tables have the full name."""
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
@@ -157,7 +157,7 @@ def speed_tracking(view: View) -> Figure:
 
 
 def _draw_tracked(axes: Any, track: Track, name: str, label: str) -> None:
-    """What was commanded and what came, and its mean over two steps where it sways with each."""
+    """Commanded and achieved values; also the mean over two steps if they sway with the gait."""
     achieved = np.where(track.carries, track.achieved[name], np.nan)
     commanded = np.where(track.carries, track.commanded[name], np.nan)
     sways = name != "height"
@@ -233,7 +233,7 @@ def outputs_by_phase(view: View) -> Figure | None:
 
 
 def knee_phase_portrait(view: View) -> Figure:
-    """Rate of the left knee over its angle while walking, coloured by the speed asked for."""
+    """Rate of the left knee over its angle while walking, coloured by the commanded speed."""
     track = view.track
     figure, axes = _figure(4.8, 4.2)
     walking = track.mode == RobotMode.WALK
@@ -263,7 +263,7 @@ def knee_phase_portrait(view: View) -> Figure:
 
 
 def foot_forces(view: View) -> Figure:
-    """Vertical force on each foot as the springs tell it."""
+    """Vertical force on each foot from the springs' deflection."""
     figure, panels = _over_time(view, 2, 3.4)
     for leg, (axes, colour) in enumerate(zip(panels, (BLUE, ORANGE), strict=True)):
         axes.plot(
@@ -275,7 +275,7 @@ def foot_forces(view: View) -> Figure:
 
 
 def torques(view: View) -> Figure:
-    """Torque of each drive by its limit."""
+    """Torque of each drive over its limit."""
     ratio = 100.0 * np.abs(view.track.sensors["drive_torque"]) / torque_limits()
     figure, panels = _over_time(view, len(LEG_DRIVES), 6.4)
     for index, (axes, drive) in enumerate(zip(panels, LEG_DRIVES, strict=True)):
@@ -289,7 +289,7 @@ def torques(view: View) -> Figure:
 
 
 def estimate(view: View) -> Figure | None:
-    """Errors of the state estimate: velocity, tilt and displacement; None without a truth."""
+    """Errors of the state estimate: velocity, tilt and displacement; None without a true pose."""
     if view.estimated:
         return None
     track = view.track
@@ -319,7 +319,7 @@ def footsteps(view: View) -> Figure:
     """Top view of the foot placements with the path of the pelvis."""
     track = view.track
     places = np.concatenate([track.position[:, :2], *track.legs[:, :, -1, :2].swapaxes(0, 1)])
-    places = places[np.isfinite(places).all(axis=1)]  # damped, the feet are not known
+    places = places[np.isfinite(places).all(axis=1)]  # the feet are unknown while the drives damp
     low, high = places.min(axis=0) - 0.25, places.max(axis=0) + 0.25
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
@@ -359,16 +359,16 @@ DRAWERS: dict[str, Callable[[View], Figure | None]] = {
     "knee_phase_portrait": knee_phase_portrait,
     "estimate": estimate,
 }
-"""Every picture by name, in the order in which a page shows them."""
+"""Functions that draw the pictures, by name, in the order of a page."""
 
 
 def moving_mean(time: FloatArray, values: FloatArray, width: float) -> FloatArray:
-    """Mean over a window around each sample; NaN where the window holds a NaN.
+    """Mean over a window around each sample; NaN where the window contains a NaN.
 
     Args:
-        time: Evenly spaced. Shape (n,), in s.
-        values: Shape (n,).
-        width: Of the window. In s.
+        time: Evenly spaced times. Shape (n,), in s.
+        values: Values at these times. Shape (n,).
+        width: Width of the window. In s.
     """
     if len(time) < 3:
         return values

@@ -1,4 +1,4 @@
-"""Values as JSON has them, which knows neither NaN nor infinity."""
+"""Values for JSON, which has neither NaN nor infinity."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def finite(content: Any) -> Any:
-    """NaN and infinity as null, through nested mappings and lists."""
+    """Replace NaN and infinity by None (null), also in nested mappings and lists."""
     if isinstance(content, float):
         return content if math.isfinite(content) else None
     if isinstance(content, Mapping):

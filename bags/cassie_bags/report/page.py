@@ -28,10 +28,10 @@ CAPTIONS = {
     "knee_phase_portrait": "Phase portrait of the left knee",
     "estimate": "Error of the state estimate",
 }
-"""Pictures of a run that the page shows, by name, in order."""
+"""Captions of a run's pictures by name, in the order of the page."""
 
 MOST_BESIDE = 3
-"""Runs whose pictures stand side by side; more are shown one after another."""
+"""Largest number of runs whose pictures stand side by side; more follow one another."""
 
 _SHAPES = {"strip": "strip", "knee_phase_portrait": "narrow"}
 _TRACKED = (
@@ -41,20 +41,20 @@ _TRACKED = (
     {"name": "height", "label": "height"},
 )
 _NO_DITHER = Image.Dither.NONE
-_NEARLY_WHITE = 247  # to which the fewer colours may turn a white ground
-_COLOURS = 256  # of a picture of lines and text
+_NEARLY_WHITE = 247  # larger values become white: the fewer colours may change a white ground
+_COLOURS = 256  # number of colours of a picture of lines and text
 
 Entry = Mapping[str, Any]
-"""What the page says of a run, as JSON has it: what `run_entry` or `drive_entry` gives."""
+"""Content of the page about one run, as for JSON: result of `run_entry` or `drive_entry`."""
 
 
 def run_entry(outcome: RunResult, view: View | None, versions: Mapping[str, str]) -> Entry:
-    """An experiment for the page.
+    """Content of the page about an experiment.
 
     Args:
-        outcome: What came of it.
-        view: What its pictures show, if there are any.
-        versions: It was made with.
+        outcome: Result of the run.
+        view: Content of its pictures, if there are any.
+        versions: Versions with which the run was made.
     """
     content: Entry = finite(
         {
@@ -70,7 +70,7 @@ def run_entry(outcome: RunResult, view: View | None, versions: Mapping[str, str]
 def drive_entry(
     view: View, metrics: Metrics, files: Mapping[str, str], versions: Mapping[str, str]
 ) -> Entry:
-    """A recorded drive for the page, of which nothing was expected."""
+    """Content of the page about a recorded drive, which has no expectations."""
     content: Entry = finite(
         {
             "name": view.title,
@@ -106,9 +106,9 @@ def page(
     """The page as HTML.
 
     Args:
-        title: Its title.
-        entries: The runs. Up to `MOST_BESIDE` with pictures are shown side by side.
-        versions: The page was made with.
+        title: Title of the page.
+        entries: Contents of the runs. Up to `MOST_BESIDE` with pictures are shown side by side.
+        versions: Versions with which the page is made.
         sweeps: Folder with sweeps.png and sweeps.txt to show at the end, or None.
     """
     loader = jinja2.PackageLoader("cassie_bags", "report")
@@ -134,7 +134,7 @@ def page(
 
 
 def _prepared(entry: Entry) -> dict[str, Any]:
-    """An entry with everything that the template reads."""
+    """A run's content with all that the template reads."""
     seed = entry.get("seed")
     heading = entry["name"] if seed is None else f"{entry['name']}, seed {seed}"
     files = entry.get("files", {})
@@ -152,7 +152,7 @@ def _prepared(entry: Entry) -> dict[str, Any]:
         "anchor": heading.replace(" ", "-"),
         "failures": failures,
         "other_failures": [failure for failure in failures if failure not in told],
-        # Those that it names only: beside them an earlier run may have left others.
+        # Only the files that the content names: others in the folder may be of an earlier run.
         "pictures": {n: _picture(Path(files[n]), n) if n in files else "" for n in CAPTIONS},
         "video": _data("video/mp4", Path(files["video"]).read_bytes()) if "video" in files else "",
     }
@@ -169,7 +169,7 @@ def _sweeps(folder: Path | None) -> dict[str, str]:
 
 
 def _picture(path: Path, name: str) -> str:
-    """A picture as part of the page: photos as JPEG, drawings in few colours."""
+    """A picture as part of the page: photos as JPEG, drawings as PNG with few colours."""
     stream = BytesIO()
     with Image.open(path) as image:
         if name == "strip":

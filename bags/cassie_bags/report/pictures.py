@@ -1,4 +1,4 @@
-"""All pictures of a run into a folder. Loads matplotlib and MuJoCo, which takes a while."""
+"""Draws all pictures of a run into a folder. Loads matplotlib and MuJoCo, which takes a while."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cassie_sim.video import Film
 
 
 def draw(view: View, folder: Path, *, film: bool = True) -> dict[str, Path]:
-    """Draw all pictures of a run; what cannot be drawn is said on stderr.
+    """Draw all pictures of a run; problems are reported on stderr.
 
     Args:
-        view: Of the run.
-        folder: Where to.
+        view: View of the run.
+        folder: Target folder.
         film: Whether to make a video too.
 
     Returns:
@@ -40,7 +40,7 @@ def draw(view: View, folder: Path, *, film: bool = True) -> dict[str, Path]:
 
 
 def _film(view: View, path: Path) -> tuple[Film | None, str | None]:
-    """A film under way in a process of its own, or why there is none."""
+    """A film that a process of its own makes, and None; or None, and the reason."""
     try:
         return film_of(view, path), None
     except SimulationError as error:

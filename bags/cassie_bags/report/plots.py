@@ -1,4 +1,4 @@
-"""Plots of fields of a bag over time, and of two runs over each other."""
+"""Plots of a bag's fields over time, and of two runs in the same axes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_mod
 from cassie_bags.report.view import View
 from cassie_msgs.experiment.expectation import TRACKED
 
-_MOST_LABELS = 20  # of a panel
-_FEW = 10  # columns that the usual colours tell apart
+_MOST_LABELS = 20  # labels of a panel
+_FEW = 10  # columns that the default colours distinguish
 
 
 def save_overview(view: View, path: Path) -> None:
@@ -27,13 +27,13 @@ def save_overview(view: View, path: Path) -> None:
 
 
 def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, path: Path) -> None:
-    """Draw fields over time, a panel each, below the modes.
+    """Draw fields over time, one panel each, below the modes.
 
     Args:
-        curves: The fields.
-        modes: Of the robot; none if they are not known.
+        curves: Curves of the fields.
+        modes: Modes of the robot; empty if they are not known.
         title: Name of the bag.
-        path: Picture, of the kind that its ending says.
+        path: Picture; the ending decides its format.
     """
     with matplotlib.rc_context(STYLE):
         heights = [0.3] * bool(modes) + [1.0] * len(curves)
@@ -52,7 +52,7 @@ def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, 
 
 
 def save_overlay(one: View, other: View, path: Path) -> None:
-    """Draw what two runs achieved over each other."""
+    """Draw the motion of two runs in the same axes."""
     labels = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s", "height": "m"}
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0), layout="constrained")
@@ -73,7 +73,7 @@ def save_overlay(one: View, other: View, path: Path) -> None:
 
 
 def _apart(one: View, other: View) -> tuple[Any, Any]:
-    """Ticks (s) that both have, and the distance of the pelvis origins on them (m)."""
+    """Common ticks (s) of two runs, and the distance of the pelvis origins at these ticks (m)."""
     a, b = (np.round(view.track.time * 1e9).astype(np.int64) for view in (one, other))
     ticks, first, second = np.intersect1d(a, b, return_indices=True)
     apart = one.track.position[first] - other.track.position[second]

@@ -1,4 +1,4 @@
-"""Configurations of the MuJoCo model out of a recording, for pictures."""
+"""Configurations of the MuJoCo model from a recording, for pictures."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class PosedModel:
-    """The robot in its scene, put into the poses of a recording.
+    """The robot in its scene, set to the poses of a recording.
 
     Args:
-        scenario: What the recording was made in.
+        scenario: Scenario of the recording.
 
     Raises:
         SimulationError: if the scene cannot be built.
@@ -36,14 +36,14 @@ class PosedModel:
         self._data = mujoco.MjData(self.model)
 
     def pose(self, track: Track, index: int) -> FloatArray:
-        """Frame of one sample: springs as measured, rods where the loops close, ground moved.
+        """Frame of one sample: springs as measured, rods that close the loops, ground moved.
 
         Args:
             track: Signals of the run.
-            index: Sample.
+            index: Index of the sample.
 
         Returns:
-            As `cassie_sim.camera.frame_of` gives it.
+            As `cassie_sim.camera.frame_of` returns it.
         """
         data, row = self._data, track.sensors[index]
         with contextlib.suppress(SimulationError):  # a fallen robot may leave its joint limits

@@ -1,4 +1,4 @@
-"""What a page says of a recorded bag, of an experiment or of a drive by hand."""
+"""Content of a page about a recorded bag, of an experiment or of a drive by hand."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from cassie_bags.signals.metrics import measure
 
 
 def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
-    """What a page says of a bag. An experiment in it is held against what its file expects.
+    """Content of a page about a bag. An experiment in it is compared with its expectations.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
-        name: Of the bag, where it holds no experiment.
-        folder: Where pictures are drawn into.
+        name: Name of the bag, if it has no experiment.
+        folder: Folder for the pictures.
         film: Whether to make a video too.
 
     Raises:
-        BagError: if it cannot be read, or holds no tick with sensors and state.
+        BagError: if the bag cannot be read, or has no tick with sensors and state.
     """
     summary = summarize(bag)
     recording = summary.recording
@@ -36,7 +36,7 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
         view = dataclasses.replace(view, notes=[*view.notes, note])
     versions = recording.metadata.get("cassie_versions", {})
     files = {name: str(path) for name, path in draw(view, folder, film=film).items()}
-    if experiment is None or not len(recording.truth):  # which is judged by the true pose
+    if experiment is None or not len(recording.truth):  # evaluation needs the true pose
         metrics = measure(recording, view.track, view.phases)
         notes = [*view.notes, *(f"Missing: {g}" for g in summary.gaps)]
         if experiment is not None:

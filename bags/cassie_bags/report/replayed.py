@@ -1,4 +1,4 @@
-"""A picture of a replay: what was recorded, and what is computed on the same data."""
+"""Picture of a replay: recorded values, and values computed from the same data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cassie_msgs.layout import MotorCommand, RobotState
 FloatArray = npt.NDArray[np.float64]
 
 WINDOW = 2.0
-"""Length of the part that is drawn large, from a step before the first difference on. In s."""
+"""Length of the enlarged part, from shortly before the first difference on. In s."""
 
 _BEFORE = 0.4  # s
 _POSE = ("x (m)", "y (m)", "z (m)", "yaw (rad)", "pitch (rad)", "roll (rad)")
@@ -29,11 +29,11 @@ _DRIVES_IN_Q = [6 + 7 * leg + joint for leg in (0, 1) for joint in (0, 1, 2, 3, 
 def draw(found: Verification, path: Path) -> None:
     """Draw the torque of each drive, and the estimated pose where it differs.
 
-    The torque is what the command gives at the recorded positions and velocities.
+    The torque is that of the command at the recorded positions and velocities.
 
     Args:
-        found: What came of the replay.
-        path: Where to.
+        found: Result of the replay.
+        path: Picture to write.
     """
     states, commands = found.replayed[RobotState.TOPIC], found.replayed[MotorCommand.TOPIC]
     panels: list[tuple[str, FloatArray, FloatArray, FloatArray]] = []
@@ -69,7 +69,7 @@ def _keys(rows: Rows) -> npt.NDArray[np.uint64]:
 
 
 def _start(found: Verification) -> float:
-    """Where the part that is drawn large begins. In s."""
+    """Start of the enlarged part. In s."""
     times = [difference.time for difference in found.differences]
     return max(0.0, min(times, default=0.0) - _BEFORE)
 

@@ -1,4 +1,4 @@
-"""A strip of images and a short video of a run; a stick figure where nothing can render."""
+"""A strip of images and a short video of a run; stick figures if nothing can be rendered."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from cassie_sim.video import Camera, Film
 FloatArray = npt.NDArray[np.float64]
 
 STRIP_LENGTH = 10
-"""Images in a strip."""
+"""Number of images in a strip."""
 
 VIDEO_FPS = 16.0
 VIDEO_LENGTH = 10.0
 """Longest playing time of a video; a longer run is played faster. In s."""
 
-_SKY = 112  # upper rows of an image that show nothing
+_SKY = 112  # upper rows of an image, which are empty
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
 
 def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) -> list[int]:
-    """Samples worth showing: as many of each phase, or evenly spread if there are few phases.
+    """Samples to show: equally many of each phase, or evenly spread if phases are few or many.
 
     Args:
         track: Signals of the run.
-        phases: Its phases.
-        count: Number of samples, at most.
+        phases: Phases of the run.
+        count: Largest number of samples.
     """
     if not 4 <= len(phases) <= count:
         return [round(i) for i in np.linspace(0, len(track.time) - 1, min(count, len(track.time)))]
@@ -57,11 +57,11 @@ def strip(view: View, path: Path) -> str | None:
     """Draw a strip of images.
 
     Args:
-        view: Of the run; its phases choose the moments.
+        view: View of the run; its phases decide the moments.
         path: PNG file.
 
     Returns:
-        Why it shows stick figures instead of the robot, or None if it shows the robot.
+        Reason for stick figures instead of the robot, or None if the strip shows the robot.
     """
     track, phases = view.track, view.phases
     shown = moments(track, phases)
@@ -88,7 +88,7 @@ def strip(view: View, path: Path) -> str | None:
 
 
 def film_of(view: View, path: Path) -> Film:
-    """Film a run, faster than it was if it is long. To be closed, which waits for its end.
+    """Film a run; a long one is played faster. The caller closes the film, which waits for its end.
 
     Raises:
         SimulationError: if this machine cannot render or write videos.
@@ -108,12 +108,12 @@ def film_of(view: View, path: Path) -> Film:
 
 
 def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> None:
-    """The robot from its left as lines: pelvis, thighs, shins, tarsi, feet, ground.
+    """Draw the robot from its left as lines: pelvis, thighs, shins, tarsi, feet, ground.
 
     Args:
-        axes: Where to draw.
+        axes: Axes to draw into.
         track: Signals of the run.
-        index: Sample.
+        index: Index of the sample.
     """
     yaw = track.angles[index, 0]
     ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])

@@ -1,4 +1,4 @@
-"""What is in a bag, as text for people and as JSON for programs."""
+"""Summary of a bag, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from cassie_bags.bag.summary import Interval, Summary
 from cassie_bags.report.json_values import finite
 from cassie_bags.report.text import aligned
 
-_WIDTH = 80  # of a terminal, in characters
+_WIDTH = 80  # width of a terminal, in characters
 
 
 def summary_text(summary: Summary, falls: Mapping[int, float] | None) -> str:
-    """A bag in some lines.
+    """Summary of a bag in some lines.
 
     Args:
-        summary: Of the bag.
-        falls: Time of each fall (s) by episode; None if nothing tells.
+        summary: Summary of the bag.
+        falls: Time of each fall (s) by episode; None if unknown.
     """
     return "\n".join(_lines(summary, falls))
 
 
 def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
-    """A bag as one line of JSON."""
+    """Summary of a bag as one line of JSON."""
     content = {
         "files": [str(file) for file in summary.files],
         "size": summary.size,
@@ -82,7 +82,7 @@ def _whole(summary: Summary) -> str:
 
 def _speed(summary: Summary) -> str:
     if abs(summary.wall_time - summary.duration) < 1e-3:
-        return ""  # a run without ROS, which knows no wall time
+        return ""  # a run without ROS, which records no wall time
     return f", {summary.wall_time:.2f} s of wall time"
 
 
@@ -115,7 +115,7 @@ def _origin(metadata: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
 
 
 def drawn_text(text: str) -> str:
-    """What a seed drew, from the bag's record; numbers to three digits."""
+    """The values drawn from a seed, from the bag's record; numbers with three digits."""
     try:
         content = json.loads(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""The outcome of a run: a table for people and one line of JSON for programs."""
+"""The result of a run: a table, and one line of JSON."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from cassie_msgs.tunables import as_mapping
 
 _HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
 _UNITS = "m/s, rad/s, m, deg"
-_WIDTH = 80  # of a terminal, in characters
+_WIDTH = 80  # width of a terminal, in characters
 
 
 def json_line(outcome: RunResult) -> str:
-    """The run as one line of JSON; what does not exist (NaN) is null."""
+    """Result of a run as one line of JSON; NaN becomes null."""
     return json.dumps(finite(outcome_content(outcome)), allow_nan=False)
 
 
 def outcome_content(outcome: RunResult) -> dict[str, Any]:
-    """The run as JSON has it, but for NaN."""
+    """Result of a run with the content of JSON, but with NaN."""
     experiment, metrics = outcome.experiment, outcome.metrics
     return {
         "name": experiment.name,
@@ -67,7 +67,7 @@ def outcome_content(outcome: RunResult) -> dict[str, Any]:
 
 
 def table(outcome: RunResult) -> str:
-    """The run as a table: what was commanded and achieved in each phase, then the verdict."""
+    """Table of a run: commanded and achieved values of each phase, then expectations and result."""
     metrics = outcome.metrics
     rows: list[Sequence[str]] = [_HEADINGS]
     for phase in metrics.phases:
@@ -99,7 +99,7 @@ def table(outcome: RunResult) -> str:
 
 
 def _verdict(outcome: RunResult) -> str:
-    """Whether it passed, and where the pictures are."""
+    """Whether the run passed, and the folder of the pictures."""
     first, more = next(iter(outcome.failures), ""), len(outcome.failures) - 1
     verdict = "passed" if outcome.passed else f"FAILED: {first}"
     if more > 0:
@@ -109,7 +109,7 @@ def _verdict(outcome: RunResult) -> str:
 
 
 def _drawn(experiment: Experiment) -> str:
-    """What the seed drew, in short."""
+    """The values drawn from the seed, in short."""
     draw = experiment.scenario.draw
     torque = draw.torque_constant
     roll, pitch = (math.degrees(bias) for bias in draw.attitude_bias)
@@ -121,7 +121,7 @@ def _drawn(experiment: Experiment) -> str:
 
 
 def _rows(phase: PhaseMetrics) -> list[list[str]]:
-    """Name and time of a phase; what was commanded, achieved, and the error between."""
+    """Rows of a phase: name and time; commanded values, achieved values, and RMS errors."""
     time = f"{phase.phase.t0:.1f} .. {phase.phase.t1:.1f} s"
     if not phase.reached:
         empty = ["-"] * (len(TRACKED) + 2)
@@ -138,7 +138,7 @@ def _rows(phase: PhaseMetrics) -> list[list[str]]:
 
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Rows in columns under a rule, the first `left` of them flush left."""
+    """Lines of aligned columns, with a rule under the first row; `left` columns are flush left."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = []
     for row in rows:
@@ -152,7 +152,7 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
 
 
 def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
-    """A phase as JSON has it, but for NaN."""
+    """Content of a phase for JSON, but with NaN."""
     return {
         "name": phase.phase.name,
         "t0": phase.phase.t0,
@@ -164,5 +164,5 @@ def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
 
 
 def _count(number: float) -> str:
-    """A whole number; what was not recorded is not known."""
+    """A whole number as text; "?" if it was not recorded."""
     return f"{number:.0f}" if math.isfinite(number) else "?"

@@ -1,4 +1,4 @@
-"""What pictures show of a recording, computed once."""
+"""Content of a recording's pictures, computed once."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class View:
     """The last episode of a recording.
 
     Attributes:
-        title: Its name.
-        track: Signals.
+        title: Title of the run.
+        track: Signals of the episode.
         status: Rows of `ControllerStatus`.
-        phases: Parts of it.
+        phases: Phases of the run.
         modes: Modes of the robot with the supervisor's reasons, where they are known.
-        events: Pushes, gantry, faults, what befell nodes, and the fall, in order of time.
-        scenario: What it was made in.
-        estimated: Whether the estimated pose stands in place of the true one.
-        notes: What a reader should know of it, in sentences.
+        events: Pushes, gantry, faults, events of nodes, and the fall, in order of time.
+        scenario: Scenario of the run.
+        estimated: Whether the estimated pose is used as the true one.
+        notes: Notes for the reader, in sentences.
     """
 
     title: str
@@ -56,16 +56,16 @@ def view_of(
     experiment: Experiment | None = None,
     summary: Summary | None = None,
 ) -> View:
-    """What pictures show of a recording.
+    """View of a recording.
 
     Args:
-        recording: Of a run.
-        title: Its name.
-        experiment: What was run; without one the phases are the intervals of mode.
-        summary: Of its bag, for what supervisor and nodes said.
+        recording: Recording of a run.
+        title: Title of the run.
+        experiment: Experiment that was run; if None, the phases are the intervals of the modes.
+        summary: Summary of the bag, with reports of the supervisor and the nodes.
 
     Raises:
-        BagError: if it holds no tick with sensors and state.
+        BagError: if the recording has no tick with sensors and state.
     """
     notes = []
     estimated = not len(recording.truth)
@@ -84,7 +84,7 @@ def view_of(
     events = [*events_of(scenario, end)]
     begins = [each.t0 for each in summary.episodes if each.name == str(shown)] if summary else []
     if summary is not None and begins:
-        # Times of a bag go on over episodes; those of a track begin anew in each.
+        # Times of a bag continue over episodes; times of a track begin at 0 in each episode.
         begun = begins[0] - float(track.time[0])
         modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
         for kind, found in (("fault", summary.faults), ("node", summary.nodes)):
@@ -112,7 +112,7 @@ def view_of(
 
 
 def view_of_run(experiment: Experiment, bag: Path) -> View:
-    """What pictures show of an experiment's bag.
+    """View of an experiment's bag.
 
     Raises:
         BagError: as `view_of`, and if the bag cannot be read.
@@ -122,11 +122,11 @@ def view_of_run(experiment: Experiment, bag: Path) -> View:
 
 
 def view_of_bag(bag: Path, title: str) -> View:
-    """What pictures show of any bag, of an experiment or of a drive by hand.
+    """View of any bag, of an experiment or of a drive by hand.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
-        title: Its name, where it holds no experiment.
+        title: Title of the run, if the bag has no experiment.
 
     Raises:
         BagError: as `view_of`, and if the bag cannot be read.
@@ -139,18 +139,18 @@ def view_of_bag(bag: Path, title: str) -> View:
 
 
 def recorded_experiment(recording: Recording) -> Experiment | None:
-    """The experiment whose file stands in a recording; None if there is none to be read."""
+    """The experiment whose file is in a recording; None if none can be read."""
     text = recording.metadata.get("cassie_experiment", {}).get("file")
     if text is None:
         return None
     try:
         return parse_experiment(text, "the experiment in the bag")
-    except ExperimentError:  # of another version: the recording itself can still be shown
+    except ExperimentError:  # a file of another version: the recording can still be shown
         return None
 
 
 def _since(begun: float, found: Sequence[Interval]) -> list[Interval]:
-    """Intervals that end after a time, with their times counted from it. In s."""
+    """Intervals that end after the time `begun`, with their times counted from it. In s."""
     return [
         dataclasses.replace(one, t0=one.t0 - begun, t1=one.t1 - begun)
         for one in found
@@ -159,7 +159,7 @@ def _since(begun: float, found: Sequence[Interval]) -> list[Interval]:
 
 
 def _with_reason(mode: Interval, said: Sequence[Interval]) -> Interval:
-    """A mode with what the supervisor said when it began. Times agree to some ticks."""
+    """A mode with the supervisor's reason at its start. Times agree to some ticks."""
     for other in said:
         if other.name == mode.name and abs(other.t0 - mode.t0) < 0.1 and other.reason:
             return dataclasses.replace(mode, reason=other.reason)

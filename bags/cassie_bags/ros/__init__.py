@@ -1,1 +1,1 @@
-"""Nodes around the cores of this package: the one place that imports rclpy."""
+"""Nodes around the cores of this package: only this folder imports rclpy."""

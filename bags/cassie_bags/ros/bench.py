@@ -1,7 +1,7 @@
-"""`make bench`: how fast the loop is over DDS, as one would first write it, and without DDS.
+"""`make bench`: speed of the loop over DDS, with rclpy's default executor, and without DDS.
 
-All variants run the same cores on the same experiment, one after the other, several times; the
-figures are medians. It prints a table and writes a JSON file.
+All variants run the same cores on the same experiment, one after another, several times. The
+results are medians. The command prints a table and writes a JSON file.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ TARGETS = {
     "stick_to_command_joy_p99_ms": (25.0, "at most"),
 }
 
-_SETTLE = 1.0  # s of robot time at the start that do not count
+_SETTLE = 1.0  # s of robot time at the start that are not measured
 _TIMEOUT = 120.0  # s of wall time for one run
 _NODES = (
     "state_estimator",
@@ -112,7 +112,7 @@ def main() -> int:
 
 
 def _measure(experiment: Experiment, number: int) -> dict[str, float]:
-    """Every variant once."""
+    """Measure every variant once."""
     figures: dict[str, float] = {}
     for name, variant in (
         ("five processes", _five_processes),
@@ -136,7 +136,7 @@ def _measure(experiment: Experiment, number: int) -> dict[str, float]:
 def _over_dds(
     experiment: Experiment, *, stack: bool = False, record: bool = False
 ) -> Mapping[str, npt.NDArray[Any]]:
-    """The nodes as they are installed, the simulator with a stopwatch; what that one noted."""
+    """Run the installed nodes with a timed simulator; returns the times that it recorded."""
     from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
     from cassie_bags.ros.spectator import Spectator
 
@@ -173,7 +173,7 @@ def _five_processes(experiment: Experiment) -> dict[str, float]:
 
 
 def _factor_at(experiment: Experiment, rate: int, record: bool = False) -> dict[str, float]:
-    """Real-time factor at a control rate, perhaps with a recorder beside it."""
+    """Real-time factor at a control rate, with or without a recorder."""
     changed = _with(experiment, control_rate=rate)
     name = f"rtf_five_processes_{rate}hz" + ("_recorded" if record else "")
     return {name: _factor(changed, _over_dds(changed, record=record)["sent"])}
@@ -213,9 +213,9 @@ print(late / ticks)
 
 
 def _machine_late(experiment: Experiment) -> dict[str, float]:
-    """Share of the ticks that a bare loop misses: what no software can do better on this machine.
+    """Share of the ticks that a bare loop misses: the limit of any software on this machine.
 
-    It does nothing but sleep until each tick of 2 ms, before all ordinary processes if permitted.
+    It only sleeps until each tick of 2 ms, with real-time priority if permitted.
     """
     ticks = str(round(experiment.duration * 500))
     told = subprocess.run([sys.executable, "-c", _LOOP, ticks], capture_output=True, check=True)
@@ -248,7 +248,7 @@ def _default_executor(experiment: Experiment) -> dict[str, float]:
 
 
 def _one_process(experiment: Experiment) -> dict[str, float]:
-    """The cores in one process without transport; the physics beside, if it can be."""
+    """Real-time factor of the cores in one process; the physics in its own thread if possible."""
     loop = make_loop(experiment, lambda *_: None, beside=len(os.sched_getaffinity(0)) > 1)
     times: list[float] = []
 
@@ -262,7 +262,7 @@ def _one_process(experiment: Experiment) -> dict[str, float]:
 
 
 def _tick(experiment: Experiment) -> dict[str, float]:
-    """One tick of estimator and controller together."""
+    """Time of one tick of estimator and controller together."""
     cores = make_cores(experiment)
     estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
     loop = ControlLoop(
@@ -279,7 +279,7 @@ def _tick(experiment: Experiment) -> dict[str, float]:
 
 
 class _Timed:
-    """A core with a stopwatch around its step."""
+    """A core that measures the time of each step."""
 
     def __init__(self, core: Any) -> None:
         self._core = core
@@ -296,7 +296,7 @@ class _Timed:
 
 
 def _timed(play: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
-    """Play a run in a folder and domain of its own; what its simulator noted."""
+    """Play a run in a folder and domain of its own; returns the times from its simulator."""
     with (
         tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
         own_domain() as domain,
@@ -309,12 +309,12 @@ def _timed(play: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDA
 
 
 def _settled(experiment: Experiment) -> int:
-    """Ticks at the start that do not count."""
+    """Number of ticks at the start that are not measured."""
     return round(_SETTLE * tick_count(experiment) / experiment.duration)
 
 
 def _factor(experiment: Experiment, times: FloatArray) -> float:
-    """Robot time by wall time, from the wall time of each tick."""
+    """Ratio of robot time to wall time, from the wall time of each tick."""
     counted = times[_settled(experiment) :]
     robot = (len(counted) - 1) * experiment.duration / tick_count(experiment)
     return float(robot / (counted[-1] - counted[0]))

@@ -1,10 +1,10 @@
-"""The same loop as one would first write it: message objects and rclpy's default executor.
+"""The control loop with message objects and rclpy's default executor, for comparison.
 
-Only for the benchmark, to compare the control lane's way with. Each node is one process:
+Only the benchmark uses it, to compare it with the control lane. Each node is one process:
 
     python -m cassie_bags.ros.bench_executor NODE EXPERIMENT.yaml FILE
 
-The simulator leaves the wall time (s) of each tick in FILE (.npz) and ends.
+The simulator writes the wall time (s) of each tick to FILE (.npz) and ends.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def to_message(sample: Sample) -> Any:
 
 
 def to_sample(message: Any, sample: Sample) -> None:
-    """The content of a message object into a sample."""
+    """Copy the content of a message object into a sample."""
     sample.stamp_ns = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
     sample.episode[...], sample.seq[...] = message.episode, message.seq
     for name, _, _ in sample.LAYOUT:
@@ -63,7 +63,7 @@ def copied(sample: SampleT) -> SampleT:
 
 
 def once(step: Callable[..., SampleT]) -> Callable[..., SampleT]:
-    """A step that is taken once for each sample; a repeated one gets the same answer again."""
+    """A step that runs once for each sample; a repeated sample gets the same answer again."""
     last: list[tuple[tuple[int, int], SampleT]] = []
 
     def answer(sample: Sample, *others: Sample) -> SampleT:
@@ -88,7 +88,7 @@ class LoopNode(Node):
         return lambda sample: publisher.publish(to_message(sample))
 
     def takes(self, kind: type[Sample], callback: Callable[[Any], None]) -> None:
-        """Have `callback` called with each sample of a type."""
+        """Call `callback` with each sample of a type."""
         sample = kind()
 
         def receive(message: Any) -> None:
@@ -99,7 +99,7 @@ class LoopNode(Node):
 
 
 class Estimator(LoopNode):
-    """Sensors to state."""
+    """Computes the state from the sensors."""
 
     def __init__(self, cores: Cores) -> None:
         super().__init__("state_estimator", cores)
@@ -108,7 +108,7 @@ class Estimator(LoopNode):
 
 
 class Operator(LoopNode):
-    """Every 10th state to an operator command."""
+    """Answers every 10th state by an operator command."""
 
     def __init__(self, cores: Cores) -> None:
         super().__init__("scripted_operator", cores)
@@ -122,9 +122,9 @@ class Operator(LoopNode):
 
 
 class Supervisor(LoopNode):
-    """Every 10th state and the operator's answer to it to a mode.
+    """Answers every 10th state, and the operator's answer to it, by a mode.
 
-    The loop runs on for a period before it waits, so two of each may be there at once.
+    The loop runs on for a period before it waits, so that two of each may be queued at once.
     """
 
     def __init__(self, cores: Cores) -> None:
@@ -151,7 +151,7 @@ class Supervisor(LoopNode):
 
 
 class Controller(LoopNode):
-    """State and mode to a motor command."""
+    """Computes a motor command from state and mode."""
 
     def __init__(self, cores: Cores) -> None:
         super().__init__("gait_controller", cores)
@@ -166,7 +166,7 @@ class Controller(LoopNode):
     def _take_state(self, state: RobotState) -> None:
         self._state.copy_from(state)
         if int(state.seq) == self._done:
-            self._send(self._command)  # it got lost
+            self._send(self._command)  # the command was lost
         self._answer()
 
     def _take_mode(self, mode: Mode) -> None:
@@ -183,7 +183,7 @@ class Controller(LoopNode):
 
 
 class Simulator(LoopNode):
-    """Motor command to the next sensors, tick after tick."""
+    """Computes the next sensors from a motor command, tick after tick."""
 
     def __init__(self, cores: Cores, ticks: int) -> None:
         super().__init__("simulator", cores)
@@ -198,7 +198,7 @@ class Simulator(LoopNode):
         self._looked_at = -1
 
     def _repeat(self) -> None:
-        """Send a sample again that nobody has answered since the last look."""
+        """Send a sample again if no node has answered it since the last check."""
         plant = self.cores.plant
         if plant.seq == self._looked_at or not plant.seq:
             self._send(plant.sense())

@@ -1,4 +1,4 @@
-"""What the benchmark measures of the ways in: joystick and page, beside the loop and a recorder."""
+"""Benchmark of the operator's interfaces: joystick and page, with the loop and a recorder."""
 
 from __future__ import annotations
 
@@ -29,41 +29,41 @@ from cassie_msgs.ros.fast_lane import EVERY, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.scheduling import Place, run_as, step_back
 
 TIMEOUT = 60.0
-"""Wall time in which the robot must be ready, and in which it must walk. In s."""
+"""Time-out until the robot is ready, and until it walks. In s of wall time."""
 
 _RATE = 500.0  # Hz of the control loop
-_LONGEST = 1.0  # s for a stick to arrive; what takes longer counts as this
-_GLANCE = 0.005  # s between two looks at what has arrived
-_STEP = 0.01  # s between two looks at anything else
+_LONGEST = 1.0  # s, time-out of a stick's command; a longer latency counts as this
+_GLANCE = 0.005  # s between two checks for commands
+_STEP = 0.01  # s between two checks of anything else
 _XBOX = {"start": 7, "walk": 3, "enable": 4}  # buttons; see the device file
 _AXES, _BUTTONS = 8, 11
 
 
 def operated(seconds: float) -> dict[str, float]:
-    """A robot paced by the wall clock that a page drives, with a recorder and a joystick beside.
+    """Benchmark of a robot at wall-clock pace that a page drives, with a recorder and a joystick.
 
-    The page is a client without a browser: what it costs to draw is the browser's, which may run
-    on another computer. The joystick has no lease; its commands leave all the same.
+    The page is a client without a browser: drawing costs the browser's time, which may run on
+    another computer. The joystick has no lease; its commands are published nevertheless.
 
     Args:
-        seconds: For how long it walks. In s.
+        seconds: Measured time of walking. In s.
 
     Returns:
         Share of the control ticks without a new command; the console's share of one processor;
-        and the times from a stick to its command, for the page and for /joy. In ms.
+        and the latencies from a stick to its command, for the page and for /joy. In ms.
 
     Raises:
-        RunError: if it does not come to walking.
+        RunError: if the robot does not begin to walk.
     """
     with _robot() as (processes, listener):
         return asyncio.run(_operate(processes, listener, seconds))
 
 
 class _Listener:
-    """Sends /joy and reads every operator command, as promptly as the supervisor does.
+    """Publishes /joy and reads every operator command, as promptly as the supervisor does.
 
     Args:
-        node: Its node.
+        node: Node that publishes and subscribes.
     """
 
     def __init__(self, node: Node) -> None:
@@ -77,17 +77,17 @@ class _Listener:
         run_as(Place.OPERATOR)
 
     def move(self, vx: float, *pressed: str) -> None:
-        """Send how the joystick stands."""
+        """Publish the positions of the joystick."""
         down = {_XBOX[name] for name in pressed}
         axes = [0.0, vx, *[0.0] * (_AXES - 2)]
         self._joy.publish(Joy(axes=axes, buttons=[int(i in down) for i in range(_BUTTONS)]))
 
     def changed(self, node: str) -> tuple[float, float]:
-        """Speed forward that a node asks for, in m/s, and since when (monotonic, s)."""
+        """Forward speed that a node commands (m/s), and since when (monotonic time, s)."""
         return self._changed.get(node, (0.0, 0.0))
 
     def close(self) -> None:
-        """Read no more."""
+        """End the reading."""
         self._open = False
         self._waiter.wake()
         self._thread.join()
@@ -105,7 +105,7 @@ class _Listener:
 
 
 class _Page:
-    """A page: answers each frame, and drives."""
+    """Client of a page: answers each frame, and drives."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.status: dict[str, Any] = {}
@@ -119,7 +119,7 @@ class _Page:
         return str((self.status.get("robot") or {"mode": ""})["mode"])
 
     async def live(self) -> None:
-        """Answer frames for as long as the link holds."""
+        """Answer frames until the link ends."""
         async for message in self._socket:
             content = json.loads(message.data)
             self.status = content.get("status", self.status)
@@ -128,7 +128,7 @@ class _Page:
                 await self.beat()
 
     async def beat(self, **sticks: float) -> None:
-        """Say how the sticks stand."""
+        """Send the positions of the sticks."""
         self._sticks |= sticks
         await self._socket.send_json({"echo": self._echo, "visible": True, **self._sticks})
 
@@ -177,7 +177,7 @@ async def _operate(processes: Processes, listener: _Listener, seconds: float) ->
 
 
 async def _address(processes: Processes) -> str:
-    """Where the page is, once the robot can be driven."""
+    """Address of the page, once the robot can be driven."""
 
     def ready() -> re.Match[str] | None:
         processes.check()
@@ -188,7 +188,7 @@ async def _address(processes: Processes) -> str:
 
 
 async def _walk(page: _Page, listener: _Listener) -> None:
-    """Have the page drive until the robot walks."""
+    """Drive by the page until the robot walks."""
     await _until(lambda: page.status, "the page")
     await page.press("drive")
     await _until(lambda: page.status.get("driver"), "the lease")
@@ -217,7 +217,7 @@ async def _measure(
     for number in itertools.count():
         if time.monotonic() - began > seconds:
             break
-        share = 0.3 + 0.3 * (number % 97) / 97  # another one than before
+        share = 0.3 + 0.3 * (number % 97) / 97  # differs from the last one
         await asyncio.sleep(0.006 + 0.001 * (number % 15))
         moved = page.beat(forward=share)
         delays["page"].append(await _delay(listener, "web_console", moved))
@@ -225,7 +225,7 @@ async def _measure(
         delays["joy"].append(await _delay(listener, "rc_teleop", _moved(listener, share)))
     took = time.monotonic() - began
     used = _processor_time(console) - used
-    await asyncio.sleep(1.5)  # for the newest count
+    await asyncio.sleep(1.5)  # until the newest count has arrived
     return {
         "missed_share_realtime_500hz_operated": (_missed(page) - missed) / (_RATE * took),
         "page_processor_share": used / took,
@@ -239,7 +239,7 @@ async def _moved(listener: _Listener, share: float) -> None:
 
 
 async def _delay(listener: _Listener, node: str, move: Awaitable[None]) -> float:
-    """Time from a move of a stick to the first command of its node with another speed. In s."""
+    """Latency from a move of a stick to the first command of its node with another speed. In s."""
     before = listener.changed(node)
     began = time.monotonic()
     await move
@@ -276,6 +276,6 @@ def _child(parent: int, name: str) -> int:
 
 
 def _processor_time(pid: int) -> float:
-    """What a process has used of the processors. In s."""
+    """Processor time that a process has used. In s."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

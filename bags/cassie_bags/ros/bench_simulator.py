@@ -1,8 +1,8 @@
-"""The simulator node with a stopwatch, for the benchmark.
+"""The simulator node with time measurement, for the benchmark.
 
 Usage: python -m cassie_bags.ros.bench_simulator FILE --ros-args ...
 FILE (.npz) gets `sent` and `answered`: wall times (s) at which each sample was published and its
-command was taken, NaN where none came. `missed` is the number of control ticks without a command.
+command was received, NaN without a command. `missed` is the number of ticks without a command.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from cassie_sim.ros.lane import SimulatorLane
 
 
 class TimedLane(SimulatorLane):
-    """Notes when samples leave and when their commands arrive."""
+    """Records when samples are published and when their commands arrive."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -32,13 +32,13 @@ class TimedLane(SimulatorLane):
         self._seen = self.command_key
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
-        """Note the time, then publish."""
+        """Record the time, then publish."""
         self.sent.append(time.perf_counter())
         self.answered.append(math.nan)
         super().announce(sample, plant)
 
     def wait(self, timeout: float) -> None:
-        """Wait, and note the time if that brought a command."""
+        """Wait, and record the time if a command came."""
         super().wait(timeout)
         if self.command_key != self._seen:
             self._seen = self.command_key
@@ -46,7 +46,7 @@ class TimedLane(SimulatorLane):
 
 
 class TimedSimulator(simulator.Simulator):
-    """Leaves its times in a file."""
+    """Writes its times to a file."""
 
     def close(self) -> None:
         """Write the file."""

@@ -30,12 +30,12 @@ from cassie_msgs.experiment.file import Experiment
 from cassie_sim.simulator_config import SimulatorConfig
 
 START_TIMEOUT = 90.0
-"""Wall time in which every node must take part. In s."""
+"""Time-out until every node takes part. In s of wall time."""
 
 STALL_TIMEOUT = 90.0
-"""Wall time for which robot time may stand still. In s."""
+"""Longest wall time without progress of robot time. In s."""
 
-_LOOK = 0.1  # s between two looks at the processes
+_LOOK = 0.1  # s between two checks of the processes
 
 NODES = {
     "state_estimator": ("cassie_control", "estimator"),
@@ -54,25 +54,24 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
     """Run a drawn experiment with all nodes as processes, and record it.
 
     The simulator begins paused. Each node answers the first sample, which is repeated until the
-    recorder has heard everything; then robot time starts. Nothing is left running, whatever
-    happens.
+    recorder has received every topic; then robot time starts. All processes are ended in any case.
 
     Args:
-        experiment: What to run, drawn.
-        folder: Where bag, drawn file, parameters and logs go.
-        stack: Estimator and controller as two nodes of one process.
+        experiment: Experiment to run, drawn.
+        folder: Folder for bag, drawn file, parameters and logs.
+        stack: Whether estimator and controller are two nodes of one process.
 
     Returns:
         The bag.
 
     Raises:
-        RunError: if a node does not take part, dies or stalls; the message says which and its
-            last words.
+        RunError: if a node does not take part, dies or stalls; the message has its name and its
+            last line of output.
     """
     bag = folder / "bag.mcap"
     metadata = folder / "parameters" / "bag.yaml"
     metadata.parent.mkdir(parents=True, exist_ok=True)
-    for old in (bag, folder / METADATA_FILE):  # of a run before
+    for old in (bag, folder / METADATA_FILE):  # of an earlier run
         old.unlink(missing_ok=True)
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
     with (
@@ -102,11 +101,11 @@ def start_nodes(
     """Start the five nodes of a drawn experiment.
 
     Args:
-        experiment: What to run.
-        folder: Where the drawn file and the parameters go.
-        processes: Keeps them.
-        programs: Commands in place of installed executables, by node.
-        stack: Estimator and controller as two nodes of one process.
+        experiment: Experiment to run.
+        folder: Folder for the drawn file and the parameters.
+        processes: Processes of the run, which get the nodes.
+        programs: Commands that replace installed executables, by node.
+        stack: Whether estimator and controller are two nodes of one process.
     """
     scenario = folder / "experiment.yaml"
     write_resolved(experiment, scenario)
@@ -126,16 +125,16 @@ def start_nodes(
 
 
 def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[str, set[int]]:
-    """Which processors a node keeps to; those not named run anywhere.
+    """Processors to which nodes are pinned, by node; other nodes run on any processor.
 
-    In lock-step estimator and controller take turns, and the physics is made meanwhile. On
-    two processors a thread that is woken on a busy or idle one waits for an interrupt from the
-    other. So these three nodes keep to places where that does not happen. Only where
-    robot time runs as fast as it goes, and no film, which would share the simulator's place, is
-    made.
+    In lock-step estimator and controller take turns while the physics is computed. On two
+    processors, a thread that is woken on the other processor waits for an interrupt. So these
+    three nodes are pinned to processors where that does not happen. This holds only where robot
+    time runs as fast as possible and no film is made, which would share the simulator's
+    processor.
 
     Args:
-        config: Of the simulator.
+        config: Parameters of the simulator.
         available: Processors that this process may use.
     """
     if len(available) != 2 or config.video or config.max_rate or config.pacing == "realtime":
@@ -148,8 +147,8 @@ def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[st
     """ROS parameters of each node, by executable.
 
     Args:
-        experiment: What to run, drawn.
-        scenario: Its file.
+        experiment: Experiment to run, drawn.
+        scenario: File of the drawn experiment.
     """
     config = simulator_config(experiment)
     parameters: dict[str, dict[str, Any]] = {
@@ -172,10 +171,10 @@ def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[st
 
 
 def _await_recorder(processes: Processes) -> None:
-    """Wait until the recorder has heard every topic of the control lane.
+    """Wait until the recorder has received every topic of the control lane.
 
     Raises:
-        RunError: if a process ends, or it does not come about in time.
+        RunError: if a process ends, or at the time-out.
     """
     deadline = time.monotonic() + START_TIMEOUT
     while not processes.printed("record", COMPLETE):
@@ -191,7 +190,7 @@ def watch(experiment: Experiment, processes: Processes, spectator: Spectator) ->
     """Wait for the simulator to end, with a progress bar on a terminal.
 
     Raises:
-        RunError: if a node ends before, or robot time stands still.
+        RunError: if a node ends earlier, or robot time stands still.
     """
     reached, since = -1.0, time.monotonic()
     with tqdm(

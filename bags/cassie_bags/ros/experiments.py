@@ -1,6 +1,6 @@
-"""Experiments run and reported: one, or many with one page about all of them.
+"""Runs experiments and reports on them: one, or many with one page about all of them.
 
-Over DDS the nodes are processes; else the same cores run in this one, without ROS.
+Over DDS the nodes are processes; otherwise the cores run in this process, without ROS.
 """
 
 from __future__ import annotations
@@ -92,17 +92,17 @@ def run_experiment(
     stack: bool = False,
     beside: bool = False,
 ) -> RunResult:
-    """Run a drawn experiment; what it leaves goes into `out`, or nowhere if that is None.
+    """Run a drawn experiment; its files go into `out`, or nowhere if `out` is None.
 
     Args:
-        experiment: What to run.
-        out: Folder.
-        in_process: Whether all cores run here, without nodes.
+        experiment: Experiment to run.
+        out: Folder for the files, or None.
+        in_process: Whether all cores run in this process, without nodes.
         stack: Whether estimator and controller share a process, over DDS.
-        beside: Whether the physics has a thread of its own, in one process.
+        beside: Whether the physics has a thread of its own, if all cores run in one process.
 
     Raises:
-        RunError: if it did not come to its end.
+        RunError: if the run did not end normally.
         CassieError, ParameterError: naming what cannot be used.
     """
     if out is not None:
@@ -134,7 +134,7 @@ def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Ru
 
 @contextmanager
 def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
-    """Ticks between which alone Ctrl-C ends a run: within one it would tear a record of the bag."""
+    """Ticks of a run that Ctrl-C ends only between two ticks: never within a record of the bag."""
     with ctrl_c_at_the_end() as came:
         yield itertools.takewhile(lambda _: not came, ticks)
 
@@ -150,10 +150,10 @@ def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
 def keep(
     outcome: RunResult, folder: Path, *, pictures: bool, film: bool = True
 ) -> tuple[RunResult, Entry]:
-    """Leave table, JSON, pictures and page beside the bag.
+    """Write table, JSON, pictures and page beside the bag.
 
     Returns:
-        The outcome with their names, and what a page says of it.
+        The result with the names of these files, and the content of a page about it.
     """
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
@@ -179,7 +179,7 @@ def keep(
 
 @dataclass(frozen=True)
 class Task:
-    """One run: file, seed, changes, where it leaves its files, and how it is run."""
+    """One run: file, seed, changes, folder for its files, and options."""
 
     file: Path
     seed: int | None
@@ -192,10 +192,10 @@ class Task:
 
 
 def run_task(task: Task) -> Entry:
-    """Run an experiment and leave its files.
+    """Run an experiment and write its files.
 
     Returns:
-        What the page says of it; what ended a run before its end is told in its place.
+        Content of the page about it; if the run did not end normally, the reason instead.
     """
     experiment = _experiment(task)
     try:
@@ -240,7 +240,7 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
 
 
 def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
-    """Run all tasks; the page is written anew after each, so that a stop leaves one."""
+    """Run all tasks; the page is written again after each run, so that a stop leaves a page."""
     found: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
     pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()

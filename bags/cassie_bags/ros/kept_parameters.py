@@ -1,4 +1,4 @@
-"""Parameters of all nodes, asked for when a recording begins and when a node appears.
+"""Parameters of all nodes, requested when a recording begins and when a node appears.
 
 Later changes come on /parameter_events.
 """
@@ -20,10 +20,10 @@ RECORD = "cassie_parameters:"
 
 
 class KeptParameters:
-    """Asks nodes for their parameters, without waiting for them.
+    """Requests parameters of nodes, without waiting for the answers.
 
     Args:
-        node: Who asks; an executor has to serve it.
+        node: Node that sends the requests; an executor has to spin it.
     """
 
     def __init__(self, node: Node) -> None:
@@ -33,7 +33,7 @@ class KeptParameters:
         self._answers: deque[tuple[str, dict[str, Any]]] = deque()
 
     def look(self) -> None:
-        """Ask those nodes that were not there at the last look."""
+        """Send requests to nodes that were absent at the last call."""
         own = self._node.get_fully_qualified_name()
         names = {
             f"{space.rstrip('/')}/{name}"
@@ -42,7 +42,7 @@ class KeptParameters:
         } - {own}
         for name in self._clients.keys() - names:
             self._end(name)
-        self._asked &= names  # one that went is asked again when it returns
+        self._asked &= names  # a node that has left is asked again when it returns
         for name in sorted(names - self._asked):
             self._ask(name)
 
@@ -55,7 +55,7 @@ class KeptParameters:
         return name, parameters
 
     def close(self) -> None:
-        """Wait for no answer any more."""
+        """Stop waiting for answers."""
         for name in list(self._clients):
             self._end(name)
 

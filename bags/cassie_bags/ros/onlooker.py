@@ -1,4 +1,4 @@
-"""A node of a command that starts other nodes and outlives them."""
+"""Node of a command that starts other nodes and ends after them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rclpy.node import Node
 from cassie_msgs.ros.process import LEAVE_TIMEOUT
 from cassie_msgs.ros.transport import use_loopback
 
-_LOOK, _QUIET = 0.02, 0.1  # s between two looks at who is left, and for which that has to stay
+_LOOK, _QUIET = 0.02, 0.1  # s between two checks of the nodes; s without a change before it ends
 
 
 @contextmanager
 def onlooker(name: str, domain: int | None = None) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """A node in a context of its own, and the executor that serves it when it is spun.
+    """A node in a context of its own, and the executor that serves it when spun.
 
-    It should leave after the nodes that it looks at, since DDS may hang if two leave at the same
-    time (see `LEAVE_TIMEOUT`); it waits until nobody leaves any more.
+    The node has to leave after the nodes that it observes: DDS may hang if two leave at the same
+    time (see `LEAVE_TIMEOUT`). So it waits until no other node is leaving.
 
     Args:
-        name: Of the node.
-        domain: ROS domain; None is the environment's.
+        name: Name of the node.
+        domain: ROS domain; None for that of the environment.
     """
     context = Context()
     use_loopback()

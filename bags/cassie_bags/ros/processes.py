@@ -1,4 +1,4 @@
-"""Nodes as processes of a run: found, started with parameters, watched and all ended."""
+"""Nodes as processes of a run: they are found, started with parameters, watched and ended."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cassie_msgs.processes import end_with_parent
 from cassie_msgs.ros.claim import SecondNodeError, run_domain
 
 GRACE = 5.0
-"""Wall time that a process has to end after Ctrl-C before it is killed. In s."""
+"""Wall time that a process has to end after Ctrl-C; then it is terminated. In s."""
 
 
 def executable(package: str, name: str) -> Path:
@@ -41,7 +41,7 @@ def own_domain() -> Iterator[int]:
     """A ROS domain that no other run on this machine uses at the same time.
 
     Raises:
-        RunError: if all are taken.
+        RunError: if all domains are used.
     """
     with contextlib.ExitStack() as stack:
         try:
@@ -64,12 +64,12 @@ def environment(domain: int) -> dict[str, str]:
 def write_parameters(
     path: Path, parameters: Mapping[str, Any], *, by_node: bool = False
 ) -> list[str]:
-    """Write ROS parameters to a file; returns the words that make a node read it.
+    """Write ROS parameters to a file; returns the arguments that make a node read the file.
 
     Args:
         path: File to write.
-        parameters: By name; or, for a process of several nodes, those of each by its name.
-        by_node: Which of the two.
+        parameters: Values by name; or, for a process of several nodes, parameters by node.
+        by_node: Whether `parameters` are by node.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     owners = dict(parameters) if by_node else {"/**": parameters}
@@ -79,14 +79,14 @@ def write_parameters(
 
 
 class Processes:
-    """The processes of one run. Leaving its `with` statement ends them all."""
+    """The processes of one run. The end of the `with` statement ends them all."""
 
     def __init__(self, env: Mapping[str, str], logs: Path) -> None:
         """Start nothing yet.
 
         Args:
             env: Environment of each process.
-            logs: Folder for what they print, one file each.
+            logs: Folder for their output, one file each.
         """
         self._env = dict(env)
         self._logs = logs
@@ -96,12 +96,12 @@ class Processes:
     def start(
         self, name: str, command: Sequence[str | Path], processors: Collection[int] = ()
     ) -> None:
-        """Start a process, in a session of its own so that Ctrl-C reaches it through us.
+        """Start a process, in a session of its own so that it gets Ctrl-C only from us.
 
         Args:
-            name: For its log, and to speak of it later.
+            name: Name of the process and of its log.
             command: Program and arguments.
-            processors: Those it may run on; any, if none is named.
+            processors: Processors on which it may run; any if empty.
         """
 
         def prepare() -> None:
@@ -121,7 +121,7 @@ class Processes:
             )
 
     def log(self, name: str) -> Path:
-        """Where a process prints to."""
+        """File with the output of a process."""
         return self._logs / f"{name}.log"
 
     def printed(self, name: str, text: str) -> bool:
@@ -133,7 +133,7 @@ class Processes:
         return self._running[name].poll() is None
 
     def pid(self, name: str) -> int:
-        """Number of a process."""
+        """Process id of a process."""
         return self._running[name].pid
 
     def signal(self, name: str, number: signal.Signals) -> None:
@@ -141,13 +141,13 @@ class Processes:
         os.killpg(self._running[name].pid, number)
 
     def check(self, *may_end: str) -> None:
-        """Hold that everything runs.
+        """Check that all processes run.
 
         Args:
             *may_end: Names of processes that may have ended, with exit code 0.
 
         Raises:
-            RunError: naming a process that ended, its exit code and its last words.
+            RunError: naming a process that ended, its exit code and its last line of output.
         """
         for name, process in self._running.items():
             code = process.poll()
@@ -158,10 +158,10 @@ class Processes:
             raise RunError(f"{name} ended with exit code {code}: {self._last_words(name)}")
 
     def stop(self, *names: str) -> None:
-        """End processes with Ctrl-C, and with force what does not end in time.
+        """End processes with Ctrl-C; those that do not end in time are terminated, then killed.
 
         Args:
-            *names: Which, in order; all if none is named.
+            *names: Names of the processes; all if none is given.
         """
         chosen = {name: self._running[name] for name in names or tuple(self._running)}
         for number, timeout in (

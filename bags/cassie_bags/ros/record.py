@@ -1,7 +1,7 @@
-"""Node `recorder`: topics into a bag, without loss on the control lane.
+"""Node `recorder`: records topics into a bag, without loss on the control lane.
 
-Messages are taken as bytes from a wait set, past rclpy's executor, in batches. The queues are deep:
-a wake-up for each message would only cost the other nodes time.
+Messages are taken as bytes from a wait set, in batches, without rclpy's executor. The queues are
+long: a wake-up for each message would take time from the other nodes.
 """
 
 from __future__ import annotations
@@ -54,27 +54,27 @@ DEFAULT_TOPICS = (
     "/tf",
     "/tf_static",
 )
-"""What is recorded if nothing else is asked for."""
+"""Topics that are recorded by default."""
 
 COMPLETE = "the control lane is complete"
-"""What the recorder says once it has heard every topic of the control lane."""
+"""Text that the recorder prints once it has received every topic of the control lane."""
 
 LOST_RECORD = "cassie_recording"
-"""Metadata record of how the recording went: messages lost by topic."""
+"""Name of the metadata record about the recording: lost messages by topic."""
 
-_BATCH = 0.01  # s between two looks at the queues
-_GRAPH = 0.2  # s between two looks for new topics
-_QUIET = 0.1  # s without a message after which nothing more comes
-_AFTERWARDS = 1.0  # s after Ctrl-C in which what is on its way is recorded, where others go on
-_SETTLE = 0.02  # s between two topics of the control lane, when the recording ends
+_BATCH = 0.01  # s between two checks of the queues
+_GRAPH = 0.2  # s between two checks for new topics
+_QUIET = 0.1  # s without a message after which no more messages are expected
+_AFTERWARDS = 1.0  # s after Ctrl-C in which messages on their way are recorded, if others go on
+_SETTLE = 0.02  # s between two topics of the control lane, at the end of the recording
 _WITHOUT_ROBOT = (
-    5_000_000_000  # ns of wall time after which nobody is waited for to tell robot time
+    5_000_000_000  # ns of wall time after which messages are written without robot time
 )
-_ANSWER = 10.0  # s that a service waits for the loop
+_ANSWER = 10.0  # s, time-out of a service that waits for the loop
 _MIB = 1 << 20
-_LARGEST_FILE = 16 * _MIB  # that is kept beside the messages
+_LARGEST_FILE = 16 * _MIB  # bytes of a file that is attached to the bag
 _Message = tuple[int | None, RecordedTopic, bytes, int]
-"""Log time, if it is known, topic, content and time of receipt of a message."""
+"""Log time if known, topic, content and time of receipt of a message."""
 
 _ANSWERS_FIRST = (MotorCommand, ControllerStatus, Mode, RobotState)
 _STREAM = {kind.TOPIC: place for place, kind in enumerate(_ANSWERS_FIRST)}
@@ -82,7 +82,7 @@ _NEEDED = frozenset(TYPES) - {"/cassie/controller_status", SEGWAY_TRUTH_TOPIC, S
 
 
 class Recorder(Node):
-    """Begins and ends recordings: one at once, others when a service asks for them."""
+    """Node that begins and ends recordings: the first at once, others on request of a service."""
 
     def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
         super().__init__("recorder")
@@ -98,7 +98,7 @@ class Recorder(Node):
         self.create_service(Trigger, "~/split", self._on_split)
 
     def loop(self) -> None:
-        """Record until Ctrl-C, then what is still on its way."""
+        """Record until Ctrl-C; `close` then records the messages that are still on their way."""
         while not self._stop.requested:
             try:
                 self._obey()
@@ -111,11 +111,11 @@ class Recorder(Node):
                 self._stop.request(exit_code=1)
 
     def close(self) -> None:
-        """Close the bag and say what is in it."""
+        """Close the bag and print a summary of it."""
         try:
             self._end()
         except BagError as error:
-            if not self._stop.exit_code:  # else it has been said
+            if not self._stop.exit_code:  # otherwise it has been printed
                 print(f"record: error: {error}", file=sys.stderr)
             self._stop.request(exit_code=1)
 
@@ -129,7 +129,7 @@ class Recorder(Node):
         return "" if session is None else session.close()
 
     def _obey(self) -> None:
-        """Do what services ask for."""
+        """Carry out requests of the services."""
         while not self._orders.empty():
             order, answer = self._orders.get()
             try:
@@ -174,7 +174,7 @@ class Recorder(Node):
 
 
 class Session:
-    """One recording: subscriptions, and the bag that they are emptied into.
+    """One recording: subscriptions, and the bag that gets their messages.
 
     Raises:
         BagError: if the bag cannot be made, or the disk is nearly full.
@@ -195,7 +195,7 @@ class Session:
         self._subscriptions: dict[str, RecordedTopic] = {}
         self._unknown: set[str] = set()
         self._robot_clock = RobotClock()
-        self._held: list[_Message] = []  # until robot time is known
+        self._held: list[_Message] = []  # messages before robot time is known
         self._monitor = SeqMonitor()
         self._silent = set(_NEEDED)
         self._span: tuple[int, int] | None = None
@@ -204,7 +204,7 @@ class Session:
         self._next_look = 0.0
         self._check_disk()
         self._bag = _writer(arguments)
-        # The times of an experiment count from the robot's first tick, however late that comes.
+        # The times of an experiment count from the robot's first tick, even if this tick is late.
         self._experiment = "cassie_experiment" in metadata
         for name, content in metadata.items():
             self._bag.add_metadata(name, content)
@@ -213,10 +213,10 @@ class Session:
         self._waiter = LaneWaiter(node, self._subscriptions.values())
 
     def step(self, stop: Stop) -> None:
-        """Wait for messages, for a moment only, and write them.
+        """Wait for messages, for a short time only, and write them.
 
         Raises:
-            BagError: if the bag cannot take them, or the disk is nearly full.
+            BagError: if the bag cannot be written, or the disk is nearly full.
         """
         if time.monotonic() >= self._next_look:
             self._look()
@@ -227,10 +227,10 @@ class Session:
         self._bag.flush_if_due(time.time_ns())
 
     def close(self) -> str:
-        """Record what is on its way, close the bag; returns and prints what is in it.
+        """Record messages on their way and close the bag; prints and returns a summary.
 
         Raises:
-            BagError: if the bag cannot take it.
+            BagError: if the bag cannot be written.
         """
         deadline = time.monotonic() + _AFTERWARDS
         try:
@@ -262,7 +262,7 @@ class Session:
         return told
 
     def split(self) -> None:
-        """Go on in a new file.
+        """Continue in a new file.
 
         Raises:
             BagError: if this recording is a single file.
@@ -279,13 +279,13 @@ class Session:
         return {topic: each.lost for topic, each in self._subscriptions.items() if each.lost}
 
     def _drain(self, settle: float = 0.0) -> int:
-        """Write all that has come, in order of time; returns the number of messages.
+        """Write all messages that have come, in order of time; returns their number.
 
-        Topics are emptied against the stream of the control lane. What a message answers has come
-        before that message, so the last one of a recording does not lack it.
+        Topics are read against the direction of the control lane: answers first, sensors last. The
+        input of an answer has come before it, so no recording ends with an answer without input.
 
         Args:
-            settle: Wait between two topics, for messages that overtook each other. In s.
+            settle: Wait between two topics, for messages that overtook others. In s.
         """
         wall = time.time_ns()
         batch = self._held
@@ -320,7 +320,7 @@ class Session:
         return robot if known or self._robot_clock.known else None, subscription, raw, wall
 
     def _release(self) -> None:
-        """Write what waits for robot time, which has not come."""
+        """Write the messages that wait for robot time, which has not come."""
         if self._held and not self._robot_clock.known:
             self._robot_clock.run_on_wall(self._held[0][3])
         held, self._held = self._held, []
@@ -347,7 +347,7 @@ class Session:
             )
 
     def _look(self) -> None:
-        """Look for new topics and nodes, and at the disk."""
+        """Check for new topics and nodes, and for free space on the disk."""
         self._check_disk()
         known = self._subscriptions.keys() | self._unknown
         found = False
@@ -374,13 +374,13 @@ class Session:
             )
 
     def _keep_files_of(self, raw: bytes) -> None:
-        """Keep what nodes say that they read, as the gait library."""
+        """Keep files that nodes say they have read, such as the gait library."""
         try:
             event = read_event(raw)
             files = event.content["files"].values() if event.event == "began" else ()
             paths = [Path(described["path"]) for described in files]
         except (BagError, LookupError, TypeError, AttributeError):
-            return  # of no node of ours, which anybody may send
+            return  # not from our nodes: any node may publish here
         for path in paths:
             self._keep_file(path)
 
@@ -397,7 +397,7 @@ class Session:
             self._bag.add_file(name, content)
 
     def _subscribe(self, topic: str, type_name: str) -> bool:
-        """Record a topic; False if nobody writes it yet or its type is not installed."""
+        """Record a topic; False if it has no publisher yet or its type is not installed."""
         lane = topic in TYPES
         qos = offered_qos(self._node, topic, lossless=lane)
         if qos is None:
@@ -476,10 +476,10 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         default=None,
         help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
     )
-    parser.add_argument("-a", "--all", action="store_true", help="record every topic there is")
+    parser.add_argument("-a", "--all", action="store_true", help="record every topic")
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
-        "--use-sim-time", action="store_true", help="log_time is robot time, as it is by default"
+        "--use-sim-time", action="store_true", help="log_time is robot time (default)"
     )
     times.add_argument(
         "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
@@ -498,7 +498,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         "--compression-format",
         type=one_of(("zstd", "none"), "compression"),
         default="zstd",
-        help="of the chunks: zstd or none (default zstd)",
+        help="compression of the chunks: zstd or none (default zstd)",
     )
     parser.add_argument(
         "--start-paused", action="store_true", help="begin when /recorder/record asks for it"
@@ -508,7 +508,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         type=_mebibytes,
         default=100 * _MIB,
         metavar="MIB",
-        help="end when less is free on the disk (default: 100)",
+        help="end when less space is free on the disk (default: 100)",
     )
     parser.add_argument(
         "--metadata", type=Path, default=None, help="YAML file of records to put into the bag"
@@ -534,7 +534,7 @@ def _mebibytes(word: str) -> int:
 def main() -> None:
     """Entry point of `ros2 run cassie_bags record`."""
     arguments = _arguments(own_arguments("record"))
-    # It does not give way to the loop: what it cannot take in time is lost.
+    # It has no low priority: messages that it cannot take in time are lost.
     run("record", lambda stop: Recorder(arguments, stop))
 
 

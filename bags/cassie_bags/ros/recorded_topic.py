@@ -1,4 +1,4 @@
-"""Topics to be recorded: their types, and how to subscribe so that nothing is missed."""
+"""Recorded topics: their types, and subscriptions that miss nothing."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from cassie_msgs.sample import LayoutError
 from cassie_msgs.standard_messages import read_transforms
 
 DEPTH = 10000
-"""Length of the queue of each topic: seconds of the control lane."""
+"""Length of each topic's queue: seconds of the control lane."""
 
 
-_LARGEST = 20_000  # bytes of a message that is read to see whether that can be done
+_LARGEST = 20_000  # bytes of a message that is decoded for a check
 
 
 class RecordedTopic(RawSubscription):
-    """One topic that a bag keeps, as bytes.
+    """One topic that is recorded into a bag, as bytes.
 
     Attributes:
-        channel: Where the bag keeps it.
-        lost: Messages that were sent and did not come.
-        unreadable: Messages that are none of the topic's type, which are left out.
+        channel: Channel of the topic in the bag.
+        lost: Number of messages that were sent but did not arrive.
+        unreadable: Number of messages of another type than the topic's, which are left out.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RecordedTopic(RawSubscription):
         self._is_message = message_check(topic) or self._is_readable
 
     def take_raw(self) -> bytes | None:
-        """The oldest message of its type not yet taken; None if there is none."""
+        """The oldest message of the topic's type in the queue; None if there is none."""
         while (raw := super().take_raw()) is not None:
             self._note_lost()
             if self._is_message(raw):
@@ -56,8 +56,8 @@ class RecordedTopic(RawSubscription):
         return None
 
     def _is_readable(self, raw: bytes) -> bool:
-        """Whether some bytes are a message, which anybody may write; large ones count as one."""
-        if self._type is TFMessage:  # they come often, and have many parts
+        """Whether bytes are a message of the type, as any node may publish; large ones pass."""
+        if self._type is TFMessage:  # a faster check, for frequent messages with many parts
             try:
                 read_transforms(raw)
             except LayoutError:
@@ -89,15 +89,15 @@ def message_class(type_name: str) -> Any:
 
 
 def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
-    """How to subscribe so that every writer of a topic is heard.
+    """QoS of a subscription that receives the messages of all writers of a topic.
 
     Args:
-        node: Node to look from.
-        topic: Topic.
-        lossless: Whether its writers are known to be reliable, also before they appear.
+        node: Node that queries the graph.
+        topic: Name of the topic.
+        lossless: Whether its writers are known to be reliable, even before they appear.
 
     Returns:
-        Reliable and latched as far as all its writers are; None if there is none yet.
+        Reliable if all writers are, and latched if all writers are; None if there is no writer yet.
     """
     profile = QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -118,10 +118,10 @@ def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
 
 
 def recorded_qos(qos: QoSProfile, depth: int) -> Qos:
-    """QoS as a bag notes it for a replay.
+    """QoS as a bag stores it for a replay.
 
     Args:
-        qos: Under which the topic is subscribed.
-        depth: Queue of a writer.
+        qos: QoS of the subscription.
+        depth: Queue length of a writer.
     """
     return Qos(qos.reliability.name.lower(), qos.durability.name.lower(), depth=depth)

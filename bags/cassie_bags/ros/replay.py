@@ -1,4 +1,4 @@
-"""Node `replay`: messages of a bag back onto their topics, paced by the robot's clock."""
+"""Node `replay`: publishes the messages of a bag on their topics, paced by robot time."""
 
 from __future__ import annotations
 
@@ -41,32 +41,32 @@ CLOCK_PERIOD = 10_000_000
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-# A second of a topic at 500 Hz, four times as fast, for listeners that are late.
+# A second of a topic at 500 Hz, at four times the speed, for slow subscribers.
 _PLAYED = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
-"""Topics by which a robot is moved: played only where that is asked for."""
+"""Topics that move a robot: played only on request."""
 
 OWN_TOPICS = frozenset(["/parameter_events", "/rosout"])
-"""What every node publishes of itself: never played."""
+"""Topics on which every node publishes about itself: never played."""
 
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 
-_DIAGNOSTICS = "/diagnostics"  # which several nodes write at once
-_BACK = 5_000_000_000  # ns that a key goes back
-_FASTER = 1.1  # ratio of a key
-_DISCOVERY = 3.0  # s of wall time in which running nodes are found, on a busy machine, too
-_ACKED = Duration(seconds=0.1)  # for which a wait cannot be ended
-_LOOK_AGAIN = 0.5  # s between two looks for other writers while it plays
-_LOOK = 0.02  # s between two looks whether somebody listens
+_DIAGNOSTICS = "/diagnostics"  # a topic on which several nodes publish at once
+_BACK = 5_000_000_000  # ns, step of the key that seeks back
+_FASTER = 1.1  # factor of the keys on the rate
+_DISCOVERY = 3.0  # s of wall time for discovery of running nodes, also on a busy machine
+_ACKED = Duration(seconds=0.1)  # longest wait that cannot be ended
+_LOOK_AGAIN = 0.5  # s between two checks for other writers while it plays
+_LOOK = 0.02  # s between two checks for subscribers
 _KEY_WAIT = 0.2  # s
 
 
 class Replay(Node):
     """Publishes a bag.
 
-    Its parameters `rate` and `position` (s since the beginning) may be set while it plays, the
-    services ~/pause and ~/step do what their names say.
+    Its parameters `rate` and `position` (s since the beginning) may be set while it plays. The
+    services ~/pause and ~/step pause it, and advance it to the next message.
     """
 
     def __init__(self, arguments: argparse.Namespace, stop: Stop) -> None:
@@ -82,7 +82,7 @@ class Replay(Node):
         self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
         begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
         self._lock = threading.Lock()
-        self._changed = threading.Event()  # what is due may be another one now
+        self._changed = threading.Event()  # the next message may have changed
         self._playback = Playback(
             [robot for robot, *_ in messages],
             rate=arguments.rate,
@@ -99,14 +99,14 @@ class Replay(Node):
         stop.on_request(self._changed.set)
 
     def loop(self) -> None:
-        """Play to the end, again and again if asked to."""
+        """Play to the end, repeatedly if requested."""
         if not self._await_listeners():
             return
         with self._keys():
             self._play()
         if not self._stop.requested:
             for publisher in self._publishers_by_topic.values():
-                # Bit by bit: Ctrl-C does not end a wait, and a subscriber may be stopped.
+                # In short waits: Ctrl-C does not end a wait, and a subscriber may be stopped.
                 while not self._stop.requested and not publisher.wait_for_all_acked(_ACKED):
                     pass
             self.get_logger().info(f"{self._played} messages replayed")
@@ -118,12 +118,12 @@ class Replay(Node):
 
         Args:
             path: The bag.
-            topics: Those to play; all if none is named.
+            topics: Topics to play; all if empty.
             commands: Whether topics that move a robot may be played.
 
         Raises:
-            BagError: if the file is no bag, has none of the topics asked for, or one of them moves
-                a robot and that was not asked for.
+            BagError: if the file is no bag or lacks a topic in `topics`, or if such a topic moves a
+                robot and `commands` is False.
         """
         moving = sorted(COMMAND_TOPICS.intersection(topics))
         for topic in OWN_TOPICS.intersection(topics):
@@ -165,8 +165,8 @@ class Replay(Node):
 
     def _declare(self, rate: float) -> None:
         length = (self._playback.end - self._playback.begin) * 1e-9
-        self._declare_one("rate", rate, RATES, "Robot time per wall time")
-        about = "Seconds since the beginning: set it to seek"
+        self._declare_one("rate", rate, RATES, "Ratio of robot time to wall time")
+        about = "Position in s since the beginning; seeks when set"
         self._declare_one("position", 0.0, (0.0, max(length, 1e-9)), about)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -234,7 +234,7 @@ class Replay(Node):
 
     @contextlib.contextmanager
     def _keys(self) -> Any:
-        """Meanwhile, follow keys, where there is a terminal."""
+        """Follow keys during the `with` statement, if there is a terminal."""
         try:
             terminal = Terminal(sink=sys.stderr) if self._keys_wanted else None
         except OSError:
@@ -270,7 +270,7 @@ class Replay(Node):
         )
 
     def _refuse_beside_writers(self) -> None:
-        """Hold that no other node writes what is to be played.
+        """Check that no other node publishes on the played topics.
 
         Raises:
             BagError: naming the topic and the node.
@@ -284,18 +284,18 @@ class Replay(Node):
                 return
 
     def _end_beside_writers(self) -> None:
-        """End when another node begins to write what is played."""
+        """End when another node begins to publish on a played topic."""
         if not self._stop.requested and (other := self._other_writer()):
             print(f"replay: error: {other}", file=sys.stderr, flush=True)
             self._stop.request(exit_code=1)
 
     def _other_writer(self, *, nameless: bool = False) -> str:
-        """Who else writes what is played, in words; empty if nobody does.
+        """Other nodes that publish on played topics, in words; empty if there are none.
 
-        Beside a replayed robot, which does not obey, an operator's node may stand.
+        An operator's node may run beside a replayed robot, which does not obey its commands.
 
         Args:
-            nameless: Whether a writer counts whose node's name has not been found, too.
+            nameless: Whether writers count whose node's name has not been found.
         """
         shared = {_DIAGNOSTICS}
         if {Sensors.TOPIC, Mode.TOPIC} <= self._own.keys():
@@ -312,7 +312,7 @@ class Replay(Node):
         return ""
 
     def _await_listeners(self) -> bool:
-        """Wait until each topic has a subscriber, as long as asked for; False if stopped."""
+        """Wait until each topic has a subscriber, or until the time-out; False if stopped."""
         deadline = time.monotonic() + self._timeout
         while time.monotonic() < deadline:
             publishers = self._publishers_by_topic.values()
@@ -323,7 +323,7 @@ class Replay(Node):
         return not self._stop.requested
 
     def _play(self) -> None:
-        """Publish what is due, until the end."""
+        """Publish the messages when they are due, until the end."""
         playback, messages = self._playback, self._messages
         span = playback.end - playback.begin + CLOCK_PERIOD
         self._played = 0
@@ -340,7 +340,7 @@ class Replay(Node):
                     self._changed.wait(None if wait == float("inf") else wait)
                 continue
             robot, publisher, raw = messages[index]
-            now = robot + playback.rounds * span  # robot time goes on over the rounds
+            now = robot + playback.rounds * span  # robot time continues over the rounds
             if now >= self._next_clock:
                 self._publish_clock(now)
                 self._next_clock = now + CLOCK_PERIOD
@@ -348,7 +348,7 @@ class Replay(Node):
             self._played += 1
 
     def _publish_latched_before(self, begin: int) -> None:
-        """What those who come late are told, although it was sent before the part to be played."""
+        """Publish the last latched messages before the played part, for late subscribers."""
         newest = {}
         for _, publisher, raw in self._messages[: bisect_left(self._messages, begin, key=_time)]:
             newest[publisher] = raw
@@ -367,7 +367,7 @@ def _time(entry: tuple[int, Any, bytes]) -> int:
 
 
 def _part(times: Sequence[int], start: float, duration: float | None) -> tuple[int, int]:
-    """First and last log time to be played. In ns."""
+    """First and last log time of the played part. In ns."""
     begin = times[0] + int(start * 1e9)
     end = times[-1] if duration is None else min(times[-1], begin + int(duration * 1e9))
     return begin, end
@@ -384,22 +384,26 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("file", type=Path, help="MCAP file, or a folder as ros2 bag writes it")
     parser.add_argument(
-        "-r", "--rate", type=_rate, default=1.0, help="robot time per wall time (default: 1)"
+        "-r",
+        "--rate",
+        type=_rate,
+        default=1.0,
+        help="ratio of robot time to wall time (default: 1)",
     )
-    parser.add_argument("--topics", nargs="+", default=[], help="only these")
+    parser.add_argument("--topics", nargs="+", default=[], help="play only these topics")
     parser.add_argument(
         "--commands",
         action="store_true",
-        help="also what moves a robot that listens: motor commands, modes, operator commands",
+        help="also play topics that move a robot: motor commands, modes, operator commands",
     )
-    parser.add_argument("-l", "--loop", action="store_true", help="again and again")
+    parser.add_argument("-l", "--loop", action="store_true", help="repeat the playback")
     parser.add_argument(
         "--start",
         "--start-offset",
         type=_seconds,
         default=0.0,
         metavar="SECONDS",
-        help="begin so long after the first message",
+        help="begin this time after the first message",
     )
     parser.add_argument(
         "--duration",
@@ -407,14 +411,14 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         type=_seconds,
         default=None,
         metavar="SECONDS",
-        help="play so much of it",
+        help="length of the played part",
     )
     parser.add_argument(
-        "-p", "--start-paused", action="store_true", help="begin when a key or a service says so"
+        "-p", "--start-paused", action="store_true", help="begin on a key or a service's request"
     )
     parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
     parser.add_argument(
-        "--wait", type=_seconds, default=0.0, help="wait up to so many seconds for subscribers"
+        "--wait", type=_seconds, default=0.0, help="time-out for subscribers, in s (default: 0)"
     )
     return parser.parse_args(words)
 

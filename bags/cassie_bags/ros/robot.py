@@ -1,4 +1,4 @@
-"""Command `robot`: the simulated robot and its nodes, ready to be driven, until Ctrl-C."""
+"""Command `robot`: runs the simulated robot and its nodes, ready to be driven, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
 
 TIMEOUT = 60.0
-"""Wall time in which the robot must be ready. In s."""
+"""Time-out until the robot is ready. In s of wall time."""
 
 SILENT_AFTER = 5.0
-"""Time for which a node is out of ROS's graph before that is said. In s."""
+"""Time without a node in ROS's graph after which this is reported. In s."""
 
 NODES = {
     "simulator": "cassie_sim",
@@ -45,14 +45,14 @@ NODES = {
 STACK = ("state_estimator", "gait_controller")
 """Nodes that `--stack` runs as one process."""
 
-_LOOK = 0.1  # s between two looks at the processes
+_LOOK = 0.1  # s between two checks of the processes
 
 
 def main() -> int:
     """Entry point of `ros2 run cassie_bags robot`."""
     arguments = _arguments()
     stop = Stop()
-    # A shell that starts this in the background has Ctrl-C ignored; whoever sends it means it.
+    # A shell makes background commands ignore Ctrl-C; if it is sent nevertheless, it is meant.
     follow_signals(stop, signal.SIGHUP)
     logs = arguments.logs or _log_folder()
     try:
@@ -75,17 +75,17 @@ def _watch(
     executor: SingleThreadedExecutor,
     stop: Stop,
 ) -> int:
-    """Start the nodes, and end them once the stop is requested or one of them ends.
+    """Start the nodes; end them when a stop is requested or one of them ends.
 
     Args:
-        arguments: Of the command.
-        commands: Of each process.
-        logs: Folder for what they print.
-        node, executor: To hear the supervisor.
-        stop: Ends them all.
+        arguments: Arguments of the command.
+        commands: Command of each process, by name.
+        logs: Folder for the output of the processes.
+        node, executor: Node that receives the supervisor's status, and its executor.
+        stop: Stop of all nodes.
 
     Returns:
-        The exit code; what went wrong is said before anybody leaves DDS, which may hang.
+        The exit code. Errors are printed before any node leaves DDS, which may hang.
     """
     try:
         with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
@@ -108,10 +108,10 @@ def _watch(
 
 
 class SilentNodes:
-    """Nodes that run but have left ROS's graph: they hang, or somebody stopped them.
+    """Nodes that run but have left ROS's graph: they hang, or were stopped.
 
     Args:
-        names: Of the nodes that are to be there.
+        names: Names of the expected nodes.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -120,11 +120,11 @@ class SilentNodes:
         self._told: set[str] = set()
 
     def look(self, present: Sequence[str], now: float) -> list[str]:
-        """Say once who has been away for `SILENT_AFTER`.
+        """Report each node once that has been absent for `SILENT_AFTER`.
 
         Args:
-            present: Nodes in the graph.
-            now: In s.
+            present: Names of the nodes in the graph.
+            now: Present time. In s.
         """
         words = []
         for name in self._names:
@@ -144,7 +144,7 @@ def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
     """Command of each process, in the order in which they are started.
 
     Raises:
-        ValueError: if a parameter names no node that is started.
+        ValueError: if a parameter names a node that is not started.
         RunError: if a program is not installed.
     """
     own: dict[str, list[str]] = {"simulator": [f"scene:={arguments.scene}"]}
@@ -170,7 +170,7 @@ def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
 
 
 def _refuse_second(arguments: argparse.Namespace) -> None:
-    """The supervisor of another robot in the domain would say that this one is ready.
+    """Check that no second robot runs: its supervisor would report this robot as ready.
 
     Raises:
         SecondNodeError: if a node that is to be started runs in the domain.
@@ -194,10 +194,10 @@ def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]
 def _await_robot(
     node: Node, executor: SingleThreadedExecutor, processes: Processes, stop: Stop
 ) -> bool:
-    """Wait until the supervisor speaks of a state; says whether it does, False if stopped.
+    """Wait until the supervisor reports a state; False if stopped before.
 
     Raises:
-        RunError: if a node ends, or nothing is heard for long.
+        RunError: if a node ends, or at the time-out.
     """
     heard = threading.Event()
 
@@ -237,7 +237,7 @@ def _ready(processes: Processes, arguments: argparse.Namespace) -> str:
 
 
 def _log_folder() -> Path:
-    """Where ROS keeps logs, a folder for this run."""
+    """Folder for the logs of this run, in ROS's folder for logs."""
     environment: Mapping[str, str] = os.environ
     home = Path(environment.get("ROS_HOME", "~/.ros")).expanduser()
     folder = Path(environment.get("ROS_LOG_DIR", home / "log"))
@@ -253,24 +253,24 @@ def _arguments() -> argparse.Namespace:
         prog="robot",
         description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
         "when the robot can be driven, and end them all on Ctrl-C, or when one of them ends. "
-        "What they print goes into files.",
+        "Their output goes into files.",
         epilog="Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong arguments.",
     )
     parser.add_argument(
         "--scene",
         default="flat",
         type=one_of(SCENES, "scene"),
-        help=f"what it stands on: {', '.join(sorted(SCENES))} (default flat)",
+        help=f"scene: {', '.join(sorted(SCENES))} (default flat)",
     )
-    parser.add_argument("--view", action="store_true", help="with the simulator's window")
-    parser.add_argument("--console", action="store_true", help="with the browser page web_console")
+    parser.add_argument("--view", action="store_true", help="show the simulator's window")
+    parser.add_argument("--console", action="store_true", help="start the browser page web_console")
     parser.add_argument(
         "--realtime",
         action="store_true",
-        help="paced by the wall clock as a robot is; else robot time waits for every node",
+        help="pace by the wall clock, as on a robot; otherwise robot time waits for every node",
     )
     parser.add_argument(
-        "--stack", action="store_true", help="estimator and controller in one process, faster"
+        "--stack", action="store_true", help="run estimator and controller in one process, faster"
     )
     parser.add_argument(
         "-p",
@@ -278,9 +278,9 @@ def _arguments() -> argparse.Namespace:
         action="append",
         default=[],
         metavar="NODE:NAME:=VALUE",
-        help="a parameter of a node: simulator:max_rate:=1.0",
+        help="parameter of a node, such as simulator:max_rate:=1.0",
     )
-    parser.add_argument("--logs", type=Path, help="folder for what nodes print (~/.ros/log/...)")
+    parser.add_argument("--logs", type=Path, help="folder for the nodes' output (~/.ros/log/...)")
     return parser.parse_args()
 
 

@@ -1,4 +1,4 @@
-"""A node that starts a paused simulator and looks at the clock now and then."""
+"""A node that resumes a paused simulator and reads the clock."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _STAMP = struct.Struct("<4xiI")
 
 
 class Spectator:
-    """Looks on from the command line's process.
+    """Observes a run from the command line's process.
 
-    Use it in a `with` statement, around that of the nodes.
+    Use it in a `with` statement around that of the nodes.
 
     Args:
         domain: ROS domain of the nodes.
@@ -37,13 +37,13 @@ class Spectator:
         self._time = 0.0
 
     def resume(self, timeout: float) -> None:
-        """Have the simulator run.
+        """Resume the simulator.
 
         Args:
-            timeout: Wall time in which it must answer. In s.
+            timeout: Time-out of the simulator's answer. In s of wall time.
 
         Raises:
-            RunError: if it does not, or refuses.
+            RunError: if the simulator does not answer, or refuses.
         """
         deadline = time.monotonic() + timeout
         if not self._pause.wait_for_service(timeout):

@@ -1,1 +1,1 @@
-"""One run of an experiment: what it is made of, and what tells it from another."""
+"""One run of an experiment: its parts, evaluation, replay and fingerprint."""

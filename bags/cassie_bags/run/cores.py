@@ -1,4 +1,4 @@
-"""The cores of one experiment, built from its file as the nodes build theirs."""
+"""Builds the cores of an experiment from its file, in the same way as the nodes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ UNCERTIFIED, LEARNED_FILE = "allow_uncertified", "learned_torques_file"
 """Parameters of the controller's node, not of its core."""
 
 GAIT_SOURCE = "gait_source"
-"""Another one: whether gaits are made while the robot walks."""
+"""Parameter of the controller's node: whether gaits are optimized while the robot walks."""
 
 _OF_NODE = (UNCERTIFIED, LEARNED_FILE, GAIT_SOURCE)
 ConfigT = TypeVar("ConfigT")
@@ -57,7 +57,7 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
 
 
 def check_parameters(experiment: Experiment) -> None:
-    """Hold what the nodes will be given against what they have, before any of them starts.
+    """Check the parameters and files that the nodes will get, before any node starts.
 
     Raises:
         CassieError, ParameterError: naming parameter, value and range, or the file.
@@ -126,7 +126,7 @@ def makes_gaits(experiment: Experiment) -> bool:
 
 @dataclass(frozen=True)
 class Cores:
-    """What computes in an experiment, without anything between."""
+    """The computing parts of an experiment, without middleware between them."""
 
     plant: Plant
     estimator: MonitoredEstimator
@@ -169,8 +169,8 @@ def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = Fals
     Args:
         experiment: What to run, drawn.
         observer: Gets every message.
-        beside: Whether the physics has a thread of its own. It wants a processor for itself, and
-            an observer that does not look at the plant.
+        beside: Whether the physics runs in a thread of its own. The thread needs a processor for
+            itself, and an observer that does not read the plant.
 
     Raises:
         CassieError, ParameterError: naming what cannot be used.
@@ -201,7 +201,7 @@ def connect(cores: Cores, observer: Observer) -> ControlLoop:
 
 
 def tick_count(experiment: Experiment) -> int:
-    """Control ticks of the run, as the simulator counts them."""
+    """Number of control ticks of the run, as the simulator counts them."""
     return round(experiment.duration * simulator_config(experiment).control_rate)
 
 

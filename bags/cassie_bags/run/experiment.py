@@ -1,4 +1,4 @@
-"""Where experiments come from: the package's files, files of people, text, mappings.
+"""Reads experiments: files of the package, other files, text and mappings.
 
 The keys are the fields of `cassie_msgs.experiment.file.Experiment`; the README explains them.
 """
@@ -20,7 +20,7 @@ LEAST_DURATION = 0.02
 
 
 def packaged_folder() -> Path:
-    """Where the package's experiments are: beside its sources, or where it was installed."""
+    """The package's folder with `experiments`: its sources, or where it was installed."""
     here = Path(__file__).resolve()
     sources, prefix = here.parents[2], here.parents[5]
     return sources if (sources / "experiments").is_dir() else prefix / "share" / "cassie_bags"
@@ -44,7 +44,7 @@ def load_experiment(path: Path, changes: Iterable[str] = (), seed: int | None = 
 
     Args:
         path: YAML file.
-        changes: `key=value` words that replace what the file says.
+        changes: Words `key=value` or `@file.yaml` that replace values of the file.
         seed: Seed in place of the file's.
 
     Raises:

@@ -1,14 +1,14 @@
-"""Fingerprints of runs: whether a change left every trajectory as it was, to the last bit.
+"""Fingerprints of runs: whether a change left every trajectory the same, to the last bit.
 
-A fingerprint has a SHA-256 of each topic of a run, taken second by second and within a second
-field by field. It also keeps the first two hexadecimal digits of this hash after each second, its
-marks. They tell when a run begins to differ, and they suffice to check its first part alone.
+A fingerprint has a SHA-256 of each topic of a run. The hash takes the messages second by second,
+and within a second field by field. Its first two hexadecimal digits after each second are kept as
+marks. They tell when a run begins to differ, and they allow a check of the first part alone.
 
-Bits depend on the libraries and on the vector instructions of the processor. The file of
-fingerprints names both. Elsewhere the estimated pose stands for the bits, within `TOLERANCES`.
-A difference of one bit soon makes an encoder count differently, by up to 0.0003 rad. In the first
-steps it can move a touchdown by ticks and joints by 0.2 rad. This was found with arithmetic
-without FMA and with another order of sums, over all experiments.
+The bits depend on the libraries and on the vector instructions of the processor. The file of
+fingerprints names both. On another machine the estimated pose is compared instead of the bits,
+within `TOLERANCES`. A difference of one bit soon changes an encoder's count, by up to 0.0003 rad.
+In the first steps it can shift a touchdown by ticks and joints by 0.2 rad. These figures were found
+with arithmetic without FMA and with another order of sums, over all experiments.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ FAST: Mapping[str, tuple[int, float]] = {
     "segway_push": (1, 12.0),
     "standing_tilting": (2, 13.0),
 }
-"""What is checked quickly: robot and length (s) by experiment; with all modes and a Segway."""
+"""The quick check: robot and length (s) by experiment; it covers all modes and a Segway."""
 
 START = 5.0
-"""Length of the part that is compared where bits may differ. In s."""
+"""Length of the compared part where bits may differ. In s."""
 
 TOLERANCES: Mapping[float, float] = {0.1: 1e-3, 0.2: 1e-3, 1.0: 0.02, 2.0: 0.02, START: 0.5}
-"""Greatest difference of the estimated pose there (m and rad), by robot time (s)."""
+"""Largest difference of the estimated pose where bits may differ (m, rad), by robot time (s)."""
 
 _LEFT_OUT = {"sender", "battery_charge", "longest_delay", "missed_ticks", "late_ticks"}
-"""Fields that tell of the computers, the operator's name and a gauge, not of the motion."""
+"""Fields that depend on the computers, the operator or the battery gauge, not on the motion."""
 
 _MARK = 2  # hexadecimal digits
 _SECOND = 1_000_000_000  # in ns
@@ -69,13 +69,13 @@ Fields = Mapping[str, Sequence[str]]
 
 @dataclass(frozen=True)
 class Run:
-    """What a fingerprint is taken of.
+    """Run of which a fingerprint is taken.
 
     Attributes:
-        file: The experiment's.
-        robot: Seed.
-        seconds: How much of it is run; None for all.
-        bag: A bag of this run, which is read in place of running it; or None.
+        file: File of the experiment.
+        robot: Seed of the robot.
+        seconds: Length of the part that is run, in s; None for the whole run.
+        bag: Bag of this run, which is read instead of running the experiment; or None.
     """
 
     file: Path
@@ -95,7 +95,7 @@ class TopicPrint:
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """Prints by topic, and the estimated pose q (20 values in m and rad) by time in s."""
+    """Topics' prints by topic, and the estimated pose q (20 values in m and rad) by time in s."""
 
     topics: Mapping[str, TopicPrint]
     pose: Mapping[float, Sequence[float]]
@@ -106,9 +106,9 @@ class Fingerprints:
     """Content of a file of fingerprints.
 
     Attributes:
-        environment: Versions and processor's features with which they were taken.
-        fields: That were hashed. What a later version adds to a message is not looked at.
-        runs: By name of the experiment's file and by robot.
+        environment: Versions and processor's features with which the fingerprints were taken.
+        fields: Names of the hashed fields. A field that a later version adds is ignored.
+        runs: Fingerprints by name of the experiment's file and by robot.
     """
 
     environment: Mapping[str, str]
@@ -118,7 +118,7 @@ class Fingerprints:
 
 @dataclass(frozen=True)
 class Difference:
-    """How a topic of a run differs from its fingerprint, in words, with the time if it is known."""
+    """How a topic of a run differs from its fingerprint, in words, with the time if known."""
 
     experiment: str
     robot: int
@@ -161,7 +161,7 @@ def save(prints: Fingerprints, path: Path) -> None:
 
 
 def fields_to_hash() -> dict[str, list[str]]:
-    """Fields that new fingerprints are made of, in the order of their messages."""
+    """Fields that a new fingerprint hashes, in the order of their messages."""
     fields: dict[str, Sequence[str]] = {
         topic: kind.DTYPE.names or () for topic, kind in LANE_TOPICS.items()
     }
@@ -173,7 +173,7 @@ def fields_to_hash() -> dict[str, list[str]]:
 
 
 def record(what: Run) -> Recording:
-    """Run it in one process, or read its bag.
+    """Run the experiment in one process, or read its bag.
 
     Raises:
         CassieError: if the experiment or the bag cannot be used, or the bag is of another robot.
@@ -188,14 +188,14 @@ def record(what: Run) -> Recording:
     check_parameters(experiment)
     ticks = tick_count(experiment)
     if what.seconds is not None:
-        # With the tick that ends the last second, which has its pose.
+        # One more tick: the one at the end of the last second, which has the pose of that time.
         ticks = min(ticks, round(what.seconds * simulator_config(experiment).control_rate) + 1)
     store = Store()
     return store.recording(run(make_loop(experiment, store), range(ticks)))
 
 
 def take(what: Run, fields: Fields) -> Fingerprint:
-    """The fingerprint of a run; of topics without messages there is none.
+    """The fingerprint of a run; a topic without messages has none.
 
     Raises:
         CassieError: as `record`.
@@ -216,9 +216,9 @@ def differences(
 
     Args:
         what: The run.
-        expected: Its fingerprint.
-        found: The fingerprint that it has now.
-        exactly: To the last bit; else the pose to `TOLERANCES`.
+        expected: Fingerprint of the run.
+        found: Fingerprint that the run has now.
+        exactly: Whether to compare to the last bit; else the pose is compared to `TOLERANCES`.
     """
     if exactly:
         told = {

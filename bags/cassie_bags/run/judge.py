@@ -1,4 +1,4 @@
-"""From a recording to an outcome: the run in numbers, held against what was expected."""
+"""Evaluates a recording: the metrics of the run, compared with the expectations."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from cassie_msgs.experiment.file import Experiment
 
 @dataclass(frozen=True)
 class RunResult:
-    """What came of a run.
+    """Result of a run.
 
     Attributes:
-        experiment: What was run, drawn.
-        metrics: The run in numbers.
-        failures: What it did not keep of what was expected; empty if it passed.
+        experiment: Experiment that was run, drawn.
+        metrics: Metrics of the run.
+        failures: Expectations that the run did not meet, in words; empty if it passed.
         how: "dds" or "in-process".
         lockstep_broken: Whether the simulator gave up lock-step.
-        files: Files it left, by name.
+        files: Files that the run wrote, by name.
     """
 
     experiment: Experiment
@@ -36,28 +36,28 @@ class RunResult:
 
     @property
     def passed(self) -> bool:
-        """Whether the run kept all that was expected."""
+        """Whether the run met all expectations."""
         return not self.failures
 
 
 def phases_of(experiment: Experiment) -> Sequence[Phase]:
-    """The phases to report: those the file names, else the operator's intervals."""
+    """The phases of the report: those of the file, else the operator's intervals."""
     return experiment.expect.phases or phases_of_steps(experiment.operator, experiment.duration)
 
 
 def evaluate(
     experiment: Experiment, recording: Recording, how: str, *, lockstep_broken: bool = False
 ) -> RunResult:
-    """Hold a run against what was expected of it.
+    """Compare a run with its expectations.
 
     Args:
-        experiment: What was run, drawn.
-        recording: What came of it.
+        experiment: Experiment that was run, drawn.
+        recording: Recording of the run.
         how: "dds" or "in-process".
         lockstep_broken: Whether the simulator gave up lock-step.
 
     Raises:
-        BagError: if the recording holds nothing to look at.
+        BagError: if the recording has nothing to evaluate.
     """
     track = make_track(recording)
     metrics = measure(recording, track, phases_of(experiment), experiment.rider)
@@ -73,13 +73,13 @@ def evaluate(
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that is expected of a run.
+    """One expectation of a run, and its result.
 
     Attributes:
-        phase: Of which phase; empty for the whole run.
-        name: What is measured.
-        value, target: What came, and what was expected.
-        problem: What is wrong, in a line; empty if nothing is.
+        phase: Name of the phase; empty for the whole run.
+        name: Name of the metric.
+        value, target: Measured value, and expected value.
+        problem: What is wrong, in one line; empty if nothing is.
     """
 
     phase: str
@@ -90,11 +90,11 @@ class Check:
 
 
 def checks(expected: Expectation, metrics: Metrics) -> list[Check]:
-    """Everything that is expected, and what came of it.
+    """All expectations of a run with their results.
 
     Args:
-        expected: Bounds.
-        metrics: Of the run, over its phases.
+        expected: Expected bounds.
+        metrics: Metrics of the run and of its phases.
     """
     found = []
     if expected.fell is not None:

@@ -1,4 +1,4 @@
-"""Where the messages of a run in one process go besides its evaluation."""
+"""Observers of a run in one process, besides its evaluation: into a bag, or to two observers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from cassie_msgs.experiment.file import Experiment
 
 
 class BagObserver:
-    """Writes every message into a bag, which leaving its `with` statement closes.
+    """Writes every message into a bag; the end of the `with` statement closes the bag.
 
     Args:
         path: The bag.
-        experiment: What is run, drawn; it goes into the bag.
-        topics: What of it is written.
+        experiment: Experiment that is run, drawn; it is written into the bag.
+        topics: Topics that are written.
 
     Raises:
         BagError: if the bag cannot be written.
@@ -54,7 +54,7 @@ class BagObserver:
 
 
 def both(first: Observer, second: Observer) -> Observer:
-    """An observer that passes each message on to two."""
+    """An observer that passes each message on to two observers."""
 
     def observe(topic: str, raw: bytes, stamp: int) -> None:
         first(topic, raw, stamp)

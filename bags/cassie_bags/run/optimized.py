@@ -1,4 +1,4 @@
-"""A controller whose gaits are made while it walks, in one process."""
+"""A controller whose gaits are optimized while the robot walks, in one process."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cassie_gaits.optimize.single import GaitMaker
 from cassie_msgs.layout import Gait, Mode, MotorCommand, RobotState
 
 STARTS_FROM = "dense"
-"""Library whose gaits the optimizer starts from; the default of its node."""
+"""Library from whose gaits the optimizer starts; the default of its node."""
 
 
 class OptimizedGaitController(GaitController):
-    """The controller with the optimizer beside it, on the schedule of lock-step.
+    """The controller together with the gait optimizer, on the schedule of lock-step.
 
     Args:
         config, library, period, learned: As for `GaitController`.
@@ -39,7 +39,7 @@ class OptimizedGaitController(GaitController):
         super().reset()
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
-        """Set-points for one tick; offers the gait that names it."""
+        """Set-points for one tick; before, the gait that takes effect at this tick is offered."""
         answer = self._answer
         if answer is not None and int(state.seq) == int(answer.effective_seq):
             self.offer(answer)

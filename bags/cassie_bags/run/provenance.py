@@ -1,4 +1,4 @@
-"""Where a run comes from: its file, what its seed drew, and the versions it was made with."""
+"""Origin of a run: its file, the values drawn from its seed, and the versions of software."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _CPU_INFO = Path("/proc/cpuinfo")
 
 @dataclass(frozen=True)
 class Origin:
-    """With what figures were measured.
+    """Origin of measured figures.
 
     Attributes:
-        command: That measures them again.
-        date: Day on which it began, ISO 8601.
-        revision: Of the sources, as `revision` gives it.
+        command: Command that measures the figures again.
+        date: Day on which the measurement began, ISO 8601.
+        revision: Git revision of the sources, see `revision`.
         machine: Processor and number of cores.
-        versions: Of Python and the libraries that decide the last bit.
-        seeds: Which robots were drawn.
+        versions: Versions of Python and of the libraries that affect the last bit.
+        seeds: Robots that were drawn.
     """
 
     command: str
@@ -50,8 +50,8 @@ def origin(command: str, seeds: str, now: datetime.datetime) -> Origin:
     """The origin of figures that are measured here from `now` on.
 
     Args:
-        command: That measures them again.
-        seeds: Which robots are drawn.
+        command: Command that measures the figures again.
+        seeds: Robots that are drawn.
         now: Time of the wall clock.
     """
     libraries = {"python": platform.python_version(), **_versions(_NUMERIC)}
@@ -59,15 +59,15 @@ def origin(command: str, seeds: str, now: datetime.datetime) -> Origin:
     return Origin(command, now.date().isoformat(), revision(), machine(), named, seeds)
 
 
-_RUNS = ":/", ":(top,exclude)*.md"  # git's words for all files but texts
+_RUNS = ":/", ":(top,exclude)*.md"  # git's pathspec of all files except Markdown
 
 
 def revision(source: Path = Path(__file__)) -> str:
     """Git revision of the sources that run, shortened, or "unknown".
 
-    Where tracked files of the working tree differ from it, "with changes" follows; texts, such as
-    the results themselves, do not count. A revision is unknown where git does not track `source`,
-    as in an installed package.
+    "with changes" follows where tracked files of the working tree differ from this revision.
+    Markdown files, such as the results themselves, do not count. The revision is unknown where git
+    does not track `source`, as in an installed package.
 
     Args:
         source: A file of these sources.
@@ -91,7 +91,7 @@ def machine(cpu_info: Path = _CPU_INFO) -> str:
     """Processor and number of cores of this computer.
 
     Args:
-        cpu_info: What Linux tells of the processors; without it the architecture is named.
+        cpu_info: Linux's file about the processors; without it the architecture is named.
     """
     try:
         lines = cpu_info.read_text(encoding="utf-8").splitlines()
@@ -103,12 +103,12 @@ def machine(cpu_info: Path = _CPU_INFO) -> str:
 
 
 def metadata_of(experiment: Experiment) -> dict[str, dict[str, str]]:
-    """What goes into a bag beside the messages.
+    """Metadata that a run writes into its bag, by name of the record.
 
     Args:
-        experiment: What is run, drawn.
+        experiment: Experiment that is run, drawn.
     """
-    from cassie_msgs.experiment.file import to_yaml  # NumPy loads with it
+    from cassie_msgs.experiment.file import to_yaml  # this import loads NumPy
 
     return {
         "cassie_experiment": {
@@ -122,18 +122,18 @@ def metadata_of(experiment: Experiment) -> dict[str, dict[str, str]]:
 
 
 def surroundings() -> dict[str, dict[str, str]]:
-    """With what a recording is made, as records of a bag."""
+    """Versions and environment of a recording, as records of a bag."""
     return {"cassie_versions": versions(), "cassie_environment": environment()}
 
 
 def versions() -> dict[str, str]:
-    """Version by package name; "not installed" for what runs from its sources."""
+    """Version by package name; "not installed" for a package that runs from its sources."""
     found = {"python": platform.python_version(), "machine": platform.machine()}
     return found | _versions(_OURS + _OTHERS)
 
 
 def environment() -> dict[str, str]:
-    """What the last bit of a result depends on besides this project's code."""
+    """What affects the last bit of a result, besides this project's code."""
     import numpy as np
 
     found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
@@ -145,7 +145,7 @@ def environment() -> dict[str, str]:
 
 
 def changes_of_environment(recorded: Mapping[str, str]) -> list[str]:
-    """In what this machine and its libraries are not those recorded by `environment`."""
+    """Differences of this machine and its libraries from those that `environment` recorded."""
     here = environment()
     return [
         f"{name} {here.get(name, 'unknown')}, recorded {recorded.get(name, 'unknown')}"

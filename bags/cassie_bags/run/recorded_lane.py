@@ -1,4 +1,4 @@
-"""What a bag holds of the control lane, for the cores that run again: by episode and tick."""
+"""Control messages of a bag by episode and tick, as inputs of cores that run again."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ class MissingInputError(Exception):
 
 @dataclass(frozen=True)
 class Setting:
-    """What a node began with.
+    """Parameters and files with which a node began.
 
     Attributes:
-        parameters: By name.
-        files: Path and SHA-256 of files that it read, by the parameter that names them.
+        parameters: Values by name.
+        files: Path and SHA-256 of each file that the node read, by the parameter that names it.
     """
 
     parameters: Mapping[str, Any]
@@ -63,7 +63,7 @@ class Setting:
 
 
 class RecordedLane:
-    """The messages of a bag, by topic: in order, and by episode and tick."""
+    """The control messages of a bag, by topic: in order, and by episode and tick."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -100,7 +100,7 @@ class RecordedLane:
         self.gaits = self._by_effective_seq(Gait)
 
     def _leave_out_strays(self) -> None:
-        """Leave out what others published: the nodes ignored it, too."""
+        """Leave out messages of other publishers: the nodes ignored these messages, too."""
         rows = {topic: lane_rows(_KINDS[topic], list_) for topic, list_ in self.rows.items()}
         for topic, flags in of_the_run(rows, {}).items():
             self.rows[topic] = list(compress(self.rows[topic], flags.tolist()))
@@ -120,10 +120,10 @@ class RecordedLane:
         return found
 
     def setting(self, node: str) -> Setting:
-        """What a node began with, from the experiment in the bag, where it did not tell itself.
+        """Setting of a node from the experiment in the bag, for a bag without the node's events.
 
         Raises:
-            BagError: if there is none.
+            BagError: if the bag has no experiment.
         """
         text = self.index.metadata.get("cassie_experiment", {}).get("file")
         if text is None:
@@ -147,7 +147,7 @@ def needed(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
     """The message of a tick.
 
     Raises:
-        MissingInputError: calling it `what`, if it is not there.
+        MissingInputError: if the message is missing; the text calls it `what`.
     """
     raw = messages.get(key)
     if raw is None:
@@ -156,7 +156,7 @@ def needed(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
 
 
 def key_of(raw: bytes) -> Key:
-    """Episode and tick of a message of the lane."""
+    """Episode and tick of a control message."""
     _, _, episode, seq = header(raw)
     return episode, seq
 

@@ -1,4 +1,4 @@
-"""Drawing what an experiment leaves to its seed, once and for all nodes.
+"""Draws the random values of an experiment from its seed, once for all nodes.
 
 The result is an experiment again, with `drawn: true`: its file can be run as it is and gives
 the same run.
@@ -18,12 +18,12 @@ from cassie_bags.errors import ExperimentError
 from cassie_msgs.experiment.file import Experiment, to_yaml
 
 _DELAYS = {"operator": 0.2, "gantry": 0.2, "pushes": 0.4, "faults": 0.4}
-"""By how much each kind of event may come later than written. In s."""
+"""Largest random delay after the written time, by kind of event. In s."""
 
 
 @enum.unique
 class Stream(enum.IntEnum):
-    """What is drawn from a seed, beside the robot itself: each from a stream of its own."""
+    """Random streams of a seed, each for one kind of draw; the robot itself is not among them."""
 
     EVENTS = 1
     TUNED_MODEL = 2
@@ -35,17 +35,17 @@ class Stream(enum.IntEnum):
         """The generator of this stream.
 
         Args:
-            seed: Of the experiment.
-            more: Numbers of streams within it.
+            seed: Seed of the experiment.
+            more: Numbers of streams within this stream.
         """
         return np.random.default_rng([seed, self.value, *more])
 
 
 def resolve(experiment: Experiment) -> Experiment:
-    """Draw the moments of events from the experiment's seed, as its robot was on reading it.
+    """Draw the times of events from the experiment's seed; the robot was drawn on reading the file.
 
-    What is written at 0 s is the state at the start and stays there. Entries of one list keep
-    their order. Seed 0 gives the nominal robot at the written times.
+    An event at 0 s is the state at the start and stays at 0 s. Entries of one list keep their
+    order. Seed 0 gives the nominal robot at the written times.
     """
     if experiment.drawn:
         return experiment
@@ -61,7 +61,7 @@ def resolve(experiment: Experiment) -> Experiment:
 
 
 def write_resolved(experiment: Experiment, path: Path) -> None:
-    """Write the file that all nodes get.
+    """Write the experiment's file that all nodes get.
 
     Raises:
         ExperimentError: if it cannot be written.
@@ -74,7 +74,7 @@ def write_resolved(experiment: Experiment, path: Path) -> None:
 
 
 def delayed(times: Sequence[float], most: float, rng: np.random.Generator) -> list[float]:
-    """Each time later by up to `most` (uniform), in the same order; 0 stays 0. In s."""
+    """Delay each time by up to `most` (uniform) and keep the order; 0 stays 0. In s."""
     result: list[float] = []
     for time, delay in zip(times, rng.uniform(0.0, most, len(times)).tolist(), strict=True):
         later = time if time == 0.0 else time + delay

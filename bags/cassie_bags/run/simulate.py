@@ -1,6 +1,6 @@
-"""A run of the same cores in one process, without ROS and as fast as it goes.
+"""A run of the cores in one process, without ROS and as fast as possible.
 
-The schedule is that of the nodes in lock-step (see the package's README), so the trajectory
+The schedule is that of the nodes in lock-step (see the package's README), so that the trajectory
 is the same to the last bit.
 """
 
@@ -34,14 +34,15 @@ class ControlLoop:
     """One run of the cores on the schedule of lock-step.
 
     A tick is a sample, its state, and the motor command by the mode in force. On every
-    `PERIOD_TICKS`-th tick the operator and the supervisor answer the state, and what they say holds
-    `PERIOD_TICKS` later. Power is as the operator has set it for the tick. Then the plant steps.
+    `PERIOD_TICKS`-th tick the operator and the supervisor answer the state. Their answers take
+    effect `PERIOD_TICKS` later. The power is that which the operator has set for the tick. Then the
+    plant steps.
 
     Args:
-        plant: At tick 0.
-        estimator: Reset.
-        controller: Reset.
-        supervisor: Reset.
+        plant: Plant at tick 0.
+        estimator: Estimator, reset.
+        controller: Controller, reset.
+        supervisor: Supervisor, reset.
         operator: The scripted operator.
         observer: Gets each message.
     """
@@ -63,7 +64,7 @@ class ControlLoop:
         self._mode, self._next_mode = Mode(), Mode()
         self._power = self._next_power = False
         self.problems: dict[str, tuple[str, float]] = {}
-        """What first went wrong with a core, by its node, and at what robot time. In s."""
+        """First problem of each core and its robot time (s), by node."""
 
     def tick(self) -> None:
         """Run one control tick."""
@@ -92,7 +93,7 @@ class ControlLoop:
         self._step_plant(command)
 
     def _answer(self, state: RobotState, stamp: int) -> None:
-        """Put in force what was answered to the state before, answer this one."""
+        """Put the answers to the last state in force, then answer this state."""
         self._mode.copy_from(self._next_mode)
         self._power = self._next_power
         operator = self._operator.answer(state)
@@ -118,7 +119,7 @@ class ControlLoop:
 
 
 def run(loop: ControlLoop, ticks: Iterable[int]) -> float:
-    """Run a loop over ticks, which may show progress; returns the wall time it took. In s."""
+    """Run a loop over ticks; returns the wall time in s. `ticks` may show progress."""
     started = time.perf_counter()
     for _ in ticks:
         loop.tick()
@@ -135,12 +136,12 @@ class Store:
         self.messages[topic].append(raw)
 
     def recording(self, wall_time: float) -> Recording:
-        """What was kept, as arrays."""
+        """The kept messages, as arrays."""
         return from_messages(self.messages, wall_time)
 
 
 class RecentStore(Store):
-    """An observer that keeps the last messages, so that a long run needs no more memory.
+    """An observer that keeps the last messages, so that the memory of a long run is bounded.
 
     Args:
         seconds: Robot time of which it keeps all messages; it keeps up to twice as much.
@@ -159,6 +160,6 @@ class RecentStore(Store):
         super().__call__(topic, raw, stamp)
 
     def recording(self, wall_time: float) -> Recording:
-        """What was kept, as arrays."""
+        """The kept messages, as arrays."""
         kept = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
         return from_messages(kept, wall_time)

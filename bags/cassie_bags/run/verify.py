@@ -1,9 +1,9 @@
 """Replay of a recording through estimator, supervisor and controller, to the last bit.
 
-Each core gets what its node got: samples, states and commands of the recording. It also gets what
-the node told on /cassie/node_events: parameters, late modes, lost nodes. So a difference shows in
-the node where it arises. A core is followed from where its node began; before that, and after a
-message that is missing, nothing can be said of it.
+Each core gets what its node got: samples, states and commands of the recording. It also gets the
+node's events on /cassie/node_events: parameters, late modes, lost nodes. So a difference shows in
+the node that causes it. The replay of a core begins where its node began. Before that, and from a
+missing message to the node's next start, messages cannot be compared.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_n
 ConfigT = TypeVar("ConfigT")
 
 START, TOLERANCE = 5.0, 1e-9
-"""What is compared where bits may differ: the first so many s, to this difference in SI units."""
+"""Comparison where bits may differ: the first so many s, to this difference in SI units."""
 
-_NEAR = 20  # messages of a topic within which a process that was replaced may have answered, too
+_NEAR = 20  # messages of a topic in which the process that replaced another may answer a tick again
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ class Difference:
     """Where a recomputed message first differs from the recorded one.
 
     Attributes:
-        topic: Of the message.
-        field: Of the message, with the index in an array: "q[3]".
-        episode: Of the simulator.
+        topic: Topic of the message.
+        field: Field of the message, with the index in an array: "q[3]".
+        episode: Episode of the simulator.
         tick: Control tick, the message's seq.
         time: Robot time of the message. In s.
         recorded: Value in the bag.
@@ -97,7 +97,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replayed:
-    """The messages of a topic, as recorded and as computed anew. Two arrays of equal length."""
+    """The messages of a topic, as recorded and as computed again. Two arrays of equal length."""
 
     recorded: npt.NDArray[np.void]
     computed: npt.NDArray[np.void]
@@ -133,7 +133,7 @@ class Replayed:
         return int(found.sum())
 
     def greatest_difference(self, until: float) -> float:
-        """Greatest difference of a value before `until` (s) of each episode; NaN is one value."""
+        """Largest difference of a value before `until` (s) of each episode; NaN equals NaN."""
         times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
         early = times < until
         greatest = 0.0
@@ -157,13 +157,13 @@ class Replayed:
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of a replay.
+    """Result of a replay.
 
     Attributes:
         replayed: Messages that could be compared, by topic: state, mode, motor command.
-        gaps: What could not be followed, and why, in words.
-        elsewhere: In what machine and libraries are not those of the recording; empty if nothing
-            is, or if the bag does not tell them.
+        gaps: Messages that could not be replayed, and why, in words.
+        elsewhere: Differences of machine and libraries from those of the recording; empty if there
+            are none, or if the bag does not name them.
     """
 
     replayed: Mapping[str, Replayed]
@@ -178,7 +178,7 @@ class Verification:
 
     @property
     def holds(self) -> bool:
-        """Whether all that was compared is as recorded.
+        """Whether all compared messages are as recorded.
 
         With other libraries or another kind of processor bits may differ; then the first
         `START` s have to agree within `TOLERANCE`.
@@ -203,10 +203,10 @@ def verify(
 
     Args:
         path: The bag.
-        changes: `controller.walk.joints.kp_knee=500` and the like: parameters in place of those
-            recorded, to see what they would have changed.
+        changes: Parameters in place of the recorded ones, such as
+            `controller.walk.joints.kp_knee=500`, to see their effect.
         gaits: Gait library in place of the recorded one.
-        watch: Is told now and then how many of how many messages are done.
+        watch: Is called now and then with the numbers of replayed and of all messages.
 
     Raises:
         BagError: if the bag cannot be read, or does not say with which parameters it was made.
@@ -233,12 +233,12 @@ def verify(
 
 
 class _Core(ABC):
-    """A core with the inputs that its node had.
+    """A core with the inputs of its node.
 
     Args:
         lane: Messages of the bag.
-        setting: What the node began with.
-        overrides: Parameters in place of those recorded, also of those changed later.
+        setting: Parameters and files with which the node began.
+        overrides: Parameters in place of the recorded ones, also of those changed later.
         gaits: Gait library in place of the recorded one.
     """
 
@@ -257,10 +257,10 @@ class _Core(ABC):
 
     @abstractmethod
     def configure(self, changes: Mapping[str, Any]) -> None:
-        """Parameters were changed while the node ran."""
+        """Apply parameters that were changed while the node ran."""
 
     def take(self, event: Event) -> None:
-        """Take in an event of the node."""
+        """Apply an event of the node."""
         if event.event == "parameters":
             changes = {k: v for k, v in event.content.items() if k not in self.overrides}
             self.configure(changes)
@@ -269,7 +269,7 @@ class _Core(ABC):
         """The parameters of the core, without those of its node.
 
         Raises:
-            ExperimentError: if one in place of the recorded ones is unknown.
+            ExperimentError: if the core does not have one of the overrides.
         """
         known = set(names(cls))
         for name in self.overrides.keys() - known:
@@ -278,10 +278,10 @@ class _Core(ABC):
 
     @abstractmethod
     def answer(self, key: Key) -> Sample:
-        """The message that answers the tick.
+        """The core's message for a tick.
 
         Raises:
-            MissingInputError: saying what is missing.
+            MissingInputError: naming the missing message.
         """
 
 
@@ -383,7 +383,7 @@ class _Controller(_Core):
         return self._recorded_mode(episode, first)
 
     def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:
-        """The mode that holds from a tick on; off before the first."""
+        """The mode that takes effect at a tick; off before the first one."""
         raw = self.lane.modes.get((episode, effective_seq))
         if raw is None and effective_seq < PERIOD_TICKS:
             self._off.episode[...] = episode
@@ -404,7 +404,7 @@ def _follow(
     gaps: list[str],
     watch: Callable[[int], None],
 ) -> Replayed:
-    """Compute each message of a node anew."""
+    """Compute each message of a node again; adds what cannot be replayed to `gaps`."""
     recorded, computed = [], []
     events = deque(lane.events[node])
     core: _Core | None = None
@@ -453,7 +453,7 @@ def _follow(
 
 
 def _starts(events: Iterable[Event], key: Key) -> bool:
-    """Whether a process of the node began at a tick, among events not yet taken in."""
+    """Whether a process of the node began at a tick, among events not yet applied."""
     near = itertools.takewhile(lambda event: (event.episode, event.seq) <= key, events)
     return any(event.event == "began" and (event.episode, event.seq) == key for event in near)
 
@@ -461,7 +461,7 @@ def _starts(events: Iterable[Event], key: Key) -> bool:
 def _take_events(
     events: deque[Event], key: Key, core: _Core | None, begin: Callable[[Setting], _Core]
 ) -> _Core | None:
-    """Take in a node's events up to a tick; returns its core from there on."""
+    """Apply a node's events up to a tick; returns the core from there on."""
     if core is not None and events and events[0].episode != key[0] and key[1] == 0:
         core = None
     while events and (events[0].episode, events[0].seq) <= key:
@@ -490,12 +490,12 @@ def _sections(changes: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def _file(described: Mapping[str, str], bag: Path, folder: Path) -> Path:
-    """A file that a node read: where it was, beside the bag, of the package, or out of the bag.
+    """A file that a node read, found at its path, beside the bag, in the package or in the bag.
 
     Args:
         described: Path and SHA-256.
         bag: The bag.
-        folder: Where a file out of the bag is put.
+        folder: Folder into which a file from the bag is written.
 
     Raises:
         BagError: if none of these has the recorded hash.

@@ -1,4 +1,4 @@
-"""Experiments' YAML, and changes to it from a command line."""
+"""YAML of experiments, and changes to it from a command line."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def parse_mapping(text: str, name: str) -> dict[str, Any]:
 
 
 def apply_changes(content: dict[str, Any], changes: Iterable[str]) -> None:
-    """Apply `key=value` words in place; dots lead into mappings, numbers into lists.
+    """Apply changes in place; dots in a key lead into mappings, numbers into lists.
 
     Args:
-        content: As `read_mapping` gives it.
-        changes: For example `controller.kp_knee=300` or `operator.3.vx=0.6`; or `@file.yaml`,
-            whose values are put in the same way. Of two for one key the later holds.
+        content: Mapping as from `read_mapping`.
+        changes: Words such as `controller.kp_knee=300` or `operator.3.vx=0.6`; or `@file.yaml`,
+            which applies the values of a file. The last of several changes to one key holds.
 
     Raises:
         ExperimentError: if a change has no `=`, or leads nowhere; if a file cannot be read.
@@ -43,9 +43,9 @@ def apply_changes(content: dict[str, Any], changes: Iterable[str]) -> None:
 
 
 def consistent(changes: Iterable[str]) -> tuple[str, ...]:
-    """Changes from one command line, which give no key two values.
+    """The changes of one command line, after a check that they give no key two values.
 
-    A `key=value` may replace what a file before it says.
+    A `key=value` may replace a value from a file before it.
 
     Raises:
         ExperimentError: naming the key and both changes; and as `apply_changes`.
@@ -65,7 +65,7 @@ def consistent(changes: Iterable[str]) -> tuple[str, ...]:
 
 
 def spelled_out(changes: Iterable[str]) -> tuple[str, ...]:
-    """Changes without files: their values as `key=value`, for workers that have not those files.
+    """Changes as `key=value` words without files, for workers that do not have those files.
 
     Raises:
         ExperimentError: if a file cannot be read; and as `consistent`.
@@ -80,10 +80,10 @@ def spelled_out(changes: Iterable[str]) -> tuple[str, ...]:
 
 
 def flat(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Nested mappings as one with dotted names.
+    """Nested mappings as one mapping with dotted names.
 
     Raises:
-        ExperimentError: if two spellings of one name are given; `name` stands for the file.
+        ExperimentError: if two spellings of one name are given; `name` stands for the file there.
     """
     try:
         return flatten(content)
@@ -126,14 +126,14 @@ def _set(content: dict[str, Any], path: list[str], value: Any, change: str) -> N
         if isinstance(place, dict) and place.get(key) is None:
             place[key] = {}
         place = place[key]
-    if isinstance(place, dict):  # what it replaces may also be spelled with dots
+    if isinstance(place, dict):  # the replaced value may also be spelled with dots
         for name in [name for name in place if str(name).startswith(f"{key}.")]:
             del place[name]
     place[key] = value
 
 
 def _spelling(place: Any, path: list[str]) -> int:
-    """Words of a path that are one key here: `walk.law: x` says the same as `walk: {law: x}`."""
+    """Number of words of a path that are one key here: `walk.law: x` means `walk: {law: x}`."""
     if isinstance(place, dict):
         for words in range(len(path), 1, -1):
             if ".".join(path[:words]) in place:

@@ -1,1 +1,1 @@
-"""What a recording says, each number once: tracking, walking, standing, riding, falling."""
+"""Signals and metrics of a recording: tracking, walking, standing, riding, falls."""

@@ -1,4 +1,4 @@
-"""What a part of a walk costs: mechanical work and torques of the drives, in figures."""
+"""Effort of a part of a walk: mechanical work and torques of the drives."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from cassie_gaits.robot import GRAVITY
 FloatArray = npt.NDArray[np.float64]
 
 EFFORT_FIGURES = ("transport_work", "transport_work_abs", "torque_rms")
-"""What `measure_effort` gives."""
+"""Names of the metrics of `measure_effort`."""
 
-_WALKED = 0.5  # distance from which a cost of transport is told, in m
+_WALKED = 0.5  # m, least distance for a cost of transport
 
 
 def measure_effort(track: Track, window: tuple[float, float], mass: float) -> dict[str, float]:
-    """The cost of a part of a run, from the torques and velocities that the drives report.
+    """Effort in a part of a run, from the torques and velocities that the drives report.
 
     Args:
         track: Signals of the run.
-        window: From and to. In s.
-        mass: Of the robot and what it carries. In kg.
+        window: Start and end. In s.
+        mass: Mass of the robot and its load. In kg.
 
     Returns:
-        transport_work: positive mechanical work of the drives by weight and distance;
-        transport_work_abs: the same of positive and negative work; torque_rms: RMS over time of
-        the norm of all torques (Nm). NaN if the run did not get to the window's end; both costs
-        also if it moved by less than half a metre.
+        transport_work: positive mechanical work of the drives over weight and distance;
+        transport_work_abs: positive plus absolute negative work over weight and distance;
+        torque_rms: RMS over time of the norm of all torques (Nm). All are NaN if the run ended
+        before the window did. Both costs are NaN if the robot moved by less than half a metre.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)

@@ -1,4 +1,4 @@
-"""How far a state estimate is from the truth."""
+"""Errors of a state estimate."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EstimationError:
-    """Estimate less truth on each tick.
+    """Estimate minus truth at each tick.
 
     Attributes:
-        velocity: Of the pelvis in the true heading frame. Shape (n, 3), in m/s.
-        tilt: Of roll and pitch. Shape (n, 2), in rad.
-        position: Of the horizontal displacement since the first tick, world axes. Shape (n, 2),
-            in m.
+        velocity: Error of the pelvis velocity in the true heading frame. Shape (n, 3), in m/s.
+        tilt: Error of roll and pitch. Shape (n, 2), in rad.
+        position: Error of the horizontal displacement since the first tick, world axes. Shape
+            (n, 2), in m.
     """
 
     velocity: FloatArray
@@ -31,12 +31,12 @@ class EstimationError:
 def estimation_error(
     state: Rows, position: FloatArray, velocity: FloatArray, angles: FloatArray
 ) -> EstimationError:
-    """Errors of states.
+    """Errors of estimated states.
 
     Args:
-        state: Rows of `RobotState`, n of them.
+        state: Rows of `RobotState`. Shape (n,).
         position: True pelvis origin in the world. Shape (n, 3), in m.
-        velocity: True velocity of it in the world. Shape (n, 3), in m/s.
+        velocity: True velocity of the pelvis origin in the world. Shape (n, 3), in m/s.
         angles: True yaw, pitch, roll. Shape (n, 3), in rad.
     """
     error = state["v"][:, :3] - velocity

@@ -1,4 +1,4 @@
-"""What an experiment did to the robot and when: pushes, gantry, faults of sensors."""
+"""Events of an experiment and their times: pushes, gantry, faults of sensors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ KINDS = ("push", "gantry", "fault", "node", "fall")
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at a time or for a while.
+    """An event at a time or over an interval.
 
     Attributes:
         kind: One of `KINDS`.
-        t0, t1: From and to, equal for a moment. Robot time of the episode, in s.
-        text: What, in short.
-        force: Of a push, world axes. In N.
+        t0, t1: Start and end; equal for an instant. Robot time of the episode, in s.
+        text: Short description.
+        force: Force of a push, world axes. In N.
     """
 
     kind: str
@@ -31,7 +31,7 @@ class Event:
 
 
 def events_of(scenario: Scenario, end: float) -> Sequence[Event]:
-    """The events of a scenario until `end` (s), in order of time."""
+    """The events of a scenario that begin before `end` (s), in order of time."""
     found = []
     for push in scenario.pushes:
         impulse = float(np.linalg.norm(push.force)) * push.duration

@@ -1,4 +1,4 @@
-"""When a robot fell: the one definition of it."""
+"""The definition of a fall, and the time of a fall."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ FALLEN_TILT = math.radians(60.0)
 """Tilt of the pelvis beyond which the robot has fallen. In rad."""
 
 FALLEN_HEIGHT = 0.30
-"""Pelvis height above the lowest sole below which it has. In m."""
+"""Height of the pelvis above the lowest sole below which the robot has fallen. In m."""
 
 
 def fall_time(track: Track) -> float | None:
-    """When the robot first lay, in robot time of its episode (s); None if it never did."""
+    """Time of the first fall, in robot time of its episode (s); None if the robot did not fall."""
     up = np.cos(track.angles[:, 1]) * np.cos(track.angles[:, 2])
     height = track.position[:, 2] - track.sole_height.min(axis=1)
     fallen = (up < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
@@ -30,7 +30,7 @@ def falls(recording: Recording) -> dict[int, float] | None:
     """Time of the fall (s, of its episode) by episode.
 
     Returns:
-        None if the recording holds no true pose to tell it from.
+        None if the recording has no true pose.
     """
     found: dict[int, float] = {}
     known = False

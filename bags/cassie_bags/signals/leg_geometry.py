@@ -1,6 +1,6 @@
-"""Where the joints and soles of the legs are, for whole recordings at once.
+"""Positions of the legs' joints and soles, for whole recordings at once.
 
-Forward kinematics on numpy arrays over time, from the table of `cassie_gaits.robot`. It serves
+Forward kinematics on numpy arrays over time, from the table of `cassie_gaits.robot`. It is for
 metrics and pictures; the control loop has its own model.
 """
 
@@ -47,15 +47,15 @@ def leg_points(joints: FloatArray) -> FloatArray:
 
 
 def to_world(points: FloatArray, position: FloatArray, orientation: FloatArray) -> FloatArray:
-    """Points in the pelvis frame to the world.
+    """Transform points from the pelvis frame to the world.
 
     Args:
-        points: Shape (n, ..., 3), in m.
+        points: Points in the pelvis frame. Shape (n, ..., 3), in m.
         position: Pelvis origin. Shape (n, 3), in m.
-        orientation: Pelvis to world, x y z w. Shape (n, 4).
+        orientation: Rotation pelvis to world, quaternion x y z w. Shape (n, 4).
 
     Returns:
-        Shape of `points`.
+        Points in the world, in the shape of `points`. In m.
     """
     rotation = rotation_matrices(orientation)
     flat = points.reshape(len(points), -1, 3)

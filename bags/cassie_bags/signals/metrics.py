@@ -1,6 +1,6 @@
-"""How a run went, in numbers: over the whole run and over each of its phases.
+"""Metrics of a run: over the whole run and over each of its phases.
 
-The velocities are those of the pelvis origin in the heading frame, from the true pose.
+Velocities are those of the pelvis origin in the heading frame, from the true pose.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PhaseMetrics:
-    """A phase in numbers: `expectation.PHASE_METRICS` and what was commanded, the mean of each."""
+    """`expectation.PHASE_METRICS` of a phase, and the means of the commanded set-points."""
 
     phase: Phase
     reached: bool
@@ -37,14 +37,14 @@ class PhaseMetrics:
 
 @dataclass(frozen=True)
 class Metrics:
-    """A run in numbers.
+    """Metrics of a run.
 
     Attributes:
         fell: Whether the robot fell.
-        fall_time: When. In s, or None.
+        fall_time: Time of the fall. In s, or None.
         run: `expectation.RUN_METRICS` by name.
         peak_torque: Largest torque of each drive by name. In Nm.
-        phases: In the order asked for.
+        phases: Metrics of each phase, in the order of the request.
     """
 
     fell: bool
@@ -60,13 +60,13 @@ def measure(
     phases: Iterable[Phase],
     rider: RiderScript | None = None,
 ) -> Metrics:
-    """A run in numbers.
+    """Measure a run.
 
     Args:
-        recording: The run.
-        track: Its signals.
-        phases: Parts of it to look at.
-        rider: Section of the operator who rode, with the gates that he was to pass.
+        recording: Recording of the run.
+        track: Signals of the run.
+        phases: Parts of the run to be measured.
+        rider: The rider's section of the experiment, with the gates to be passed.
     """
     fell_at = fall_time(track)
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
@@ -143,9 +143,9 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
 
 
 def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
-    """Pitch, toe up, that a foot which carries load exceeds for a twentieth of the time, in deg.
+    """95th percentile of the pitch, toe up, of the soles of loaded feet. In deg.
 
-    NaN while it hangs.
+    NaN if no foot is loaded.
     """
     loaded = track.foot_load[inside] > 0.5
     pitches = track.sole_pitch[inside][loaded]
@@ -153,7 +153,7 @@ def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
 
 
 def _speed_peak(position: FloatArray, tick: float) -> float:
-    """Greatest distance covered in a second, as a speed (m/s); NaN of a shorter phase."""
+    """Largest distance covered in a second, as a speed (m/s); NaN for a shorter phase."""
     second = round(1.0 / tick) if tick > 0.0 else 0
     if not 0 < second < len(position):
         return math.nan

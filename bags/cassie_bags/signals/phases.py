@@ -1,4 +1,4 @@
-"""The phases of a run: those its file names, or else the intervals between operator steps."""
+"""Phases of a run: those that its file names, or the intervals between operator steps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _SHOWN = ("vx", "vy", "yaw_rate", "height", "roll", "pitch", "com_x", "com_y")
 
 
 def phases_of_steps(steps: Sequence[OperatorStep], duration: float) -> tuple[Phase, ...]:
-    """One phase for each interval between operator steps, named after what the step changes.
+    """One phase for each interval between operator steps, named by the changes of the step.
 
     Args:
-        steps: Operator steps, in order of time; without any, all of the run is one phase.
+        steps: Operator steps, in order of time; if there are none, the whole run is one phase.
         duration: End of the last phase. In s.
     """
     if not steps:

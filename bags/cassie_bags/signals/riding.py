@@ -1,4 +1,4 @@
-"""A ride on a Segway in figures: its speed, how it stops, how its platform shakes, its gates."""
+"""Metrics of a ride on a Segway: speed, stopping, shaking of the platform, gates."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from cassie_teleop.rider import way
 FloatArray = npt.NDArray[np.float64]
 
 FIGURES = ("ride_min", "ride_max", "ride_drift", "stop_time", "platform_rms", "gate_miss")
-"""What `measure_ride` gives."""
+"""Names of the metrics of `measure_ride`."""
 
 AT_REST = 0.1
 """Speed below which a Segway counts as stopped. In m/s."""
 
 SHAKING = 2.0
-"""Time over which the platform's slow tilts are taken out of its shaking. In s."""
+"""Width of the moving mean that removes slow tilts from the platform's shaking. In s."""
 
 
 def measure_ride(
     recording: Recording, rider: RiderScript | None, window: tuple[float, float]
 ) -> dict[str, float]:
-    """A part of a ride in figures, NaN without a Segway or if the run did not get to its end.
+    """Metrics of a part of a ride; NaN without a Segway or if the run ended before the part did.
 
     Args:
-        recording: The run.
-        rider: Its `rider` section.
-        window: From and to. In s.
+        recording: Recording of the run.
+        rider: Section `rider` of the experiment.
+        window: Start and end. In s.
 
     Returns:
-        Figures by name:
+        Metrics by name:
 
-        - ride_min, ride_max (m/s): least and greatest speed forward of the chassis.
-        - ride_drift (m): greatest distance of the chassis from where the window began.
-        - stop_time (s): until the speed was within `AT_REST`; infinite if it never was.
-        - platform_rms (deg): of the platform's pitch about its mean over `SHAKING`.
-        - gate_miss (m): greatest distance from the middle of a gate, over the whole run.
+        - ride_min, ride_max (m/s): smallest and largest forward speed of the chassis.
+        - ride_drift (m): largest distance of the chassis from its place at the window's start.
+        - stop_time (s): time until the speed was within `AT_REST`; infinite if it never was.
+        - platform_rms (deg): RMS of the platform's pitch about its mean over `SHAKING`.
+        - gate_miss (m): largest distance from the middle of a gate, over the whole run.
     """
     rows = recording.segway
     t0, t1 = window
@@ -66,10 +66,10 @@ def measure_ride(
 
 
 def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
-    """Greatest distance of a Segway from the middle of a gate when it is there.
+    """Largest distance of a Segway from the middle of a gate as it passes the gate.
 
     Returns:
-        In m; infinite if a gate was not reached, NaN without gates.
+        Distance in m; infinite if a gate was not reached, NaN without gates.
     """
     found = [math.nan]
     if rider is not None:
@@ -83,7 +83,7 @@ def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
 def misses(
     recording: Recording, script: RiderScript, target: Target, gates: Gates, end: float
 ) -> list[float]:
-    """Distance from the middle of each gate of a course that ends at `end` (s). In m."""
+    """Distance of a Segway from the middle of each gate of a course until `end` (s). In m."""
     start, line = _start(recording.truth, script, target.t)
     rows = recording.segway
     rows = rows[(stamps(rows) >= target.t) & (stamps(rows) < end)]
@@ -99,7 +99,7 @@ def misses(
 
 
 def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, float]:
-    """Where the rider saw the robot when he wanted the course to begin, and its heading."""
+    """Position and heading of the robot as the rider saw it at the planned start of the course."""
     period = round(1e9 / script.rate)
     look = -(-round(time * 1e9) // period) * period
     seen = (look - round(1e9 * script.delay)) // period * period
@@ -108,7 +108,7 @@ def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, f
 
 
 def _shaking(pitch: FloatArray, period: float) -> float:
-    """RMS of a pitch about its moving mean; of a shorter one about its mean. In rad."""
+    """RMS of a pitch about its moving mean, or about its mean if it is short. In rad."""
     width = round(SHAKING / period)
     if len(pitch) < 2 * width:
         return float(pitch.std())

@@ -1,4 +1,4 @@
-"""How well a part of a run was stood, in figures."""
+"""Metrics of standing in a part of a run."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_bags.signals.track import Track
 
 STANDING_FIGURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
-"""What `measure_standing` gives."""
+"""Names of the metrics of `measure_standing`."""
 
-_ENDS = 1.0  # s, over which places are taken at both ends of the window
+_ENDS = 1.0  # s, over which positions are averaged at both ends of the window
 
 
 def measure_standing(
     track: Track, state: Rows, status: Rows, inside: npt.NDArray[np.bool_]
 ) -> dict[str, float]:
-    """Standing over a window.
+    """Metrics of standing over a window.
 
     Args:
         track: Signals of the run.
         state: Rows of `RobotState`.
         status: Rows of `ControllerStatus`.
-        inside: Which samples of the track count.
+        inside: Whether each sample of the track is in the window. Shape (n,).
 
     Returns:
-        Figures by name, NaN where the window holds no two seconds:
+        Metrics by name, NaN if the window is shorter than two seconds:
 
-        - com_rms (m): of the CoM's place on the ground about its mean.
-        - creep (m): of the foot that moved more, from the first second to the last.
-        - height_off (m): greatest error of the pelvis height.
-        - shaking (m/s): greatest speed of the pelvis in the last second.
+        - com_rms (m): RMS distance of the CoM's ground projection from its mean.
+        - creep (m): distance from the first second to the last, of the foot that moved more.
+        - height_off (m): largest error of the pelvis height.
+        - shaking (m/s): largest component of the pelvis velocity in the last second.
         - stepped: whether the robot stepped at all (0 or 1).
     """
     time = track.time[inside]
@@ -57,7 +57,7 @@ def measure_standing(
 def _sway(
     track: Track, state: Rows, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]
 ) -> float:
-    """RMS of the CoM's distance from its mean place, from its place over the true feet. In m."""
+    """RMS distance of the CoM from its mean position, relative to the true feet. In m."""
     state = first_occurrences(state)
     rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
     if len(rows) != len(middle):

@@ -1,4 +1,4 @@
-"""A recording as signals over time: what was commanded and what the robot truly did."""
+"""A recording as signals over time: set-points, and the robot's true motion."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 AVERAGED_OVER = 0.8
-"""Width of a moving mean over the sway of the gait, about two steps. In s."""
+"""Width of a moving mean that removes the sway of the gait, about two steps. In s."""
 
 FLIGHT = 0.25
-"""Time around a step for which no foot need carry load. In s."""
+"""Time around a sample within which a foot must carry load. In s."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Signals of one episode on the ticks that have a true pose, a sample and a state.
+    """Signals of one episode at the ticks that have a true pose, a sample and a state.
 
     Attributes:
         time: Robot time. Shape (n,), in s.
@@ -45,20 +45,20 @@ class Track:
         orientation: True pelvis to world, x y z w. Shape (n, 4).
         velocity: True velocity of the pelvis origin in the world. Shape (n, 3), in m/s.
         angles: True yaw (unwrapped), pitch, roll. Shape (n, 3), in rad.
-        achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame,
-            yaw rate, pelvis height above the loaded soles. Each of shape (n,).
-        commanded: The same as the operator asked for.
-        mode: Mode that the supervisor set. Shape (n,).
+        achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame, yaw
+            rate, pelvis height above the loaded soles. Each of shape (n,).
+        commanded: Set-points of `achieved` by name. Each of shape (n,).
+        mode: Mode from the supervisor. Shape (n,).
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
-        foot_load: Share of the load threshold on each foot. Shape (n, 2).
-        carries: Whether the robot stands, walks or rides on its own legs: a foot carries load
+        foot_load: Load of each foot, 0..1. Shape (n, 2).
+        carries: Whether the robot stands, walks or rides on its own legs: the feet carry load
             within `FLIGHT` of the sample. Shape (n,).
-        sensors: Rows of `Sensors` on these ticks.
-        state: Rows of `RobotState` on these ticks.
-        vehicle: True pose of the Segway's chassis on each tick: x, y, z (m), quaternion x y z w;
-            the last known one between its samples. Shape (n, 7), or (0, 7) without a Segway.
-        wheels: What its left and right wheel have turned in the chassis, if they did not slip.
-            Shape (n, 2), or (0, 2), in rad.
+        sensors: Rows of `Sensors` at these ticks.
+        state: Rows of `RobotState` at these ticks.
+        vehicle: True pose of the Segway's chassis at each tick: x, y, z (m), quaternion x y z w;
+            the last known pose between its samples. Shape (n, 7), or (0, 7) without a Segway.
+        wheels: Angles of the left and right wheel in the chassis, computed without slip. Shape
+            (n, 2), or (0, 2), in rad.
     """
 
     time: FloatArray
@@ -93,10 +93,10 @@ class Track:
 
 
 def make_track(recording: Recording) -> Track:
-    """Signals of the last episode of a recording that has a tick with all it takes.
+    """Signals of the last episode with a tick that has sensors, state and true pose.
 
     Raises:
-        BagError: if none has a tick with sensors, state and true pose.
+        BagError: if no episode has such a tick.
     """
     recording, (sensors, state, truth) = _last_episode(recording)
     orientation = truth["orientation"]
@@ -131,7 +131,7 @@ def make_track(recording: Recording) -> Track:
 
 
 def with_estimate_as_truth(recording: Recording) -> Recording:
-    """A recording that holds no true pose, with the estimated one in its place."""
+    """A recording without true pose, with the estimated pose as the true one."""
     state = recording.rows(RobotState)
     truth = np.zeros(len(state), recording.truth.dtype)
     for name in ("sec", "nanosec"):
@@ -145,7 +145,7 @@ def with_estimate_as_truth(recording: Recording) -> Recording:
 
 
 def _last_episode(recording: Recording) -> tuple[Recording, tuple[Rows, Rows, Rows]]:
-    """The last episode that has a tick with sensors, state and truth, and their rows on these."""
+    """The last episode with a tick that has sensors, state and truth; their rows at such ticks."""
     numbers = episodes(recording)
     if not numbers:
         raise BagError("the recording holds no sample of /cassie/sensors")
@@ -161,15 +161,15 @@ def _last_episode(recording: Recording) -> tuple[Recording, tuple[Rows, Rows, Ro
 
 
 def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
-    """The first row of each tick. `ticks` are sorted stamps (ns), each of which is there."""
+    """The first row of each tick. `ticks` are sorted stamps (ns), and `rows` has each of them."""
     times, first = np.unique(stamps_ns(rows), return_index=True)
     if len(ticks) == len(rows) == len(times) and (np.diff(first) == 1).all():
-        return rows  # as most recordings are: not copied
+        return rows  # not copied, for most recordings
     return rows[first[np.isin(times, ticks)]]
 
 
 def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """`vehicle` and `wheels` of a track."""
+    """The attributes `vehicle` and `wheels` of a track."""
     rows = recording.segway
     if not len(rows):
         return np.zeros((0, 7)), np.zeros((0, 2))
@@ -179,13 +179,13 @@ def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatA
 
 
 def rolled(pose: FloatArray) -> FloatArray:
-    """What the wheels of a Segway have turned in its chassis, left and right.
+    """Angles of a Segway's wheels in its chassis, left and right.
 
     Args:
-        pose: Of the chassis: x, y, z (m), quaternion x y z w. Shape (n, 7).
+        pose: Pose of the chassis: x, y, z (m), quaternion x y z w. Shape (n, 7).
 
     Returns:
-        From the first pose on, without slip. Shape (n, 2), in rad.
+        Angles from the first pose on, without slip. Shape (n, 2), in rad.
     """
     yaw, pitch, _ = euler_angles(pose[:, 3:]).T
     yaw = np.unwrap(yaw)
@@ -198,7 +198,7 @@ def rolled(pose: FloatArray) -> FloatArray:
 
 
 def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:
-    """Where a flag is set at most `width` (s) away."""
+    """Whether a flag is set at most `width` (s) away."""
     if not flags.any():
         return flags
     set_at = time[flags]
@@ -220,7 +220,7 @@ def _velocities(truth: Rows, world: FloatArray, angles: FloatArray) -> dict[str,
 
 
 def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
-    """Height of the ground under the robot: of the soles, weighted by their load."""
+    """Height of the ground under the robot: mean of the soles, weighted by their load."""
     soles = legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
     weight = load.clip(0.0, 1.0)
     total = weight.sum(axis=1)
@@ -232,7 +232,7 @@ def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
 def _commanded(
     recording: Recording, sensors: Rows, seq: npt.NDArray[np.int64]
 ) -> dict[str, FloatArray]:
-    """Set-points of a scripted operator, else those that the supervisor passed on."""
+    """Set-points of a scripted operator; without one, set-points of the supervisor's modes."""
     operator = recording.rows(OperatorCommand)
     scripted = operator[operator["scripted"]]
     source = scripted if len(scripted) else recording.rows(Mode)
@@ -240,9 +240,9 @@ def _commanded(
 
 
 def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Fields of a scheduled message on each tick, held from `effective_seq` on.
+    """Fields of a scheduled message at each tick, held from `effective_seq` on.
 
-    Before the first one takes effect its values stand, so that means are of what was asked for.
+    The first values also hold before they take effect, so that means are those of the set-points.
     """
     rows = rows[rows["episode"] == sensors["episode"][0]] if len(rows) else rows
     if not len(rows):

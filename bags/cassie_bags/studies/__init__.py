@@ -1,1 +1,1 @@
-"""Many runs: sweeps, tuning, learning, faults, return maps, and who computes them."""
+"""Studies of many runs: sweeps, tuning, learning, faults, return maps; and their processes."""

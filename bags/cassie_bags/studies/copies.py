@@ -1,4 +1,4 @@
-"""Runs that go on from a common beginning: each in a process that starts as a copy of this one."""
+"""Runs that continue from a common beginning: each in a process that is a copy of this one."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ Result = TypeVar("Result")
 def in_copies(
     function: Callable[[Item], Result], items: Sequence[Item], jobs: int
 ) -> Iterator[Result]:
-    """Apply a function to items, each in a copy of this process as it is when its turn comes.
+    """Apply a function to items, each in a copy of this process, made when the item's turn comes.
 
     Args:
-        function: What each copy does; what it raises comes back.
-        items: One for each copy.
-        jobs: Copies at a time.
+        function: Function that each copy applies; its exceptions are raised here.
+        items: Items, one for each copy.
+        jobs: Number of copies at a time.
 
     Yields:
         Results in the order of the items.
 
     Raises:
-        RunError: if a copy died, as when the system had no memory left for it.
+        RunError: if a copy died, as for lack of memory.
     """
     waiting = deque(enumerate(items))
     running: dict[Connection, tuple[int, BaseProcess]] = {}
@@ -62,7 +62,7 @@ def _begin(function: Callable[[Item], Result], item: Item) -> tuple[Connection, 
     process = context.Process(target=_answer, args=(sender, function, item), daemon=True)
     with children_without_ctrl_c():
         process.start()
-    sender.close()  # so that the end of the copy is the end of what can be received
+    sender.close()  # so that receiving ends when the copy ends
     return receiver, process
 
 

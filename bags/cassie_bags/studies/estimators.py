@@ -1,4 +1,4 @@
-"""Both estimators on the same sensor samples, against the truth, on several grounds."""
+"""Errors of both estimators on the same sensor samples, on several grounds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.tunables import unknown_name
 
 SECTION = "State estimators"
-"""Heading of its table in a file of results."""
+"""Heading of the estimators' table in a file of results."""
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,23 +37,23 @@ GROUNDS: dict[str, tuple[str, dict[str, Any], float]] = {
     "low friction": ("flat", {"friction": 0.3}, 0.5),
     "soft": ("sand", {"sinking": 0.03}, 0.3),
 }
-"""Scene, its parameters and the speed walked, by the name of the ground."""
+"""Scene, parameters of the scene and walking speed (m/s), by the name of the ground."""
 
 FROM, UNTIL = 10.0, 40.0
-"""Part of the run that is looked at. In s."""
+"""Measured part of the run. In s."""
 
 COLUMNS = ("vx m/s", "vy m/s", "vz m/s", "roll deg", "pitch deg", "drift %")
 
 
 @dataclass(frozen=True)
 class Errors:
-    """How far an estimator was off on one ground.
+    """Errors of an estimator on one ground.
 
     Attributes:
-        ground, estimator: What.
+        ground, estimator: Names of ground and estimator.
         velocity: RMS error of the pelvis's velocity in the heading frame. Shape (3,), in m/s.
         tilt: RMS error of roll and pitch. Shape (2,), in rad.
-        drift: Error of the horizontal displacement by the way walked.
+        drift: Error of the horizontal displacement over the walked distance.
     """
 
     ground: str
@@ -64,7 +64,7 @@ class Errors:
 
 
 def experiment_on(ground: str, seed: int) -> Experiment:
-    """Walking straight ahead on one of `GROUNDS`."""
+    """Experiment of walking straight ahead on one of `GROUNDS`."""
     scene, parameters, speed = GROUNDS[ground]
     content = {
         "name": ground,
@@ -83,14 +83,14 @@ def experiment_on(ground: str, seed: int) -> Experiment:
 
 
 def compare(ground: str, seed: int, show: Callable[[range], Iterable[int]]) -> Iterator[Errors]:
-    """Run one ground once, then give its samples to each estimator.
+    """Run one ground once, then compute each estimator's errors from the run's samples.
 
     Args:
-        ground: Of `GROUNDS`.
-        seed: Of the robot.
-        show: Passes ticks on and shows how far they are.
+        ground: One of `GROUNDS`.
+        seed: Seed of the robot.
+        show: Passes the ticks on and shows the progress.
     """
-    from cassie_bags.run.cores import make_loop, tick_count  # the robot loads for seconds
+    from cassie_bags.run.cores import make_loop, tick_count  # loading the robot takes seconds
     from cassie_bags.run.simulate import Store
 
     experiment, store = experiment_on(ground, seed), Store()
@@ -104,11 +104,11 @@ def compare(ground: str, seed: int, show: Callable[[range], Iterable[int]]) -> I
 
 
 def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
-    """States that an estimator gives for recorded samples.
+    """States that an estimator computes from recorded samples.
 
     Args:
         sensors: Rows of `Sensors`.
-        config: Of the estimator.
+        config: Parameters of the estimator.
 
     Returns:
         Rows of `RobotState`.
@@ -125,7 +125,7 @@ def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
 
 
 def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Errors:
-    """Hold states against the truth of the same ticks, from `FROM` on."""
+    """Errors of states, compared with the truth of the same ticks, from `FROM` on."""
     inside = stamps(states) >= FROM
     truth, rows = recording.truth[inside], states[inside]
     world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
@@ -142,7 +142,7 @@ def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Err
 
 
 def table(errors: Iterable[Errors]) -> list[str]:
-    """A Markdown table, one row each."""
+    """Lines of a Markdown table, with one row for each entry."""
     lines = ["| ground | estimator | " + " | ".join(COLUMNS) + " |"]
     lines.append("|---" * (2 + len(COLUMNS)) + "|")
     for e in errors:
@@ -163,8 +163,8 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     """Compare on each ground; returns the exit code.
 
     Args:
-        arguments: Of the command line.
-        now: Time of the wall clock, which is noted with the results.
+        arguments: Arguments of the command line.
+        now: Time of the wall clock, which is stored with the results.
     """
     results: list[Errors] = []
     if arguments.results is not None:

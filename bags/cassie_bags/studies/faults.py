@@ -1,7 +1,7 @@
-"""What becomes of Cassie when a sensor fails, in every way, while it stands and walks.
+"""Reaction of Cassie to failing sensors, in every way, while it stands and walks.
 
-Each mode is run once up to the moment of the fault. From there on every fault runs in a process of
-its own, a copy of that one.
+Each mode is run once up to the time of the fault. From there on every fault runs in a process of
+its own, a copy of the first one.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from cassie_sim.events import ActiveFault
 from cassie_sim.plant import Plant
 
 SECTION = "Failing sensors"
-"""Heading of its table in a file of results."""
+"""Heading of the faults' table in a file of results."""
 
 MODES = ("standing", "walking")
 BEFORE = {"standing": 2.5, "walking": 8.0}
 """Robot time at which the sensor fails. In s."""
 
 AFTER = 9.0
-"""Robot time that is watched from then on. In s."""
+"""Robot time that is observed after the fault. In s."""
 
 BOUNDS = {
     "position": 0.03,
@@ -52,10 +52,10 @@ BOUNDS = {
     "acceleration": 3.0,
     "torque": 1000.0,
 }
-"""Error from which a fault counts. In rad, rad/s, m/s^2 and Nm: of a torque, only what is none."""
+"""Error from which a fault counts. In rad, rad/s, m/s^2, Nm; for torques only NaN reaches it."""
 
 IN_TIME = 0.1
-"""From the bound's being exceeded to the report. In s."""
+"""Longest time from the error's exceeding its bound to the report. In s."""
 
 _SPIKES = {
     "position": 0.2,
@@ -70,12 +70,13 @@ _FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7
 
 @dataclass(frozen=True)
 class Cell:
-    """One fault in one mode.
+    """Result of one fault in one mode.
 
     Attributes:
-        channel, kind, mode: What failed, how, and when.
-        exceeded: When the error first exceeded its bound, after the fault's start; None if never.
-        reported: When the channel was first reported; None if never.
+        channel, kind, mode: Failed channel, kind of fault, and mode of the robot.
+        exceeded: Time after the fault's start at which the error first exceeded its bound, in s;
+            None if it never did.
+        reported: Time after the fault's start of the channel's first report, in s; None if never.
         others: Further channels that were reported.
         outcome: "goes on", "stands", "damps" or "falls".
     """
@@ -90,19 +91,19 @@ class Cell:
 
     @property
     def latency(self) -> float:
-        """From the error's exceeding its bound to the report; inf if there was none. In s."""
+        """Time from the error's exceeding its bound to the report; inf without a report. In s."""
         if self.exceeded is None:
             return 0.0
         return math.inf if self.reported is None else max(0.0, self.reported - self.exceeded)
 
     @property
     def safe(self) -> bool:
-        """Whether Cassie did not fall, and a fault that counts was reported in time."""
+        """Whether Cassie did not fall, and a fault that exceeds its bound was reported in time."""
         return self.outcome != "falls" and self.latency <= IN_TIME
 
 
 def quantity(channel: str) -> str:
-    """What a channel measures: a key of `BOUNDS`."""
+    """Measured quantity of a channel: a key of `BOUNDS`."""
     field = channel.partition(".")[0]
     if field == "orientation":
         return field
@@ -110,7 +111,7 @@ def quantity(channel: str) -> str:
 
 
 def experiment_of(mode: str, seed: int) -> Experiment:
-    """Standing, or walking at 0.5 m/s, on flat ground."""
+    """Experiment of standing, or of walking at 0.5 m/s, on flat ground."""
     operator: list[dict[str, Any]] = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}]
     if mode == "walking":
         operator[0]["height"] = 0.98
@@ -121,7 +122,7 @@ def experiment_of(mode: str, seed: int) -> Experiment:
 
 
 class _FaultyPlant:
-    """A plant one of whose sensors can be made to fail."""
+    """A plant with sensors that can be made to fail."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
@@ -145,22 +146,22 @@ class _FaultyPlant:
 
 
 class FaultOutcome:
-    """What becomes of it, tick by tick.
+    """Finds the outcome of a fault, tick by tick.
 
-    Drives that damp let it sink down, which is no fall; damping that comes after a fall is one.
+    Drives that damp let the robot sink down, which is no fall. Damping after a fall is a fall.
     """
 
     def __init__(self) -> None:
         self._fell = self._damped = False
 
     def note(self, height: float, tilt: float, *, damped: bool) -> None:
-        """Take in a tick: the pelvis's height in m, its tilt in rad, whether the drives damp."""
+        """Process a tick: the pelvis's height in m, its tilt in rad, whether the drives damp."""
         self._damped = self._damped or damped
         if not self._damped:
             self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
 
     def outcome(self, *, standing: bool) -> str:
-        """As `Cell.outcome`, by whether it stands in the end."""
+        """The outcome as in `Cell.outcome`; `standing` says whether the robot stands at the end."""
         if self._fell:
             return "falls"
         if self._damped:
@@ -169,11 +170,11 @@ class FaultOutcome:
 
 
 class PreparedRun:
-    """A run up to the moment at which a sensor fails.
+    """A run up to the time at which a sensor fails.
 
     Args:
         mode: One of `MODES`.
-        seed: Of the robot.
+        seed: Seed of the robot.
     """
 
     def __init__(self, mode: str, seed: int) -> None:
@@ -208,11 +209,11 @@ class PreparedRun:
         return ActiveFault(fault, self._plant.config.physics_rate)
 
     def fail(self, channel: str, kind: str, also: Sequence[str] = ()) -> Cell:
-        """Let a channel fail and see what happens; to be called once, in a process of its own.
+        """Let a channel fail and observe the outcome; to be called once, in a process of its own.
 
         Args:
-            channel: What fails.
-            kind: How.
+            channel: Channel that fails.
+            kind: Kind of fault.
             also: Channels that fail in the same way at the same time.
         """
         plant, what = self._plant, quantity(channel)
@@ -240,7 +241,7 @@ class PreparedRun:
 
 
 def error_of(channel: str, truth: Sensors, sample: Sensors) -> float:
-    """Error of a spoiled channel; NaN counts as infinite. In rad, rad/s, m/s^2 or Nm."""
+    """Error of a faulty channel; NaN counts as infinite. In rad, rad/s, m/s^2 or Nm."""
     field, _, index = channel.partition(".")
     true, given = getattr(truth, field), getattr(sample, field)
     if field == "orientation":
@@ -259,15 +260,15 @@ def run_table(
     jobs: int = 1,
     also: Sequence[str] = (),
 ) -> Iterable[Cell]:
-    """Cells of the table, as they come.
+    """Cells of the table, in the order of completion.
 
     Args:
-        channels: Names, see `cassie_control.estimator.channels`.
-        kinds: Of `FAULT_KINDS`.
-        modes: Of `MODES`.
-        seed: Of the robot.
-        jobs: Processes at a time.
-        also: Channels that fail along with each.
+        channels: Names of channels, see `cassie_control.estimator.channels`.
+        kinds: Kinds of faults, of `FAULT_KINDS`.
+        modes: Modes of the robot, of `MODES`.
+        seed: Seed of the robot.
+        jobs: Number of processes at a time.
+        also: Channels that fail together with each one.
     """
     for mode in modes:
         prepared = PreparedRun(mode, seed)
@@ -280,12 +281,12 @@ def _fail(prepared: PreparedRun, fault: tuple[str, str, tuple[str, ...]]) -> Cel
 
 
 def all_channels() -> tuple[str, ...]:
-    """Every channel's name."""
+    """Names of all channels."""
     return tuple(name for name, _ in CHANNELS)
 
 
 def table(cells: Iterable[Cell]) -> list[str]:
-    """A Markdown table: channel and mode by kind of fault."""
+    """Lines of a Markdown table: channel and mode by kind of fault."""
     rows: dict[tuple[str, str], dict[str, Cell]] = {}
     for cell in cells:
         rows.setdefault((cell.channel, cell.mode), {})[cell.kind] = cell
@@ -298,7 +299,7 @@ def table(cells: Iterable[Cell]) -> list[str]:
 
 
 def describe(cell: Cell) -> str:
-    """A cell in a few words: outcome, and how long after the error's bound it was reported."""
+    """A cell in a few words: outcome, and time from the error's bound to the report."""
     if cell.reported is None:
         when = "no error" if cell.exceeded is None else "NOT reported"
     else:
@@ -310,8 +311,8 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     """Let each channel fail; returns the exit code.
 
     Args:
-        arguments: Of the command line.
-        now: Time of the wall clock, which is noted with the results.
+        arguments: Arguments of the command line.
+        now: Time of the wall clock, which is stored with the results.
     """
     if arguments.results is not None:
         if arguments.channels or arguments.kinds or arguments.modes:

@@ -1,4 +1,4 @@
-"""Fingerprints of all runs: taken anew, or held against those recorded."""
+"""Fingerprints of all runs: recorded again, or compared with those recorded."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
 
 
 def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
-    """Fingerprints of runs, made of the same fields as `prints`."""
+    """Fingerprints of runs, with the same fields as `prints`."""
     found: dict[Run, Fingerprint] = {}
     with tqdm(total=len(runs), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
         for index, taken in pool.results(functools.partial(take, fields=prints.fields), runs):
@@ -111,7 +111,7 @@ def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
 
 
 def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
-    """The bag that the command `experiments` left of a run in its folder, if it is there."""
+    """The bag of a run that the command `experiments` wrote into its folder; None if absent."""
     if folder is None:
         return None
     bag = folder / (f"{name}_{robot}" if robot else name) / "bag.mcap"

@@ -1,4 +1,4 @@
-"""Learning feed-forward torques over repeated steps, in process: the runs, and what they bring."""
+"""Learning of feed-forward torques over repeated steps, in process: the runs and their results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 LEARNING = "controller.learned_torques=learn"
 
-_LOOKS = 25  # ticks between looks at whether the robot fell
+_LOOKS = 25  # ticks between checks for a fall
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class LearningRun:
     """One robot that walks at one speed and learns.
 
     Attributes:
-        seed: What the robot is drawn from.
-        speed: One of the table's. In m/s.
-        learned: What is known before.
-        seconds: How long it learns. In s.
+        seed: Seed of the robot.
+        speed: Walking speed, one of the table's. In m/s.
+        learned: Torques learned before.
+        seconds: Time of learning. In s.
         changes: `key=value` words for the run.
     """
 
@@ -43,13 +43,13 @@ class LearningRun:
 
 @dataclass(frozen=True)
 class LearningResult:
-    """What a learning run brought.
+    """Result of a learning run.
 
     Attributes:
-        speed: At which it was. In m/s.
-        torques: Of the table at that speed. Shape (10, n), in Nm.
-        taught: Steps that it learned from.
-        fell: Whether the robot fell; the torques are then those before.
+        speed: Walking speed. In m/s.
+        torques: Learned torques at that speed. Shape (10, n), in Nm.
+        taught: Number of steps that it learned from.
+        fell: Whether the robot fell; the torques are then those before the run.
     """
 
     speed: float
@@ -59,10 +59,10 @@ class LearningResult:
 
 
 def learn(run: LearningRun) -> LearningResult:
-    """Walk until the end of the run or a fall.
+    """Walk and learn until the end of the run or a fall.
 
-    What is learned at its speed counts at every speed here. Torques that came and went with the
-    measured speed would shake the walk where others are not learned yet.
+    Torques learned at the run's speed hold for every speed here. If they varied with the measured
+    speed, they would disturb the walk while those of other speeds are not learned yet.
     """
     window = steady(Budget(), run.speed, run.seconds)
     changes = (*run.changes, LEARNING)
@@ -84,7 +84,7 @@ def learn(run: LearningRun) -> LearningResult:
 def learning_runs(
     learned: LearnedTorques, seeds: Sequence[int], seconds: float, changes: tuple[str, ...]
 ) -> list[LearningRun]:
-    """One for each robot at each speed of the table."""
+    """Learning runs, one for each robot at each speed of the table."""
     speeds = learned.speeds.tolist()
     return [
         LearningRun(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds
@@ -92,7 +92,7 @@ def learning_runs(
 
 
 def merged(learned: LearnedTorques, outcomes: Sequence[LearningResult]) -> LearnedTorques:
-    """At each speed, the mean of what robots learned that did not fall; else what was there."""
+    """At each speed the mean over the robots that did not fall; without any, the old torques."""
     torques = learned.torques.copy()
     for row, speed in enumerate(learned.speeds.tolist()):
         stood = [o.torques for o in outcomes if o.speed == speed and not o.fell]
@@ -104,7 +104,7 @@ def merged(learned: LearnedTorques, outcomes: Sequence[LearningResult]) -> Learn
 def comparisons(
     learned: LearnedTorques, seeds: range, seconds: float, changes: tuple[str, ...]
 ) -> list[Trial]:
-    """Walking at each speed by robots held out, with learned torques and, beside, without."""
+    """Trials at each speed by held-out robots, with learned torques and, as second run, without."""
     return [
         comparison(seed, v, seconds, changes) for v in learned.speeds.tolist() for seed in seeds
     ]
@@ -112,13 +112,13 @@ def comparisons(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors of a speed over the robots held out.
+    """Tracking errors at a speed over the held-out robots.
 
     Attributes:
-        speed: In m/s.
-        before, after: RMS of each output without and with learned torques, over the runs in which
-            neither fell. Shape (9,), in rad and m.
-        total_before, total_after: RMS of all nine.
+        speed: Walking speed. In m/s.
+        before, after: RMS of each output without and with learned torques, over the robots that
+            fell in neither run. Shape (9,), in rad and m.
+        total_before, total_after: RMS of all nine outputs.
         fell_before, fell_after: Number of falls.
         runs: Number of robots.
     """
@@ -134,7 +134,7 @@ class Comparison:
 
 
 def compared(speed: float, results: Sequence[Measures]) -> Comparison:
-    """Results of `comparison` at one speed, put together."""
+    """Results of `comparison` at one speed, combined."""
     both = [r for r in results if not (r["fell"] or r["beside_fell"])]
 
     def rms(name: str) -> float:

@@ -1,4 +1,4 @@
-"""What learned torques bring, as a picture: tracking errors by speed, and the torques."""
+"""Picture of the effect of learned torques: tracking errors by speed, and the torques."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _LENGTHS = ("stance_leg_length", "swing_leg_length")
 
 
 def draw(path: Path, learned: LearnedTorques, found: Sequence[Comparison]) -> None:
-    """Draw the RMS error of each output without and with, above the torques by phase.
+    """Draw the RMS error of each output without and with torques, above the torques by phase.
 
     Args:
         path: PNG file.
         learned: The torques.
-        found: Errors of each speed.
+        found: Errors at each speed.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 7.5), layout="constrained")

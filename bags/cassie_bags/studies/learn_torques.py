@@ -39,13 +39,13 @@ from cassie_gaits.gait_library import OUTPUTS, Provenance
 from cassie_gaits.gait_library_file import default_library_path
 
 HELD_OUT_FROM = 1001
-"""First seed of the robots that it does not learn from."""
+"""First seed of the robots that are not used for learning."""
 
 FILE = path_beside(default_library_path()).name
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Learn, and compare on robots held out; returns the exit code."""
+    """Learn, and compare on held-out robots; returns the exit code."""
     learned = _begin(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool:
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def table(found: Sequence[Comparison]) -> str:
-    """Errors without and with learned torques, and what is left of them, by speed."""
+    """Table of the errors without and with learned torques, and of their ratio, by speed."""
     head = ["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]
     lines = [head]
     for c in found:
@@ -81,7 +81,7 @@ def table(found: Sequence[Comparison]) -> str:
 
 
 def _begin(arguments: argparse.Namespace) -> LearnedTorques:
-    """Where learning begins; what cannot run is refused here."""
+    """Torques from which learning begins; arguments that cannot be run are refused here."""
     experiment = experiment_of(walk(Budget(changes=consistent(arguments.set)), 1, (0.0, 1.0)))
     load_learned(experiment)
     if arguments.begin is not None:
@@ -94,7 +94,7 @@ def _begin(arguments: argparse.Namespace) -> LearnedTorques:
 
 
 def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers) -> LearnedTorques:
-    """Rounds in which each robot learns on from the mean of all."""
+    """Rounds of learning; each robot of a round begins with the mean of the last round."""
     seeds = range(1, arguments.seeds + 1)
     changes = tuple(arguments.set)
     print(f"learning by robots of seeds 1 to {arguments.seeds}", file=sys.stderr)
@@ -127,7 +127,7 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
 def _compare(
     learned: LearnedTorques, file: Path, arguments: argparse.Namespace, pool: Workers
 ) -> list[Comparison]:
-    """Every speed by robots held out, with and without."""
+    """Comparison at every speed by held-out robots, with and without learned torques."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
     changes = (*arguments.set, f"controller.learned_torques_file={file.resolve()}")
     trials = comparisons(learned, seeds, arguments.measured, changes)

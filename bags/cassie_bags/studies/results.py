@@ -1,6 +1,6 @@
-"""A file of results in Markdown: sections with a table each, put in by what measured them.
+"""A file of results in Markdown: sections with one table each, written by their commands.
 
-Anything else in the file is left as it stands, so that people can write beside the tables.
+Anything else in the file is kept, so that people can write beside the tables.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin
 
 _MEASURED = "Measured by "
-"""Begins the line above a table that says with what it was measured."""
+"""Beginning of the line above a table that names command, date and versions."""
 
 
 def put_table(path: Path, heading: str, table: Sequence[str], made: Origin) -> None:
-    """Write a table into a section of a file of results, with what it was measured with.
+    """Write a table, and the origin of its figures, into a section of a file of results.
 
     Args:
-        path: File of results; it is made if it is not there.
-        heading: Of the section, whose table is replaced.
+        path: File of results; it is made if it does not exist.
+        heading: Heading of the section, whose table is replaced.
         table: Lines in Markdown.
-        made: With what it was measured.
+        made: Origin of the figures.
     """
     text = path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
     text = with_table(text, heading, table)
     lines = text.splitlines()
     extent = _extent(lines, heading)
-    assert extent is not None  # with_table has made it
+    assert extent is not None  # with_table has made the section
     top, begin, _ = extent
     said = f"{_MEASURED}`{made.command}`: {made.date}, revision {made.revision}, "
     said += f"{made.machine}; {made.versions}; robot {made.seeds}."
@@ -41,17 +41,17 @@ def put_table(path: Path, heading: str, table: Sequence[str], made: Origin) -> N
 
 
 def check_folder(path: Path) -> None:
-    """Raise unless a file of results can be written, before hours are spent on it.
+    """Check that a file of results can be written, before hours are spent on the results.
 
     Raises:
-        ExperimentError: if there is no such folder.
+        ExperimentError: if its folder does not exist.
     """
     if not path.parent.is_dir():
         raise ExperimentError(f"{path}: there is no such folder")
 
 
 def table_of(text: str, heading: str) -> list[list[str]]:
-    """Cells of the first table of a section, with header and rule; nothing if there is none."""
+    """Cells of the first table of a section, with header and rule; empty without a table."""
     lines = text.splitlines()
     extent = _extent(lines, heading)
     found = [] if extent is None else lines[extent[1] : extent[2]]
@@ -60,13 +60,13 @@ def table_of(text: str, heading: str) -> list[list[str]]:
 
 
 def with_table(text: str, heading: str, table: Sequence[str], before: str = "") -> str:
-    """A text in whose section a table replaces the first one.
+    """A text in which a table replaces the first table of a section.
 
     Args:
-        text: With sections.
-        heading: Of the section, which is made if need be.
+        text: Text with sections.
+        heading: Heading of the section, which is made if it does not exist.
         table: Lines in Markdown.
-        before: Heading above which a new section stands; at the end if there is none.
+        before: Heading above which a new section is put; the end of the text if there is none.
     """
     lines = text.splitlines()
     extent = _extent(lines, heading)
@@ -78,7 +78,7 @@ def with_table(text: str, heading: str, table: Sequence[str], before: str = "") 
         lines[place:place] = [*gap, f"## {heading}", "", *table, *end]
     else:
         _, begin, end_of_table = extent
-        apart = begin == end_of_table  # there was no table: one stands apart from what is there
+        apart = begin == end_of_table  # no table yet: blank lines around the new one
         gap = [""] if apart and lines[begin - 1] else []
         end = [""] if apart and begin < len(lines) else []
         lines[begin:end_of_table] = [*gap, *table, *end]
@@ -86,14 +86,14 @@ def with_table(text: str, heading: str, table: Sequence[str], before: str = "") 
 
 
 def markdown(table: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table, whose first row is the header."""
+    """Markdown lines of a table, whose first row is the header."""
     rows = [[word.replace("|", r"\|") for word in row] for row in table]
     text = [f"|{'|'.join(f' {word} ' if word else ' ' for word in row)}|" for row in rows]
     return [text[0], "|" + "---|" * len(table[0]), *text[1:]]
 
 
 def _extent(lines: Sequence[str], heading: str) -> tuple[int, int, int] | None:
-    """Index of a section's heading, and of its first table's begin and end; None without it."""
+    """Indices of a section's heading, and of its first table's start and end; None if absent."""
     if f"## {heading}" not in lines:
         return None
     top = lines.index(f"## {heading}")

@@ -1,8 +1,8 @@
-"""How a gait answers small pushes from step to step, in the simulation under the controller.
+"""Step-to-step map of a gait after small pushes, in the simulation with the controller.
 
-A run walks at a constant speed to the touchdown of a left foot. From there on it goes on as it
-is. With each of several small pushes it goes on in another process, a copy of it.
-Robot and sensor noise are the same in all of them, so what differs is what the push did.
+A run walks at a constant speed to the touchdown of a left foot, and continues without a push. With
+each of several small pushes the run continues in another process, a copy of the first. Robot and
+sensor noise are the same in all processes, so that all differences come from the push.
 """
 
 from __future__ import annotations
@@ -32,43 +32,43 @@ from cassie_msgs.layout import Mode
 FloatArray = npt.NDArray[np.float64]
 
 STEADY = 12.0
-"""Robot time from which on the gait counts as steady. In s."""
+"""Robot time after which the gait counts as steady. In s."""
 
 IMPULSES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """Directions of the pushes: forward, backward, to the left, to the right."""
 
 DELAYS = (0.0, 0.2)
-"""From the left foot's touchdown to the push: with either foot on the ground. In s."""
+"""Time from the left foot's touchdown to the push: with either foot on the ground. In s."""
 
 PUSH_TIME = 0.1
 """Duration of a push. In s."""
 
 NOISE_SHARE = 0.01
-"""Share of the push with which the noise is measured: of ticks, contacts and the estimator."""
+"""Ratio of a tiny push to the push; it shows the noise of ticks, contacts and the estimator."""
 
 STEPS = 14
-"""Touchdowns that are watched after the push."""
+"""Number of touchdowns that are observed after the push."""
 
 PENDULUM_HEIGHT = 0.9
-"""Of the CoM over the ground, for the rate by which its position counts as velocity. In m."""
+"""Height of the CoM over the ground, for `POSITION_RATE`. In m."""
 
 POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
-"""sqrt(g / height): makes m/s of the CoM's position. In 1/s."""
+"""sqrt(g / height): converts the CoM's position to a velocity. In 1/s."""
 
-_SLOWEST = 1.5  # s, longest time for a step before a run counts as stopped
-_LOOKS = 25  # ticks between looks at whether the robot fell
+_SLOWEST = 1.5  # s, longest time of a step; a run without a touchdown counts as stopped
+_LOOKS = 25  # ticks between checks for a fall
 
 
 @dataclass(frozen=True)
 class Touchdowns:
-    """One run from the moment of the push on.
+    """Touchdowns of one run after the time of the copy.
 
     Attributes:
-        time: Of each touchdown since the copy was made. Shape (n,), in s.
-        states: CoM velocity (x, y) and CoM position against the new stance foot (x, y), in the
-            heading frame. In m/s: positions by `POSITION_RATE`. y is mirrored where the right foot
-            has landed. The last two are where the CoM is from the place of the copy, in m. The
-            controller holds its place and its mean speed by them. Shape (n, 6).
+        time: Time of each touchdown since the copy was made. Shape (n,), in s.
+        states: CoM velocity (x, y), and CoM position from the new stance foot (x, y) times
+            `POSITION_RATE`, both in the heading frame and in m/s. The last two are the CoM's
+            displacement since the copy, in m: the controller holds position and mean speed by it.
+            y is mirrored where the right foot has landed. Shape (n, 6).
         fell: Whether the robot fell or stopped.
     """
 
@@ -79,15 +79,15 @@ class Touchdowns:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What came of one speed.
+    """Result at one speed.
 
     Attributes:
-        speed: Commanded. In m/s.
-        deviations: Of each run that kept its steps, from the first touchdown after the push.
-        dropped: Runs whose steps did not stay in line with those of the run without a push.
-        fell: Runs that fell.
-        noise: Median deviation after a push too weak to matter. In m/s.
-        map: Of two steps, or None if too few deviations are above the noise.
+        speed: Commanded speed. In m/s.
+        deviations: Deviations of each valid run, from the first touchdown after the push on.
+        dropped: Number of runs whose steps lost their match with the run without a push.
+        fell: Number of runs that fell.
+        noise: Median deviation after a push that is too weak to matter. In m/s.
+        map: Map of two steps, or None if too few deviations are above the noise.
     """
 
     speed: float
@@ -99,7 +99,7 @@ class Measurement:
 
 
 def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bool) -> Experiment:
-    """Walking at a constant speed on flat ground; pushes are not in it."""
+    """Experiment of walking at a constant speed on flat ground, without pushes."""
     content = {
         "name": f"return map at {speed:g} m/s",
         "seed": seed,
@@ -120,11 +120,11 @@ class Walk:
     """A run up to a left foot's touchdown in steady walking.
 
     Args:
-        experiment: Of `experiment_of`.
-        speed: Commanded. In m/s.
+        experiment: Experiment from `experiment_of`.
+        speed: Commanded speed. In m/s.
 
     Raises:
-        RunError: if the robot does not get there, or not at this speed.
+        RunError: if the robot does not walk to this touchdown, or not at this speed.
     """
 
     def __init__(self, experiment: Experiment, speed: float) -> None:
@@ -163,7 +163,7 @@ class Walk:
         return has_fallen(self._plant) or self._timing.steps == 0
 
     def _to_touchdown(self) -> bool:
-        """Go on to the next one; whether it came."""
+        """Run to the next touchdown; False if there is none."""
         steps = self._timing.steps
         for tick in range(round(_SLOWEST / self._tick)):
             self._loop.tick()
@@ -174,12 +174,12 @@ class Walk:
         return False
 
     def go_on(self, impulse: tuple[float, float], delay: float, steps: int) -> Touchdowns:
-        """Go on with a push; to be called once, in a process of its own.
+        """Continue with a push; to be called once, in a process of its own.
 
         Args:
-            impulse: Forward and to the left, in the heading frame. In N s.
-            delay: From now to the push. In s.
-            steps: Touchdowns to watch.
+            impulse: Impulse forward and to the left, in the heading frame. In N s.
+            delay: Time from now to the push. In s.
+            steps: Number of touchdowns to observe.
         """
         plant = self._plant
         if any(impulse):
@@ -196,7 +196,7 @@ class Walk:
         return Touchdowns(np.array(times), np.array(states).reshape(-1, 6), len(times) < steps)
 
     def _state(self, origin: FloatArray, heading: float) -> FloatArray:
-        """See `Touchdowns.states`; worked out on a copy, which leaves the run as it is."""
+        """See `Touchdowns.states`; computed on a copy, which leaves the run unchanged."""
         model, data = self._plant.model, self._copy
         mujoco.mj_copyData(data, model, self._plant.data)
         mujoco.mj_fwdPosition(model, data)
@@ -224,14 +224,14 @@ def measure(
     jobs: int = 1,
     advance: Callable[[], None] = lambda: None,
 ) -> Measurement:
-    """The return map at one speed.
+    """Measure the step-to-step map at one speed.
 
     Args:
-        experiment: Of `experiment_of`.
-        speed: Commanded. In m/s.
-        impulse: Of each push. In N s.
-        steps: Touchdowns to watch.
-        jobs: Processes.
+        experiment: Experiment from `experiment_of`.
+        speed: Commanded speed. In m/s.
+        impulse: Impulse of each push. In N s.
+        steps: Number of touchdowns to observe.
+        jobs: Number of processes.
         advance: Called after each run.
 
     Raises:
@@ -263,11 +263,11 @@ def measure(
 
 
 def in_line(time: FloatArray, nominal: FloatArray) -> bool:
-    """Whether every step took between half and one and a half times what it does without push.
+    """Whether every step took between 0.5 and 1.5 times as long as without a push.
 
     Args:
-        time: Of the touchdowns. Shape (n,), in s.
-        nominal: The same without a push.
+        time: Times of the touchdowns. Shape (n,), in s.
+        nominal: Times of the touchdowns without a push. Shape (n,), in s.
     """
     ratio = np.diff(time, prepend=0.0) / np.diff(nominal, prepend=0.0)
     return bool((ratio > 0.5).all() and (ratio < 1.5).all())

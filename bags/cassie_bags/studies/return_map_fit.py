@@ -1,4 +1,4 @@
-"""A linear map of two steps fitted to deviations from steady walking, and how fast they decay."""
+"""A linear map of two steps, fitted to deviations from steady walking, and their decay."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 ABOVE_NOISE = 3.0
-"""Deviations of at least this many times the noise take part in the fit."""
+"""Ratio to the noise from which deviations are used in the fit."""
 
 FEWEST = 12
-"""Pairs of deviations without which there is no map: twice the length of a state."""
+"""Least number of pairs of deviations for a map: twice the length of a state."""
 
 GAIT = 4
-"""Entries of a state that are of the gait; the others say where the robot is."""
+"""Number of entries of a state that belong to the gait; the others are the robot's position."""
 
 DECAYED = 0.1
-"""Share of the first deviation from which on a push counts as forgotten."""
+"""Ratio to the first deviation below which a push counts as decayed."""
 
 
 @dataclass(frozen=True)
 class Deviations:
-    """What one push did, touchdown by touchdown.
+    """Deviations after one push, at each touchdown.
 
     Attributes:
-        impulse: Of the push, forward and to the left. In N s.
-        delay: From the left foot's touchdown to the push. In s.
-        values: Differences of states to the run without a push. Shape (n, 6), see
+        impulse: Impulse of the push, forward and to the left. In N s.
+        delay: Time from the left foot's touchdown to the push. In s.
+        values: Differences of the states from those without a push. Shape (n, 6), see
             `return_map.Touchdowns`.
     """
 
@@ -40,21 +40,21 @@ class Deviations:
 
     @property
     def size(self) -> FloatArray:
-        """Norm at each touchdown. Shape (n,), in m/s."""
+        """Norm of the deviation at each touchdown. Shape (n,), in m/s."""
         return size_of(self.values)
 
 
 @dataclass(frozen=True)
 class ReturnMap:
-    """d[k + 2] = A d[k] by least squares.
+    """The map d[k + 2] = A d[k], fitted by least squares.
 
     Attributes:
         matrix: A. Shape (6, 6).
-        eigenvalues: Magnitudes, falling. Shape (6,).
-        spread: Lowest and highest of the largest magnitude when one run at a time is left out.
-        residual: Norm of what the map does not explain by the norm of what it should, over
-            the gait's part of the state.
-        pairs: Pairs of deviations that it is fitted to.
+        eigenvalues: Magnitudes of the eigenvalues, largest first. Shape (6,).
+        spread: Smallest and largest of the largest magnitudes, with one run left out at a time.
+        residual: Norm of the residual over the norm of the predicted deviations, for the gait's
+            part of the state.
+        pairs: Number of pairs of deviations in the fit.
     """
 
     matrix: FloatArray
@@ -65,19 +65,19 @@ class ReturnMap:
 
 
 def size_of(values: FloatArray) -> FloatArray:
-    """Norm of the gait's part of deviations. Shape (n, 6) to (n,), in m/s."""
+    """Norm of the gait's part of each deviation. Shape (n, 6) to (n,), in m/s."""
     size: FloatArray = np.linalg.norm(values[:, :GAIT], axis=1)
     return size
 
 
 def fit(runs: Sequence[Deviations], noise: float) -> ReturnMap | None:
-    """The map of two steps, from the pairs that begin above the noise; None if they are too few.
+    """Fit the map of two steps to pairs that begin above the noise; None if they are too few.
 
-    Noise in d[k] makes eigenvalues come out smaller; `ABOVE_NOISE` bounds this to about a tenth.
+    Noise in d[k] makes the eigenvalues too small; `ABOVE_NOISE` limits this to about a tenth.
 
     Args:
-        runs: All of the same gait.
-        noise: Size of deviations that mean nothing. In m/s.
+        runs: Deviations of runs of the same gait.
+        noise: Size of deviations by noise. In m/s.
     """
     least = ABOVE_NOISE * noise
     pairs = [_pairs(run, least) for run in runs]
@@ -94,7 +94,7 @@ def fit(runs: Sequence[Deviations], noise: float) -> ReturnMap | None:
 
 
 def decay(runs: Sequence[Deviations]) -> FloatArray:
-    """Median over the runs of each deviation by the first one. Shape (n,)."""
+    """Median over the runs of each deviation's ratio to the first one. Shape (n,)."""
     steps = min(len(run.size) for run in runs)
     ratios: FloatArray = np.median([run.size[:steps] / run.size[0] for run in runs], axis=0)
     return ratios
@@ -108,7 +108,7 @@ def steps_to_decay(runs: Sequence[Deviations]) -> int | None:
 
 
 def _pairs(run: Deviations, least: float) -> tuple[FloatArray, FloatArray]:
-    """States and those two steps later, from the first one up to where the noise begins."""
+    """Deviations and those two steps later, from the first one until the noise is reached."""
     small = np.flatnonzero(run.size[:-2] < least)
     count = int(small[0]) if len(small) else len(run.size) - 2
     return run.values[:count], run.values[2 : count + 2]

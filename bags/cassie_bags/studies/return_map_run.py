@@ -1,4 +1,4 @@
-"""Return maps from a command line: the table, a row a speed, and the picture."""
+"""Step-to-step maps from a command line: the table, one row for each speed, and the picture."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from cassie_gaits.gait_library_file import default_library_path, library_path, l
 from cassie_gaits.processes import available_cores
 
 SECTION = "Return maps"
-"""Heading of its table in a file of results."""
+"""Heading of the maps' table in a file of results."""
 
 ACROSS = 5
-"""Most panels of the picture beside each other."""
+"""Largest number of panels side by side in the picture."""
 
 STRONGEST = 10.0
-"""Largest push: beyond it a deviation is no longer small. In N s."""
+"""Largest push; the deviation after a larger one is no longer small. In N s."""
 
-_RUNS = len(IMPULSES) * len(DELAYS) + 2  # a run without a push and one that shows the noise
+_RUNS = len(IMPULSES) * len(DELAYS) + 2  # and a run without a push, and one that shows the noise
 
 
 def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     """Push at each speed; returns the exit code.
 
     Args:
-        options: Of the command line.
-        now: Time of the wall clock, which is noted with the results.
+        options: Options of the command line.
+        now: Time of the wall clock, which is stored with the results.
     """
     if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= STRONGEST):
         raise ExperimentError(
@@ -94,12 +94,12 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
 
 
 def settles(one: Measurement) -> bool:
-    """Whether no push made it fall or lose step, and the median deviation at the end is less."""
+    """Whether no run fell or lost its steps, and the last median deviation is below the first."""
     return not one.fell and not one.dropped and float(decay(one.deviations)[-1]) < 1.0
 
 
 def line(one: Measurement) -> str:
-    """A row of the table."""
+    """A row of the table, in Markdown."""
     runs = len(one.deviations) + one.dropped + one.fell
     cells = [f"{one.speed:g}", f"{len(one.deviations)} of {runs}"]
     if one.deviations:
@@ -130,7 +130,7 @@ def _head() -> list[str]:
 
 
 def _draw(found: Sequence[Measurement], path: Path) -> Path:
-    """Size of the deviation over steps, a panel a speed."""
+    """Draw the size of the deviations over steps, one panel for each speed."""
     with matplotlib.rc_context(STYLE):
         rows = math.ceil(len(found) / ACROSS)
         across = math.ceil(len(found) / rows)

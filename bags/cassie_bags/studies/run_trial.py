@@ -1,4 +1,4 @@
-"""Run a trial: in process, ended as soon as it is decided, and measured."""
+"""Runs a trial in process, ends it as soon as it is decided, and measures it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FloatArray = npt.NDArray[np.float64]
 _MEANS = ("vx", "vy", "yaw_rate")
 _RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
 TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
-"""RMS tracking error of each of the nine outputs, by name of figure."""
+"""RMS tracking error of each of the nine outputs, by name of the measure."""
 
 WINDOW_FIGURES = (
     *_MEANS,
@@ -51,11 +51,11 @@ WINDOW_FIGURES = (
     *TRACKING,
     *STANDING_FIGURES,
 )
-"""What `measure_window` gives."""
+"""Names of the measures of `measure_window`."""
 
-_LOOKS = 25  # ticks between looks at whether the run is decided
-_AT_REST = 1.0  # time over which the last speed is taken, in s
-_FALLING = 1.0  # time before the end of a fall in which alarms do not count, in s
+_LOOKS = 25  # ticks between checks whether the run is decided
+_AT_REST = 1.0  # s, time over which the speed at the end is averaged
+_FALLING = 1.0  # s before the end of a fall in which alarms do not count as false
 
 
 def experiment_of(trial: Trial) -> Experiment:
@@ -73,13 +73,13 @@ def experiment_of(trial: Trial) -> Experiment:
 
 
 def run_trial(trial: Trial) -> Measures:
-    """Run a trial until its end, a fall, or `ahead`, and then a second run if it has one.
+    """Run a trial until its end, a fall, or the distance `ahead`; then its second run, if any.
 
     Returns:
-        Measures by name: fell (0 or 1), end (s), ahead (m), speed at the end (m/s), final mode, and
-        false_alarms: how many channels of healthy sensors were not believed at any time. Those of
-        the window are of `measure_window`, `measure_effort` and `measure_ride`, NaN where
-        the run did not get there. Measures of the second run have "beside_" in front.
+        Measures by name: fell (0 or 1), end (s), ahead (m), end_speed (m/s), standing (0 or 1), and
+        false_alarms, the number of healthy channels that were rejected at any time. Those of the
+        window are from `measure_window`, `measure_effort` and `measure_ride`, NaN if the run ended
+        before the window did. Measures of the second run have the prefix "beside_".
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
@@ -125,15 +125,15 @@ def _measures_of(trial: Trial) -> Measures:
 
 
 def unbelieved_channels(states: Rows, until: float) -> int:
-    """How many channels of the sensors were not believed at any time before `until` (s)."""
+    """Number of sensor channels that were rejected at any time before `until` (s)."""
     masks = states["sensor_faults"][stamps(states) < until]
     return int(np.bitwise_or.reduce(masks, axis=None, initial=0)).bit_count()
 
 
 def has_fallen(plant: Plant) -> bool:
-    """Whether the robot lies: see `metrics.FALLEN_TILT` and `metrics.FALLEN_HEIGHT`.
+    """Whether the robot has fallen: see `falls.FALLEN_TILT` and `falls.FALLEN_HEIGHT`.
 
-    The soles' height is that of the last physics step: computing it anew would change the run.
+    The soles' height is that of the last physics step: to compute it again would change the run.
     """
     position, (w, x, y, z) = plant.pelvis_pose
     if w * w - x * x - y * y + z * z < math.cos(FALLEN_TILT):
@@ -144,30 +144,30 @@ def has_fallen(plant: Plant) -> bool:
 def measure_window(
     track: Track, state: Rows, status: Rows, window: tuple[float, float]
 ) -> Measures:
-    """Measures of a part of a run, NaN if it did not get to its end.
+    """Measures of a part of a run, NaN if the run ended before the part did.
 
     Args:
         track: Signals of the run.
         state: Rows of `RobotState`.
         status: Rows of `ControllerStatus`.
-        window: From and to. In s.
+        window: Start and end. In s.
 
     Returns:
-        Measures by name, also those of `measure_standing`. "Over two steps" is a moving mean, which
-        leaves out the sway.
+        Measures by name, also those of `measure_standing`. "Over two steps" means a moving mean,
+        which removes the sway.
 
         - vx, vy (m/s): means in the heading frame.
-        - yaw_rate (rad/s): mean of means over two steps.
+        - yaw_rate (rad/s): mean of the means over two steps.
         - vy_slip (m/s): largest sideways velocity over two steps.
         - velocity_off (m/s): largest error of the horizontal velocity over two steps.
-        - step_rate (1/s): touchdowns in a second.
-        - drift (m): greatest distance from where the window began.
-        - drift_of_steps (m): greatest distance of the place over two steps.
-        - depth (m): of the lower sole below the height of the start, median.
-        - sole_pitch (deg): as `metrics.sole_pitch`.
-        - rmse_vx, rmse_vy, rmse_vz (m/s): of the estimated velocity in the heading frame.
-        - odometry: error of the estimated displacement by its length.
-        - tracking (rad and m): RMS of the errors of the nine outputs; of each by `TRACKING`.
+        - step_rate (1/s): touchdowns per second.
+        - drift (m): largest distance from the position at the window's start.
+        - drift_of_steps (m): largest drift of the position over two steps.
+        - depth (m): median depth of the lower sole below the height of the start.
+        - sole_pitch (deg): see `metrics.sole_pitch`.
+        - rmse_vx, rmse_vy, rmse_vz (m/s): RMSE of the estimated velocity in the heading frame.
+        - odometry: error of the estimated displacement over its length.
+        - tracking (rad and m): RMS error of the nine outputs; `TRACKING` has that of each output.
     """
     t0, t1 = window
     inside = (track.time >= t0) & (track.time < t1)
@@ -196,17 +196,17 @@ def measure_window(
 
 
 def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
-    """Means over every two steps, `width` ticks, which leave out the sway of steps."""
+    """Means over every two steps, `width` ticks, which remove the sway of steps."""
     return np.convolve(values, np.full(width, 1.0 / width), mode="valid")
 
 
 def _slip(vy: FloatArray, width: int) -> float:
-    """Largest mean of the sideways velocity over two steps."""
+    """Largest magnitude of the sideways velocity's mean over two steps. In m/s."""
     return float(np.abs(_over_two_steps(vy, width)).max()) if len(vy) >= width else math.nan
 
 
 def _velocity_off(track: Track, inside: npt.NDArray[np.bool_], width: int) -> float:
-    """Largest difference of the mean velocity over two steps from the commanded one. In m/s."""
+    """Largest error of the mean velocity over two steps, from the commanded one. In m/s."""
     if np.count_nonzero(inside) < width:
         return math.nan
     errors = [
@@ -217,12 +217,12 @@ def _velocity_off(track: Track, inside: npt.NDArray[np.bool_], width: int) -> fl
 
 
 def _without_sway(values: FloatArray, width: int) -> float:
-    """Mean of a window that may begin and end anywhere in the sway of two steps."""
+    """Mean of a window that may start and end at any phase of two steps."""
     return float((_over_two_steps(values, width) if len(values) > 2 * width else values).mean())
 
 
 def _drift_of_steps(away: FloatArray, width: int) -> float:
-    """Greatest distance of the moving mean of places (n, 2) from where it begins. In m."""
+    """Largest distance of the moving mean of positions (n, 2) from its start. In m."""
     if len(away) <= width:
         return math.nan
     sums = np.cumsum(np.vstack([np.zeros(2), away]), axis=0)
@@ -231,7 +231,7 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
 
 
 def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Measures:
-    """Errors of the estimated velocity and displacement against the truth."""
+    """Errors of the estimated velocity and displacement, compared with the truth."""
     state = first_occurrences(state)
     rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
     if len(rows) != inside.sum():
@@ -253,13 +253,13 @@ def _in_heading(velocity: FloatArray, yaw: FloatArray) -> FloatArray:
 
 
 def _displacement(position: FloatArray, yaw: FloatArray) -> FloatArray:
-    """From the first sample to the last, in the first one's heading. Shape (2,), in m."""
+    """Displacement from the first to the last sample, in the first heading. Shape (2,), in m."""
     moved = position[-1] - position[0]
     return _in_heading(moved[None], yaw[:1])[0, :2]
 
 
 def _heading_line(plant: Plant) -> FloatArray:
-    """Where the robot starts and which way it looks: x, y, cos, sin."""
+    """Position and heading of the robot at the start: x, y, cos, sin."""
     (x, y, _), (w, _, _, z) = plant.pelvis_pose
     yaw = 2.0 * math.atan2(z, w)
     return np.array([x, y, math.cos(yaw), math.sin(yaw)])
@@ -281,7 +281,7 @@ def _end_speed(track: Track) -> float:
 
 
 def _copy(value: Any) -> Any:
-    """A copy that changes may be applied to."""
+    """A copy to which changes may be applied."""
     if isinstance(value, Mapping):
         return {key: _copy(entry) for key, entry in value.items()}
     return [_copy(entry) for entry in value] if isinstance(value, (list, tuple)) else value

@@ -1,7 +1,7 @@
-"""What a run of a sweep or of tuning is: `cassie_bags.studies.run_trial` runs it.
+"""Definition of one run of a sweep or of tuning: `cassie_bags.studies.run_trial` runs it.
 
-A trial draws its robot from a seed but keeps the written times. So events meet the phase of the
-step that they were written for.
+A trial draws its robot from a seed but keeps the written times of events. So each event happens at
+the phase of the step for which it was written.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Measures = dict[str, float]
-"""What was measured of a trial, by name."""
+"""Measures of a trial by name."""
 
 
 @dataclass(frozen=True)
@@ -20,14 +20,14 @@ class Trial:
     """One run.
 
     Attributes:
-        content: Experiment, as its file would say it; without seed.
-        seed: What to draw the robot from; 0 is the nominal one.
+        content: Experiment, with the keys of its file; without seed.
+        seed: Seed of the robot; 0 is the nominal robot.
         window: Part of the run to measure. In s.
         ahead: Distance along the first heading at which the run ends early, or None. In m.
-        changes: `key=value` words that replace what the content says.
-        beside: Words that replace more of it in a second run, or None for no second run.
-        kept: Last part of the run that is held in memory, at least; None for all of it. What lies
-            before it is not measured. In s.
+        changes: `key=value` words that replace values of the content.
+        beside: Further such words for a second run, or None for no second run.
+        kept: Least length of the last part of the run that is held in memory; None for all of it.
+            Earlier parts are not measured. In s.
     """
 
     content: Mapping[str, Any]
@@ -40,7 +40,7 @@ class Trial:
 
 
 def left_over(measures: Measures, name: str = "tracking") -> float:
-    """A figure of a trial by that of the run beside it; NaN if one of them fell."""
+    """Ratio of a trial's measure to that of its second run; NaN if a robot fell."""
     if measures["fell"] or measures["beside_fell"]:
         return math.nan
     return measures[name] / measures[f"beside_{name}"]

@@ -1,4 +1,4 @@
-"""Who computes the trials of sweeps and of tuning: local processes, or a Dask cluster."""
+"""Workers that compute the trials of sweeps and of tuning: local processes, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CONNECT_TIMEOUT = 10
-"""Wall time in which a scheduler must answer. In s."""
+"""Time-out of a scheduler's answer. In s of wall time."""
 
 DIED = "a worker process died, perhaps for want of memory"
 
@@ -34,18 +34,18 @@ _NICENESS = 5
 
 
 class Workers(Protocol):
-    """Something that applies a function to items, several at a time."""
+    """Workers that apply a function to items, several at a time."""
 
     count: int
 
     def results(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[tuple[int, Result]]:
-        """Index and result of each item as they come; what is not wanted is not begun."""
+        """Yield index and result of each item on completion; items not asked for are not begun."""
         ...
 
     def close(self) -> None:
-        """End them."""
+        """End the workers."""
         ...
 
 
@@ -66,10 +66,10 @@ class ThisProcess:
 
 
 class CachedWorkers:
-    """Computes nothing twice: rows that look at the same runs share them.
+    """Computes nothing twice: rows with the same runs share their results.
 
     Args:
-        pool: Who computes.
+        pool: Workers that compute.
     """
 
     def __init__(self, pool: Workers) -> None:
@@ -90,7 +90,7 @@ class CachedWorkers:
             yield rest[place], result
 
     def close(self) -> None:
-        """End those who compute."""
+        """End the workers."""
         self._pool.close()
 
 
@@ -98,7 +98,7 @@ class LocalProcesses:
     """Computes in processes of this machine.
 
     Args:
-        count: Of processes.
+        count: Number of processes.
     """
 
     def __init__(self, count: int) -> None:
@@ -112,11 +112,11 @@ class LocalProcesses:
     ) -> Iterator[tuple[int, Result]]:
         """See `Workers.results`.
 
-        No more is handed to the pool than its processes take at once, and nothing is called back
-        from it: a pool that is ended with cancelled work in it writes a traceback.
+        The pool gets no more items than its processes can run at once, and no callbacks: a pool
+        that is ended while it has cancelled work writes a traceback.
 
         Raises:
-            RunError: if a process died, as when the system had no memory left for it.
+            RunError: if a process died, as for lack of memory.
         """
         waiting = iter(enumerate(items))
         running: dict[Future[Result], int] = {}
@@ -133,22 +133,22 @@ class LocalProcesses:
             yield index, result
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
-        # `close` does not know a process half started, and one that starts knows no Ctrl-C.
+        # `close` does not see a half-started process, and such a process cannot handle Ctrl-C yet.
         with self._starting, ctrl_c_at_the_end(), children_without_ctrl_c():
             future = self._pool.submit(function, item)
             self._given = {other for other in self._given if not other.done()} | {future}
         return future
 
     def close(self) -> None:
-        """End the processes; what they are at is lost.
+        """End the processes; unfinished work is lost.
 
-        It waits for the pool's thread. A thread that closes its pipes while Python ends leads to
-        "Bad file descriptor" now and then, as Python writes to them.
+        It waits for the pool's thread. If a thread closed its pipes while Python ends, Python could
+        write to closed pipes and report "Bad file descriptor".
         """
         with self._starting:
             if not all(future.done() for future in self._given):
                 for process in list((self._pool._processes or {}).values()):
-                    process.kill()  # first, so that none is left that writes to a closed pipe
+                    process.kill()  # first, so that no process writes to a closed pipe
             self._pool.shutdown(cancel_futures=True)
 
 
@@ -156,10 +156,10 @@ class DaskCluster:
     """Computes on the workers of a Dask scheduler, which need the same packages.
 
     Args:
-        address: Of the scheduler, for example tcp://10.0.0.1:8786.
+        address: Address of the scheduler, for example tcp://10.0.0.1:8786.
 
     Raises:
-        RunError: if it does not answer, or has no worker.
+        RunError: if the scheduler does not answer, or has no worker.
     """
 
     def __init__(self, address: str) -> None:
@@ -185,7 +185,7 @@ class DaskCluster:
         """See `Workers.results`.
 
         Raises:
-            RunError: if workers die over an item, lack these packages, or the scheduler is gone.
+            RunError: if workers die on an item or lack these packages, or the scheduler has gone.
         """
         from distributed import KilledWorker, as_completed
 
@@ -203,16 +203,16 @@ class DaskCluster:
             _cancel(futures)
 
     def close(self) -> None:
-        """Leave the cluster; it runs on."""
+        """Leave the cluster, which continues to run."""
         self._client.close()
 
 
 def workers(jobs: int | None, scheduler: str | None) -> Workers:
-    """Workers as a command line asks for them.
+    """Workers according to a command line.
 
     Args:
-        jobs: Local processes; None is one for each core.
-        scheduler: Address of a Dask scheduler in place of local processes.
+        jobs: Number of local processes; None for one on each core.
+        scheduler: Address of a Dask scheduler instead of local processes.
 
     Raises:
         RunError: if the scheduler does not answer.
@@ -223,9 +223,9 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
 
 
 def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
-    """Futures as they complete.
+    """Yield futures as they complete.
 
-    It looks up twice a second: a wait without an end can miss Ctrl-C that comes as it begins.
+    It wakes up twice a second: an endless wait can miss a Ctrl-C at its beginning.
     """
     pending = set(futures)
     while pending:
@@ -234,17 +234,17 @@ def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
 
 
 def obey_parent() -> None:
-    """A worker leaves Ctrl-C to its parent, and ends when that one ends it."""
+    """Let a worker ignore Ctrl-C, which its parent handles, and end when the parent ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
 def ctrl_c_at_the_end() -> Iterator[list[int]]:
-    """Whatever would interrupt the block does so at its end; yields the signals that came."""
+    """Delay Ctrl-C and SIGTERM to the end of the block; yields the list of signals that came."""
     came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield came  # only the main thread is interrupted
+        yield came  # only the main thread gets signals
         return
     signals = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
@@ -259,7 +259,7 @@ def ctrl_c_at_the_end() -> Iterator[list[int]]:
 
 @contextmanager
 def children_without_ctrl_c() -> Iterator[None]:
-    """Processes that the block starts do not get Ctrl-C, not even before they can ignore it."""
+    """Block Ctrl-C for processes that the block starts, until they can ignore it themselves."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -268,7 +268,7 @@ def children_without_ctrl_c() -> Iterator[None]:
 
 
 def _begin() -> None:
-    """A worker leaves the machine to others."""
+    """Start a worker, with a lower priority than other processes of the machine."""
     obey_parent()
     os.nice(_NICENESS)
 

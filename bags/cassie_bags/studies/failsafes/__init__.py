@@ -1,1 +1,1 @@
-"""Fail-safes: what can go wrong around the robot, what it then does, and how one goes on."""
+"""Fail-safes: what can go wrong around the robot, what the robot does, and how to go on."""

@@ -1,4 +1,4 @@
-"""Who takes part in a row of fail-safes beside the robot: nodes by name, and operators."""
+"""Participants of a fail-safe besides the robot: nodes by name, and operators."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ ESTIMATOR, CONTROLLER, SUPERVISOR = "state_estimator", "gait_controller", "mode_
 
 
 class UnsafeError(Exception):
-    """The robot did not do what the table promises; the message says what and when."""
+    """The robot did not do what the table promises; the message says what it did, and when."""
 
 
 @dataclass
 class SimulatedOperator:
-    """An operator: a script's commands, as a person sends them.
+    """An operator who sends a script's commands in the way of a person.
 
     Attributes:
-        name: Who speaks.
-        script: What is asked for by time; None asks for stand without a speed.
-        changes: Fields that are said in place of the script's.
-        silent: Whether nothing is sent.
-        garble: Changes a command on its way, or None.
+        name: Name of the operator.
+        script: Commands by time; None commands stand without a speed.
+        changes: Fields that replace those of the script.
+        silent: Whether no commands are sent.
+        garble: Function that corrupts a command in transit, or None.
     """
 
     name: str
@@ -37,11 +37,11 @@ class SimulatedOperator:
 
     @property
     def writer(self) -> bytes:
-        """Identity, as DDS would give it."""
+        """Identity of the writer, in the form that DDS gives."""
         return self.name.encode().ljust(16, b"\0")
 
     def say(self, state: RobotState) -> OperatorCommand:
-        """The command that is sent after a state."""
+        """The command that the operator sends after a state."""
         command = OperatorCommand()
         if self.script is not None:
             command.copy_from(self.script.answer(state))

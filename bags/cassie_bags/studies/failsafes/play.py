@@ -1,4 +1,4 @@
-"""Plays rows of the table of fail-safes and tells which were not as the table promises."""
+"""Runs rows of the table of fail-safes and reports those that do not do what it promises."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cassie_msgs.tunables import unknown_name
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Play the rows, or write their table; returns the exit code."""
+    """Run the rows, or write their table; returns the exit code."""
     if arguments.list:
         for row in ROWS:
             print(row.name)

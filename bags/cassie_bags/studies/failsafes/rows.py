@@ -1,6 +1,6 @@
-"""The rows of the table of fail-safes: what happens, what the robot does, how one goes on.
+"""The rows of the table of fail-safes: what happens, what the robot does, how to go on.
 
-The README of `cassie_control` has the texts of these rows, and the tests play them.
+The README of `cassie_control` has the texts of these rows, and the tests run the rows.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Rng = np.random.Generator
 
 SPEEDS = {"stand": None, "step in place": 0.0, "walk": 0.8, "ride": None}
-"""What the robot does when a row begins, with the speed it walks at. In m/s."""
+"""Activities of the robot when a row begins, with the walking speed. In m/s."""
 
 WALKING = ("step in place", "walk")
 ON_FOOT = ("stand", *WALKING)
@@ -38,16 +38,16 @@ _WATCHDOG = 0.022  # s: 20 ms without a command and a tick
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
+    """One row of the table.
 
     Attributes:
-        name: For commands.
+        name: Name for commands.
         trigger: What goes wrong.
-        time: When the robot acts.
-        action: What it does.
-        recovery: How one goes on.
-        play: Makes it happen in a run, and raises `UnsafeError` if the robot does something else.
-        states: Keys of `SPEEDS`: what the robot does before.
+        time: Time in which the robot acts.
+        action: What the robot does.
+        recovery: How to go on.
+        play: Makes it happen in a run; raises `UnsafeError` if the robot does something else.
+        states: Activities of the robot before, keys of `SPEEDS`.
         sections: Further sections of the experiment, drawn with the generator.
     """
 
@@ -62,7 +62,7 @@ class Row:
 
 
 def _rests(run: WallPaced, state: str, limit: float = _STOP_TIME) -> None:
-    """The robot stops and stands, or goes on riding without speed and lean, and does not fall."""
+    """Check that the robot stops and stands, or goes on riding, and does not fall."""
     if state == "ride":
         run.run(2.0)
         _hold_ride(run)
@@ -77,7 +77,7 @@ def _hold_ride(run: WallPaced) -> None:
 
 
 def _wants_arming(run: WallPaced, state: str) -> None:
-    """With the old speeds asked for nothing moves; once they were zero they count."""
+    """Check that old commanded speeds are ignored until all speeds have been zero once."""
     since = run.now
     run.person.changes |= {"vx": 0.4}
     run.run(1.5)
@@ -92,7 +92,7 @@ def _wants_arming(run: WallPaced, state: str) -> None:
 
 
 def _recovers(run: WallPaced) -> None:
-    """Power off, hung up until the fault is over, let down and switched on again it stands."""
+    """Check that it stands again: power off, hung up till the fault is over, power on, let down."""
     run.person.changes |= {"power": False, "mode": RobotMode.STAND, "vx": 0.0, "yaw_rate": 0.0}
     run.run(0.1, upright=False)
     run.hang_up()
@@ -181,7 +181,7 @@ def _power_on_refused(run: WallPaced, rng: Rng, state: str) -> None:
 
 def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"power": False}
-    # What is sent takes until the robot hears it; from then on it has a physics step.
+    # A command takes some time to reach the robot; from then on the robot has a physics step.
     run.until(lambda: not run.powered, 0.03, "no power", upright=False)
     run.hold(lambda: run.torque == 0.0, float(rng.uniform(0.3, 1.5)), "no torque")
     run.person.changes |= {"power": True, "mode": RobotMode.WALK, "vx": 0.4}
@@ -225,7 +225,7 @@ _SIZES: dict[str, dict[str, float]] = {"spike": {"size": 200.0}, "off": {}}
 
 
 def _fault_in_samples(run: WallPaced, rng: Rng, state: str) -> None:
-    run.run(12.0)  # an error that stays below the channel's bound is not told
+    run.run(12.0)  # an error below the channel's bound is not reported
     if "without drive_torque" in str(run.faults) and run.mode is not RobotMode.STAND:
         raise UnsafeError(f"does not stand; {run.describe()}")
 

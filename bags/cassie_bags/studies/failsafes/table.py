@@ -1,4 +1,4 @@
-"""Plays the rows at random moments, and writes them down as a table."""
+"""Runs the rows at random times, and writes them as a table."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from cassie_bags.studies.workers import Workers
 from cassie_msgs.experiment.file import Experiment
 
 BEGIN, END = "<!-- fail-safes: begin -->", "<!-- fail-safes: end -->"
-"""Lines of a README between which the table stands."""
+"""Lines of a README before and after the table."""
 
-_LET_GO = 10.0  # s, when the operator lets go of the Segway
+_LET_GO = 10.0  # s, time at which the operator lets go of the Segway
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Case:
 
     Attributes:
         row: Name of the row.
-        state: What the robot does before, a key of `SPEEDS`.
-        phase: Number of the run; draws robot, moment and details.
+        state: Activity of the robot before, a key of `SPEEDS`.
+        phase: Number of the run; it decides robot, time and details.
     """
 
     row: str
@@ -38,7 +38,7 @@ class Case:
 
 
 def cases(rows: Sequence[Row], phases: int, first: int = 0) -> list[Case]:
-    """All runs of some rows, `phases` of each state."""
+    """All runs of some rows, `phases` runs for each state."""
     return [
         Case(row.name, state, phase)
         for row in rows
@@ -48,8 +48,8 @@ def cases(rows: Sequence[Row], phases: int, first: int = 0) -> list[Case]:
 
 
 def play(case: Case) -> str:
-    """Run a case; returns what went wrong, empty if nothing did."""
-    from cassie_bags.studies.failsafes.wall_paced import WallPaced  # the robot loads for seconds
+    """Run a case; returns the problem in words, empty if there is none."""
+    from cassie_bags.studies.failsafes.wall_paced import WallPaced  # loading it takes seconds
 
     row = next(row for row in ROWS if row.name == case.row)
     stream = zlib.crc32(f"{case.row}/{case.state}".encode())
@@ -97,7 +97,7 @@ def _experiment(case: Case, begins: float, sections: dict[str, Any]) -> Experime
 
 
 def results(chosen: Sequence[Case], pool: Workers) -> Iterator[tuple[Case, str]]:
-    """Each case with what went wrong, as they come."""
+    """Each case and its problem, empty if there is none, in the order of completion."""
     for index, problem in pool.results(play, chosen):
         yield chosen[index], problem
 
@@ -125,10 +125,10 @@ _VERBS = {
 
 
 def with_table(text: str) -> str:
-    """A README's text with the table as it is now.
+    """A README's text with the present table.
 
     Raises:
-        ValueError: if the lines between which it stands are missing.
+        ValueError: if the lines before and after the table are missing.
     """
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)

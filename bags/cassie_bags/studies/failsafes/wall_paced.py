@@ -1,6 +1,6 @@
-"""The cores of all nodes as if each ran by the wall clock: nobody waits for anybody.
+"""The cores of all nodes as if paced by the wall clock: no node waits for another.
 
-Silence, restarts and operators' commands happen on robot time here, so that a run is the same on
+Silence, restarts and operators' commands happen in robot time here, so that a run is the same on
 every machine.
 """
 
@@ -33,23 +33,23 @@ from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
 
-_LOOK = 25  # ticks between looks at whether the robot has fallen
+_LOOK = 25  # ticks between checks for a fall
 
 
 class WallPaced:
-    """One run.
+    """One run of the cores.
 
     Args:
-        experiment: Robot, scene, events, and what the operator asks for; drawn.
+        experiment: Experiment with robot, scene, events and the operator's commands; drawn.
 
     Attributes:
-        plant: The robot.
-        person: Who drives.
+        plant: The simulated robot.
+        person: Operator who drives.
         others: Further operators.
-        silent: Nodes that neither take nor send anything.
-        drops: Says at each tick whether the motor command gets lost, or None.
-        charge: Of the battery, 0..1.
-        modes: Of each mode message: its time (s), the message.
+        silent: Names of nodes that neither receive nor send.
+        drops: Says at each tick whether the motor command is lost, or None.
+        charge: Charge of the battery, 0..1.
+        modes: Time (s) and message of each mode.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -87,7 +87,7 @@ class WallPaced:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults that the supervisor tells, and why there is no power."""
+        """Faults that the supervisor reports, and the reason why there is no power."""
         refused = self._operators.power_refused
         return (*self._supervisor.status.faults, *((f"no power: {refused}",) if refused else ()))
 
@@ -98,7 +98,7 @@ class WallPaced:
 
     @property
     def armed(self) -> bool:
-        """Whether that operator's speeds count."""
+        """Whether the speeds of the driving operator have an effect."""
         return self._operators.armed
 
     @property
@@ -117,7 +117,7 @@ class WallPaced:
         return float(np.abs(self.plant.drives.applied).max())
 
     def restart(self, node: str) -> None:
-        """A node comes up anew, without memory."""
+        """Restart a node, without its memory."""
         cores = self._make()
         self.silent.discard(node)
         if node == ESTIMATOR:
@@ -131,7 +131,7 @@ class WallPaced:
             self._operators = Operators()
 
     def push(self, force: tuple[float, float, float], duration: float) -> None:
-        """Push the pelvis from now on. In N and s."""
+        """Push the pelvis from now on, by a force (N) for a duration (s)."""
         orders.push(self.plant, "", force, duration)
 
     def hang_up(self) -> None:
@@ -139,7 +139,7 @@ class WallPaced:
         orders.move_gantry(self.plant, "hold", 1.3, 1.0)
 
     def let_down(self) -> None:
-        """Let it down to the ground."""
+        """Let the robot down to the ground."""
         orders.move_gantry(self.plant, "lower", 0.82, 0.3)
 
     def tick(self) -> None:
@@ -172,7 +172,7 @@ class WallPaced:
             self.fallen = self.fallen or has_fallen(plant)
 
     def _hear(self, seq: int) -> None:
-        """Operators speak 50 times a second; the robot hears them, and the supervisor."""
+        """Send the operators' commands to the robot and to the supervisor, 50 times a second."""
         for person in (self.person, *self.others):
             if person.silent:
                 continue
@@ -192,14 +192,14 @@ class WallPaced:
         self.modes.append((self.now, kept))
 
     def run(self, duration: float, *, upright: bool = True) -> None:
-        """Go on for a while.
+        """Run for a while.
 
         Args:
             duration: Robot time. In s.
-            upright: Whether the robot may not fall meanwhile.
+            upright: Whether the robot must not fall.
 
         Raises:
-            UnsafeError: if it falls although it may not.
+            UnsafeError: if the robot falls although it must not.
         """
         for _ in range(round(duration / self.period)):
             self.tick()
@@ -209,10 +209,10 @@ class WallPaced:
     def until(
         self, condition: Callable[[], bool], limit: float, what: str, *, upright: bool = True
     ) -> float:
-        """Go on until a condition holds; returns how long that took. In s.
+        """Run until a condition holds; returns the time that it took. In s.
 
         Raises:
-            UnsafeError: if it does not come about within `limit`, or the robot falls.
+            UnsafeError: if the condition does not hold within `limit` (s), or the robot falls.
         """
         start = self.now
         while not condition():
@@ -222,10 +222,10 @@ class WallPaced:
         return self.now - start
 
     def hold(self, condition: Callable[[], bool], duration: float, what: str) -> None:
-        """Go on for a while, in which a condition has to hold at every tick.
+        """Run for a while, in which a condition has to hold at every tick.
 
         Raises:
-            UnsafeError: if it does not.
+            UnsafeError: if the condition does not hold.
         """
         for _ in range(round(duration / self.period)):
             self.tick()
@@ -233,7 +233,7 @@ class WallPaced:
                 raise UnsafeError(f"{what}: no longer at {self.now:.2f} s; {self.describe()}")
 
     def describe(self) -> str:
-        """Where things stand."""
+        """The present mode, pelvis height and faults, in words."""
         return f"mode {self.mode.name.lower()}, pelvis at {self.height:.2f} m, {self.faults}"
 
     def figures(self, since: float) -> Mapping[str, float]:

@@ -1,1 +1,1 @@
-"""What the robot can do, in figures: runs over ranges of commands, pushes, grounds and delays."""
+"""Sweeps: measure the robot over ranges of commands, pushes, grounds and delays."""

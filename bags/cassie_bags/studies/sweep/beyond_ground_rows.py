@@ -1,4 +1,4 @@
-"""Rows on ground whose targets lie beyond what the shipped law promises."""
+"""Rows on special ground whose targets the shipped law does not promise."""
 
 from __future__ import annotations
 
@@ -19,46 +19,46 @@ from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Trial
 
 FAST = 0.4
-"""At which rough ground and steps are walked. In m/s."""
+"""Speed on rough ground and steps. In m/s."""
 
 ROUGH_DISTANCE = 15.0
-"""Over which rough ground must be walked. In m."""
+"""Distance on rough ground. In m."""
 
 GRASS_DISTANCE = 20.0
-"""Over which grass must be walked. In m."""
+"""Distance on grass. In m."""
 
 TURN_RATE = 0.6
-"""At which it turns on a slope. In rad/s."""
+"""Turn rate on a slope. In rad/s."""
 
 ICE_LENGTH = 0.5
-"""Length of a slippery patch, of which each is followed by a metre of concrete. In m."""
+"""Length of a slippery patch; a metre of concrete follows each. In m."""
 
 ICE_PATCHES = 5
-"""Slippery patches one behind the other."""
+"""Number of slippery patches, one after another."""
 
 ICE_DISTANCE = ICE_PATCHES * (ICE_LENGTH + 1.0) + 1.0
-"""Over which the patches lie. In m."""
+"""Distance over which the patches lie. In m."""
 
 STAIRS, TREAD, LANDING = 5, 0.3, 1.5
-"""Steps of a flight of stairs, their depth, and the way between two flights. In m."""
+"""Number of steps of a flight of stairs; depth of a step, and distance of two flights. In m."""
 
 LOW = [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]
-"""Risers that are tried where the target is 0.1 m. In m."""
+"""Risers for rows with a target of 0.1 m. In m."""
 
 HIGH = [*LOW[1:], 0.14, 0.17, 0.2]
-"""Risers that are tried where the target is 0.17 m. In m."""
+"""Risers for rows with a target of 0.17 m. In m."""
 
 FIVE_KILOMETRES = 5000.0
-"""In m."""
+"""Distance of the rows of far walks. In m."""
 
 COURSE_SPEED = 0.6
-"""At which a course of all grounds is walked. In m/s."""
+"""Speed on a course of all grounds. In m/s."""
 
 KEPT = 20.0
-"""Of long runs this much is kept in memory. In s."""
+"""Length of the part of long runs that is kept in memory. In s."""
 
 MOST = 0.9
-"""Share of the trials that must hold where 18 of 20 are asked for."""
+"""Share of the trials that must hold in rows that ask for 18 of 20."""
 
 
 def beyond_ground_rows() -> list[Row]:
@@ -184,7 +184,7 @@ def _stride() -> float:
 
 
 def _further(seed: int, budget: Budget) -> float:
-    """Part of a stride that the seeds are spread over. In m."""
+    """Part of a stride by which a seed's obstacle is shifted, over all phases. In m."""
     return _stride() * (seed - 1) / budget.seeds
 
 

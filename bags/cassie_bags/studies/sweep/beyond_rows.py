@@ -1,4 +1,4 @@
-"""Rows on level ground whose targets lie beyond what the shipped law promises."""
+"""Rows on level ground whose targets the shipped law does not promise."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from cassie_bags.studies.sweep.walking_rows import SLIP, pushed, top_speed, turn
 from cassie_bags.studies.trial import Measures, Trial
 
 ANGLES = range(0, 360, 30)
-"""Directions of pushes from ahead, to the left. In deg."""
+"""Directions of pushes, from ahead to the left. In deg."""
 
 PUSH_TIMES = (0.05, 0.1, 0.2, 0.4)
-"""How long pushes from all directions last, in turn. In s."""
+"""Durations of pushes from all directions, in turn. In s."""
 
 FORCE_TIME = 3.0
-"""How long a steady force lasts. In s."""
+"""Duration of a steady force. In s."""
 
 BACK_WITHIN = 2.0
-"""Time after a steady force until the commanded velocity must be there again. In s."""
+"""Time after a steady force within which the commanded velocity must be reached again. In s."""
 
 BACK_TO = 0.1
-"""How near to it, as a mean over two steps. In m/s."""
+"""Largest error of the velocity then, as a mean over two steps. In m/s."""
 
 EVERYTHING = {"vx": 1.0, "vy": 0.2, "yaw_rate": 0.4}
-"""The fast command of everything at once. In m/s, m/s, rad/s."""
+"""Fast command with all speeds at once. In m/s, m/s, rad/s."""
 
 OFF_CENTRE = 0.05
 """Distance of a payload from the pelvis's centre of mass. In m."""
 
 SPEED_ERROR = 0.03
-"""That a payload may bring. In m/s."""
+"""Largest speed error with a payload. In m/s."""
 
 FAR_SPEED = 1.65
-"""At which five kilometres are walked on level ground. In m/s."""
+"""Speed of the five kilometres on level ground. In m/s."""
 
 
 def beyond_rows() -> list[Row]:
@@ -69,7 +69,7 @@ def beyond_rows() -> list[Row]:
         *(_push("in_place", "in place", 0.0, angle, 36.0, 30.0) for angle in ANGLES),
         *(_push("slow", "at 0.5 m/s", 0.5, angle, 26.0, 26.0) for angle in ANGLES),
         *(_push("fast", "at 1 m/s", 1.0, angle, 22.0, 22.0) for angle in ANGLES),
-        # 15 % below 0.29 and 0.26 of work, and below the torque squared of 95 and 99 Nm.
+        # 15 % below the works of 0.29 and 0.26, and below the squared torques of 95 and 99 Nm.
         _cost("work", "positive work by weight and distance", "", 0.5, 0.246, "transport_work"),
         _cost("work", "positive work by weight and distance", "", 1.0, 0.221, "transport_work"),
         _cost("torque", "RMS of all torques", "Nm", 0.5, 87.6, "torque_rms"),
@@ -171,13 +171,13 @@ def _forced_walking(speed: float) -> Trials:
 
 
 def _to_side(time: float, newtons: float) -> dict[str, Any]:
-    """A force on the pelvis to the left of where the robot looks at the start."""
+    """A force on the pelvis to the left of the robot's heading at the start."""
     return push(time, newtons * FORCE_TIME, 90.0, FORCE_TIME)
 
 
 def _payload(name: str, title: str, speed: float) -> Row:
     def trial(budget: Budget, seed: int, mass: float) -> Trial:
-        # Fore, left, aft or right of the centre, as the seed says.
+        # Ahead, left, behind or right of the centre, by the seed.
         angle = 0.5 * math.pi * (seed - 1)
         x, y = OFF_CENTRE * math.cos(angle), OFF_CENTRE * math.sin(angle)
         window = steady(budget, speed, 0.5 * budget.seconds)

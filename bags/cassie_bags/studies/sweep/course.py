@@ -1,4 +1,4 @@
-"""The runs that sweeps are made of: stand up, walk, and then what is asked for."""
+"""Runs of sweeps: stand up, walk, and then follow the commands of a row."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from cassie_bags.studies.trial import Trial
 from cassie_control.supervisor.config import SupervisorConfig
 
 WALK_AT = 2.0
-"""When walking is asked for; it begins about a second later. In s."""
+"""Time of the command to walk; walking begins about a second later. In s."""
 
 COMMAND_AT = 5.0
-"""When speeds are asked for. In s."""
+"""Time of the commanded speeds. In s."""
 
 SETTLING = 5.0
 """Time between reaching a speed and measuring. In s."""
 
 PUSH_TIME = 0.1
-"""How long a push lasts. In s."""
+"""Duration of a push. In s."""
 
 AFTER_EVENT = 6.0
-"""Time in which the robot must not fall after a push. In s."""
+"""Time after a push in which the robot must not fall. In s."""
 
 PAPER_LAW = f"@{Path(__file__).with_name('paper_law.yaml')}"
-"""Change to the paper's own law, with gains of the drives with which it walks."""
+"""Change to the paper's own law, with drive gains with which the robot walks."""
 
 _WITHOUT_LEARNED = "controller.learned_torques=none"
 _LIMITS = SupervisorConfig()
@@ -35,13 +35,13 @@ _LIMITS = SupervisorConfig()
 
 @dataclass(frozen=True)
 class Budget:
-    """How much to run.
+    """Extent of the runs.
 
     Attributes:
-        seeds: Robots that each setting is tried on: those of seeds 1 to this.
-        phases: Moments over two steps at which events are tried.
-        seconds: Length of the part that speeds are measured over. In s.
-        beyond: Levels tried beyond one whose figure meets the target; None: until one does not
+        seeds: Number of robots for each setting; their seeds begin at 1.
+        phases: Number of times within two steps at which events happen.
+        seconds: Length of the part over which speeds are measured. In s.
+        beyond: Number of levels to try after one that meets the target; None: until one does not
             hold.
         changes: `key=value` words for every run.
     """
@@ -57,7 +57,7 @@ class Budget:
         return range(1, self.seeds + 1)
 
     def each_phase(self, speed: float) -> list[tuple[float, int]]:
-        """Delays that spread over two steps at a speed (s), each with a seed."""
+        """Delays that are spread over two steps at a speed (s), each with a seed."""
         stride = 2.0 * step_time(speed)
         return [
             (stride * index / self.phases, 1 + index % self.seeds) for index in range(self.phases)
@@ -69,21 +69,21 @@ Trials = Callable[[Budget, float], list[Trial]]
 
 
 def robots(trial: Callable[[Budget, int, float], Trial]) -> Trials:
-    """One trial for each robot.
+    """Trials of a level, one for each robot.
 
     Args:
-        trial: Makes it from budget, seed and level.
+        trial: Makes a trial from budget, seed and level.
     """
     return lambda budget, level: [trial(budget, seed, level) for seed in budget.each_seed()]
 
 
 def mirrored(seed: int, value: float) -> float:
-    """A value to the left for robots with odd seeds, to the right for the others."""
+    """A value to the left for robots with odd seeds, to the right for other robots."""
     return value if seed % 2 else -value
 
 
 def tenths(first: int, last: int) -> list[float]:
-    """Levels in steps of 0.1, as a person writes them: 1.2 and not 1.2000000000000002."""
+    """Levels in steps of 0.1 without rounding errors: 1.2 and not 1.2000000000000002."""
     return [n / 10 for n in range(first, last + 1)]
 
 
@@ -95,19 +95,19 @@ def step_time(speed: float) -> float:
 
 
 def reached_at(speed: float) -> float:
-    """When the commanded speed has come up to `speed` (m/s). In s."""
+    """Time at which the commanded speed has risen to `speed` (m/s). In s."""
     return COMMAND_AT + abs(speed) / _LIMITS.acceleration
 
 
 def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: Any) -> Trial:
-    """Walking as commanded from `COMMAND_AT` to the end of the window.
+    """Trial of walking as commanded from `COMMAND_AT` to the end of the window.
 
     Args:
-        budget: How much to run.
-        seed: Robot.
+        budget: Extent of the runs.
+        seed: Seed of the robot.
         window: Part to measure. In s.
-        command: vx, vy, yaw_rate of the operator; other words are sections of the experiment,
-            `ahead` and `kept` are the trial's.
+        commanded: vx, vy, yaw_rate of the operator; `then` with further steps of the operator;
+            `ahead` and `kept` of the trial; other words are sections of the experiment.
     """
     ahead, kept = commanded.pop("ahead", None), commanded.pop("kept", None)
     command: dict[str, float] = {
@@ -131,14 +131,14 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
-    """Walking at a speed with learned torques and, beside, without."""
+    """Trial of walking at a speed with learned torques and, as second run, without."""
     window = steady(Budget(), speed, seconds)
     trial = walk(Budget(changes=changes), seed, window, vx=speed)
     return Trial(trial.content, seed, window, None, trial.changes, (_WITHOUT_LEARNED,))
 
 
 def opened_limits(command: Mapping[str, float]) -> dict[str, float]:
-    """Limits of the supervisor that let a command pass, where the usual ones would not."""
+    """Limits of the supervisor that let a command pass where the default limits do not."""
     vx = command.get("vx", 0.0)
     needed = {
         "vx_forward": max(vx, 0.0),
@@ -161,10 +161,10 @@ def push(
     """A push on the pelvis.
 
     Args:
-        time: When it begins. In s.
-        impulse: In Ns.
-        angle_deg: Direction of the force from ahead, to the left. In deg.
-        duration: In s.
+        time: Start of the push. In s.
+        impulse: Impulse of the push. In Ns.
+        angle_deg: Direction of the force, from ahead to the left. In deg.
+        duration: Duration of the push. In s.
     """
     force, angle = impulse / duration, math.radians(angle_deg)
     return {

@@ -1,4 +1,4 @@
-"""Rows on other ground: slopes, friction, sinking, steps."""
+"""Rows on special ground: slopes, friction, sinking, steps."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Measures, Trial
 
 SPEED = 0.3
-"""At which slopes and soft ground are walked. In m/s."""
+"""Speed on slopes and soft ground. In m/s."""
 
 DISTANCE = 10.0
-"""Over which they must be. In m."""
+"""Distance on slopes and soft ground. In m."""
 
 TIME_FACTOR = 2.0
-"""Longest time for a distance, by that at the commanded speed; and shortest, one by it."""
+"""Ratio of the longest time for a distance to that at the commanded speed; also its inverse."""
 
 LEVEL_PART = 1.0
-"""Before what is to be crossed. In m."""
+"""Length of the level part before an obstacle. In m."""
 
 PAST_STEP = 2.0
-"""Distance beyond a step at which it counts as taken. In m."""
+"""Distance beyond a step at which the step counts as taken. In m."""
 
 _DUG = "pitch of feet whose heels dig in"
 
 Parameters = Callable[[float, int, Budget], dict[str, Any]]
-"""Parameters of a scene, from level, seed and budget."""
+"""Function from level, seed and budget to parameters of a scene."""
 
 
 def crossing(
@@ -40,15 +40,15 @@ def crossing(
     speed: float = SPEED,
     **more: Any,
 ) -> Trial:
-    """One robot that walks over a scene.
+    """Trial of one robot that walks over a scene.
 
     Args:
-        budget: How much to run.
-        seed: Robot.
-        scene: Its name.
-        parameters: Of the scene.
-        distance: To walk beyond its level part. In m.
-        speed: Commanded. In m/s.
+        budget: Extent of the runs.
+        seed: Seed of the robot.
+        scene: Name of the scene.
+        parameters: Parameters of the scene.
+        distance: Distance to walk beyond the level part. In m.
+        speed: Commanded speed. In m/s.
         more: Other sections of the experiment, or `kept` of the trial.
     """
     ahead = LEVEL_PART + distance
@@ -65,7 +65,7 @@ def crossing(
 
 
 def got_across(measures: Measures, distance: float = DISTANCE, speed: float = SPEED) -> bool:
-    """Whether a robot went all the way, and did not run away on it."""
+    """Whether a robot walked the whole distance, at less than about twice the commanded speed."""
     ahead = LEVEL_PART + distance
     return measures["ahead"] >= ahead and measures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
 
@@ -89,10 +89,10 @@ def crossed(
 
     Args:
         name, title, unit, target, levels: See `Row`.
-        scene: Its name.
-        parameters: Of the scene.
-        distance: To walk beyond its level part, by the level. In m.
-        speed: Commanded. In m/s; None: the level.
+        scene: Name of the scene.
+        parameters: Parameters of the scene.
+        distance: Distance to walk beyond the level part, by the level. In m.
+        speed: Commanded speed. In m/s; None: the level.
         kept: See `Trial`. In s.
         sections: Other sections of the experiment.
         more: Other fields of the row.
@@ -136,17 +136,17 @@ def slope(
 
 
 def rising(deg: float, *_: Any) -> dict[str, float]:
-    """A slope up ahead."""
+    """Parameters of a slope that rises ahead."""
     return {"rise_deg": deg, "start": LEVEL_PART}
 
 
 def falling(deg: float, *_: Any) -> dict[str, float]:
-    """A slope down ahead."""
+    """Parameters of a slope that falls ahead."""
     return {"rise_deg": -deg, "start": LEVEL_PART}
 
 
 def aslant(deg: float, *_: Any) -> dict[str, float]:
-    """A slope that rises to the left."""
+    """Parameters of a slope that rises to the left."""
     return {"rise_deg": 0.0, "side_deg": deg}
 
 
@@ -183,7 +183,7 @@ def _sinking(
     parameter: str,
     **ground: float,
 ) -> Row:
-    """Sand of which a parameter is the level, in m; its first level in cm."""
+    """A row of sand: the level (m) is a parameter of the sand; `first_cm` is the first level."""
 
     def parameters(level: float, *_: Any) -> dict[str, Any]:
         sand = {"surface": "sand", "uneven": 0.0, "length": 60.0, **ground, parameter: level}

@@ -1,4 +1,4 @@
-"""Rows of the loop itself: delays that it bears, and how well the estimator and outputs do."""
+"""Rows of the control loop: delays, and errors of the estimator and the outputs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from cassie_bags.studies.sweep.row import Figure, Row
 from cassie_bags.studies.trial import Trial, left_over
 
 SPEED = 0.5
-"""At which these are measured. In m/s."""
+"""Walking speed of the rows about delays and the estimator. In m/s."""
 
 TRACKED = (-0.5, 0.0, 0.5, 1.0)
 """Speeds at which tracking is measured with and without learned torques. In m/s."""

@@ -1,4 +1,4 @@
-"""Sweeps from a command line: rows by rows with every variant, kept after each."""
+"""Sweeps from a command line: rows with every variant; results are stored after each row."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 
 FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
-"""How much is run, all of it and with --quick."""
+"""Extent of the runs, by default and with --quick."""
 
 MEASURED, PAPERS = "measured", "paper's law"
-"""Names of variants."""
+"""Names of the variants."""
 
 
 def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     """Measure rows; returns the exit code.
 
     Args:
-        arguments: Of the command line.
-        now: Time of the wall clock, which is noted with the results.
+        arguments: Arguments of the command line.
+        now: Time of the wall clock, which is stored with the results.
     """
     if arguments.list:
         for row in all_rows():
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
 
 
 def command(arguments: argparse.Namespace) -> str:
-    """The command that measures the same again, without what does not change the figures."""
+    """The command that repeats the measurement, without options that do not change results."""
     words = [*arguments.rows, "--seeds", arguments.seeds, "--phases", arguments.phases]
     words += ["--seconds", f"{arguments.seconds:g}"]
     words += [] if arguments.beyond is None else ["--beyond", arguments.beyond]
@@ -83,7 +83,7 @@ def command(arguments: argparse.Namespace) -> str:
 
 
 def seeds(arguments: argparse.Namespace) -> str:
-    """Which robots are drawn."""
+    """Seeds of the drawn robots, in words."""
 
     def up_to(last: int) -> str:
         return f"1 to {last}" if last > 1 else "1"
@@ -98,8 +98,8 @@ def seeds(arguments: argparse.Namespace) -> str:
 def _measure(
     rows: list[Row], arguments: argparse.Namespace, made: Origin
 ) -> dict[str, dict[str, RowResult]]:
-    """Measure rows, each with every variant; what there is is kept after each row."""
-    from cassie_bags.studies.run_trial import experiment_of  # robot and law load for seconds
+    """Measure rows, each with every variant; all results so far are stored after each row."""
+    from cassie_bags.studies.run_trial import experiment_of  # loading robot and law takes seconds
 
     own = spelled_out(arguments.set)
     variants: dict[str, tuple[str, ...]] = {MEASURED: own}
@@ -138,7 +138,7 @@ def _measure(
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(kept)
             _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
-            from cassie_bags.studies.sweep.picture import draw  # matplotlib loads for a second
+            from cassie_bags.studies.sweep.picture import draw  # loading matplotlib takes a second
 
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
@@ -147,12 +147,12 @@ def _measure(
 
 
 def _merge(path: Path, text: str, stored: list[StoredRow]) -> None:
-    """Write a file of results: a text with rows put in."""
+    """Write a file of results: a text with the rows merged into it."""
     path.write_text(merge(text, stored, [row.title for row in all_rows()]), "utf-8")
 
 
 def _check_mergeable(arguments: argparse.Namespace) -> None:
-    """Raise unless these results may go into a file of results, and that can take them."""
+    """Check that these results are for a file of results, and that the file can take them."""
     if arguments.set or arguments.compare != PAPER_LAW:
         raise ExperimentError("--results takes the robot as it is: leave out --set and --compare")
     check_folder(arguments.results)
@@ -168,20 +168,20 @@ def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row
 
 
 def _fewer(budget: Budget, seeds: int) -> dict[str, int]:
-    """What changes in a budget with no more robots than these."""
+    """Changes of a budget for at most this number of robots."""
     return {"seeds": min(seeds, budget.seeds), "phases": min(seeds, budget.phases)}
 
 
 def _measured(
     open_rows: list[tuple[Row, str, Budget]], arguments: argparse.Namespace
 ) -> Iterator[tuple[Row, str, RowResult]]:
-    """Row, variant and result, as they come: as many rows at once as keep the workers busy."""
+    """Row, variant and result, as they complete; enough rows at once to keep the workers busy."""
     from tqdm import tqdm
 
     bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
     pool = CachedWorkers(workers(arguments.jobs, arguments.scheduler))
     lanes = max(1, 2 * pool.count // max(arguments.seeds, arguments.phases))
-    # The pool is closed before the threads that wait for it are.
+    # The pool is closed before the threads that wait for the pool.
     with ThreadPoolExecutor(lanes) as threads, contextlib.closing(pool), bar:
         futures = {threads.submit(_row, *entry, pool, bar): entry for entry in open_rows}
         try:

@@ -1,4 +1,4 @@
-"""The results of sweeps as one picture: pushes by direction, speeds, and limits of each ground."""
+"""Results of sweeps as one picture: pushes by direction, speeds, and limits of each ground."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from cassie_bags.studies.sweep.row import RowResult
 from cassie_bags.studies.sweep.table import StoredRow
 from cassie_bags.studies.sweep.walking_rows import DIRECTIONS
 
-_COLOURS = (BLUE, ORANGE, GREY)  # of the variants
+_COLOURS = (BLUE, ORANGE, GREY)  # colours of the variants
 _SHADE = "#ececec"
-_SMALL = 7.5  # size of letters
-_WIDTH = 10.5  # of the figure, in inches
+_SMALL = 7.5  # size of small text
+_WIDTH = 10.5  # width of the figure, in inches
 _POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
-_BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # of a bar with its words; of what bars stand in
+_BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # inches: of a bar with text; of axes around bars
 
 _CM = 100.0  # per m
-_FINEST = 1.0  # cm/s to which differences of speeds are drawn to scale, beyond it by ratio
-_LARGEST = 100.0  # cm/s, of a difference that is drawn
+_FINEST = 1.0  # cm/s, difference of speeds up to which the scale is linear, then logarithmic
+_LARGEST = 100.0  # cm/s, largest difference in the picture
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class _Around:
     """A polar plot.
 
     Attributes:
-        title: Above it.
-        kinds: Word for each group of rows that it shows; their names end in directions.
+        title: Title of the plot.
+        kinds: Label of each group of rows in the plot; the rows' names end in directions.
     """
 
     title: str
@@ -56,9 +56,9 @@ _AROUND = (
         "Ground that rises, standing (deg)", {"stand_slope": "slope", "stand_tilting": "tilts"}
     ),
 )
-_LINES = ("-", "--")  # of the kinds
-_INNERMOST = 0.35  # of the strongest, below which rings have no number
-_WIDEST = 90.0  # deg between directions that a line joins
+_LINES = ("-", "--")  # line styles of the kinds
+_INNERMOST = 0.35  # ratio to the largest value below which rings have no number
+_WIDEST = 90.0  # deg, largest angle between directions that a line joins
 _COMPASS = ((0.0, "fore"), (90.0, "left"), (180.0, "aft"), (270.0, "right"))
 
 _GROUNDS = {
@@ -81,21 +81,21 @@ _GROUNDS = {
         "friction.0.2": "at 0.2 m/s",
     },
 }
-"""Rows whose limits are drawn as bars, by the title of their axes, with a name for each."""
+"""Rows whose limits are drawn as bars, with a label for each, by the title of their axes."""
 
 _MOST_FRICTION = 0.8
-"""Where bars of friction begin: the ground that every robot walks on."""
+"""Start of the bars of friction: ground on which every robot walks."""
 
 _SPEEDS = {"speed": "o", "top_speed": "o", "sideways": "s"}
-"""Marker of each group of rows whose levels command a speed."""
+"""Marker of each group of rows whose levels are commanded speeds."""
 
 
 def draw(path: Path, rows: Sequence[StoredRow]) -> None:
-    """Draw results that were kept; a picture that stands there is removed if there is nothing.
+    """Draw stored results; without any, an old picture is removed.
 
     Args:
         path: PNG file.
-        rows: What was kept.
+        rows: Stored rows.
     """
     with matplotlib.rc_context(STYLE):
         figure = compose(rows)
@@ -106,7 +106,7 @@ def draw(path: Path, rows: Sequence[StoredRow]) -> None:
 
 
 def compose(rows: Sequence[StoredRow]) -> Figure | None:
-    """The picture of results, without panels for which there are none; None without any panel."""
+    """Picture of the results, without panels that have no results; None without any panel."""
     around = [panel for panel in _AROUND if any(row.group in panel.kinds for row in rows)]
     speeds = [row for row in rows if row.group in _SPEEDS and _commands_speed(row)]
     grounds = [
@@ -165,7 +165,7 @@ def _legend(strip: SubFigure, colours: Mapping[str, str]) -> None:
 
 
 def _origins(strip: SubFigure, rows: Sequence[StoredRow]) -> None:
-    """With what it was measured, below."""
+    """Write the origin of the results below the picture."""
     results = [result for row in rows for result in row.results.values()]
     found = dict.fromkeys(
         f"robots {made.seeds}; {made.date}; revision {made.revision}"
@@ -210,13 +210,13 @@ def _draw_around(
 
 
 def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
-    """Few rings with numbers, out to the strongest that was survived or asked for."""
+    """Set a few rings with numbers, up to the largest limit or target."""
     limits = [_limit(result) for row in rows for result in row.results.values()]
     most = max(*limits, *(row.target for row in rows))
     rings = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
     axis.set_ylim(0.0, 1.08 * most)
     rings = [ring for ring in rings if 0.0 < ring <= 1.08 * most]
-    # Numbers of the innermost rings would lie on points.
+    # Numbers of the innermost rings would cover points.
     axis.set_yticks(rings, [f"{ring:g}" if ring > _INNERMOST * most else "" for ring in rings])
     for label in axis.get_yticklabels():
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8})
@@ -229,10 +229,10 @@ def _angle(row: StoredRow) -> float:
 def _draw_directions(
     axis: PolarAxes, rows: Sequence[StoredRow], style: str, colours: Mapping[str, str]
 ) -> None:
-    """Limits of one kind by direction, of each variant."""
+    """Draw the limits of one kind by direction, for each variant."""
     _ring(axis, [(_angle(row), row.target) for row in rows], color=DARK, linestyle=":", lw=0.9)
     for index, (name, colour) in enumerate(colours.items()):
-        thick = 1.0 if index else 2.0  # so that both show where one lies on the other
+        thick = 1.0 if index else 2.0  # so that both are visible where they coincide
         found = [(row, row.results[name]) for row in rows if name in row.results]
         points = [(_angle(row), _limit(result)) for row, result in found]
         _ring(axis, points, color=colour, linestyle=style, lw=1.1 * thick)
@@ -245,7 +245,7 @@ def _draw_directions(
 
 
 def _ring(axis: PolarAxes, points: Sequence[tuple[float, float]], **looks: object) -> None:
-    """A line through points by angle (deg); none between those farther apart than a quarter."""
+    """Draw a line through points by angle (deg), with gaps where angles differ by over 90 deg."""
     line: list[tuple[float, float]] = []
     for (angle, value), (following, _) in zip(points, [*points[1:], *points[:1]], strict=True):
         gap = (following - angle) % 360.0 or 360.0
@@ -256,20 +256,20 @@ def _ring(axis: PolarAxes, points: Sequence[tuple[float, float]], **looks: objec
 
 
 def _limit(result: RowResult) -> float:
-    """The figure of a row; 0 where nothing held."""
+    """The figure of a row; 0 if no level held."""
     return 0.0 if math.isnan(result.measured) else result.measured
 
 
 @dataclass(frozen=True)
 class _Reached:
-    """Robots that were to go at a speed.
+    """Speeds of robots at one commanded speed.
 
     Attributes:
-        marker: Of the points.
-        commanded: In m/s.
+        marker: Marker of the points.
+        commanded: Commanded speed. In m/s.
         achieved: Speed of each robot that did not fall. In m/s.
-        fell: Robots that fell.
-        tolerance: Of the speed; None if there is no target for it. In m/s.
+        fell: Number of robots that fell.
+        tolerance: Tolerance of the speed; None without a target. In m/s.
     """
 
     marker: str
@@ -280,7 +280,7 @@ class _Reached:
 
 
 def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
-    """Each speed that was commanded, backward and to the right negative."""
+    """Results at each commanded speed; backward and to the right are negative."""
     for row in rows:
         result = row.results.get(variant)
         sign = -1.0 if row.name == "top_speed.backward" else 1.0
@@ -292,7 +292,7 @@ def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
 
 
 def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[str, str]) -> None:
-    """Commanded against achieved speed, and below it their difference with its spread."""
+    """Draw achieved over commanded speed, and below it their difference, with the spread."""
     above, below = part.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
     points = {name: list(_reached(rows, name)) for name in colours}
     every = [point for found in points.values() for point in found]
@@ -313,7 +313,7 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
         below.axhspan(-min(tolerances), min(tolerances), color=_SHADE, zorder=0)
     for axis in (above, below):
         axis.tick_params(labelsize=_SMALL)
-    shift = 0.006 * (ends[1] - ends[0])  # so that variants stand beside each other
+    shift = 0.006 * (ends[1] - ends[0])  # so that the variants are side by side
     for index, (name, colour) in enumerate(colours.items()):
         aside = (2 * index - len(colours) + 1) * shift
         for point in points[name]:
@@ -352,7 +352,7 @@ def _draw_grounds(
     grounds: Sequence[tuple[str, Sequence[StoredRow]]],
     colours: Mapping[str, str],
 ) -> None:
-    """Limits of each ground as bars, their targets marked."""
+    """Draw the limits of each ground as bars, with marked targets."""
     counts = [len(rows) + 0.7 for _, rows in grounds]
     found = np.ravel(part.subplots(len(grounds), 1, height_ratios=counts))
     for axis, (title, rows) in zip(found, grounds, strict=True):
@@ -383,7 +383,7 @@ def _draw_grounds(
 
 
 def _words(result: RowResult, value: float, falling: bool) -> str:
-    """What stands at the end of a bar."""
+    """The text at the end of a bar."""
     if result.problem or math.isnan(result.measured):
         return "none"
     beyond = ("≤ " if falling else "≥ ") if result.open_ended else ""

@@ -1,4 +1,4 @@
-"""Operators who ask for anything at any time: steps of their scripts, from a seed."""
+"""Random operators' scripts: steps with random commands at random times, from a seed."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ _STICKS = {
     "pitch": (-0.2, 0.0, 0.2),
     "height": (0.6, 0.9, 1.0),
 }
-"""Lowest, middle and highest position of what the radio has sticks and a slider for."""
+"""Lowest, middle and highest position of the radio's sticks and slider."""
 
 _OTHERS = {"roll": 0.3, "com_x": 0.1, "com_y": 0.1}
-"""What else an operator may ask for, up to beyond what the supervisor lets through."""
+"""Other commands of an operator, up to values beyond the supervisor's limits."""
 
 _TRIM = 0.1  # rad, of the four trims
 _MODES, _MODE_CHANCES = ("walk", "stand", "segway"), (0.8, 0.17, 0.03)
 _HOLDS, _FLICKS = (0.2, 4.0), (0.02, 0.2)  # s, between two jumps
 _FLICK_CHANCE = 0.2
-_MOVES, _EXTREME = 0.5, 0.6  # chance that a stick moves, and that it goes to a stop or the middle
+_MOVES, _EXTREME = 0.5, 0.6  # probability of a stick's move, and of a move to a stop or the middle
 
 _LEANS = {"com_x": 0.1, "com_y": 0.1, "roll": 0.25, "pitch": 0.25}
 _SHIFTS = {"com_x": 0.05, "com_y": 0.06, "roll": 0.25, "pitch": 0.25}
@@ -30,7 +30,7 @@ _HEIGHTS = (0.39, 1.01)
 
 
 def radio_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
-    """Sticks, slider and switches of a radio that jump anywhere, times in s."""
+    """Steps of a radio whose sticks, slider and switches jump at random. Times in s."""
     rng, other = Stream.RADIO.rng(seed), Stream.RADIO.rng(seed, 1)
     steps: list[dict[str, Any]] = []
     time = begin
@@ -53,7 +53,7 @@ def radio_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
 
 
 def riding_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
-    """Leans and heights anywhere the message permits, for a robot on a Segway, times in s."""
+    """Steps of random leans and heights within the message's range, for riding. Times in s."""
     rng = Stream.LEANS.rng(seed)
     steps: list[dict[str, Any]] = []
     time = begin
@@ -66,7 +66,7 @@ def riding_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]
 
 
 def standing_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
-    """Sliders and sticks of standing anywhere they go, times in s."""
+    """Steps of random sliders and sticks of standing, over their whole range. Times in s."""
     rng = Stream.STANDING_COMMANDS.rng(seed)
     steps: list[dict[str, Any]] = []
     time = begin

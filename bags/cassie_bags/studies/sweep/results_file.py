@@ -1,7 +1,7 @@
-"""Results of sweeps as Markdown, each with the run that measured it; rows measured anew replace.
+"""Results of sweeps as Markdown, with the run that measured each; new results replace old ones.
 
 A file of results has a section for each kind of rows, with one table, and a section that lists
-the runs. Anything else in the file is left as it stands, so that people can write beside it.
+the runs. Anything else in the file is kept, so that people can write beside the tables.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from cassie_bags.studies.sweep.row import RowResult
 from cassie_bags.studies.sweep.table import StoredRow, reached
 
 SECTIONS = {"stand": "Standing", "segway": "Riding a Segway", "": "Walking"}
-"""Heading of the section of a row by how the row's name begins; the first that fits counts."""
+"""Heading of a row's section by the beginning of the row's name; the first match counts."""
 
 RUNS = "Runs"
-"""Heading of the section that lists the runs; new sections stand above it."""
+"""Heading of the section that lists the runs; new sections are put above it."""
 
 NOT_NOTED = "-"
-"""Stands for a run that nothing is known of."""
+"""Text in place of an unknown run."""
 
 _ORDER = ("Walking", "Standing", "Riding a Segway")
 _TITLE, _TARGET, _MET, _RUN = "capability", "target", "met", "run"
@@ -38,7 +38,7 @@ _RUN_COLUMNS = {
 
 @dataclass(frozen=True)
 class _Cell:
-    """What a row came to with one variant."""
+    """Result of a row with one variant."""
 
     value: str
     met: str
@@ -57,14 +57,14 @@ _Lines = dict[str, _Line]
 
 
 def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
-    """A file of results with rows put in; those that it has already are replaced.
+    """A file of results with rows merged into it; rows that the file has already are replaced.
 
-    Of a row that is replaced, a variant that was not measured again keeps its figure and run.
+    In a replaced row, a variant that was not measured again keeps its figure and run.
 
     Args:
-        text: The file, or nothing.
-        rows: What was measured.
-        order: Titles of all rows that there are. Lines with other titles stand at the end.
+        text: Text of the file, or empty.
+        rows: Measured rows.
+        order: Titles of all known rows. Lines with other titles are put at the end.
 
     Raises:
         ExperimentError: if a table of the file cannot be read, naming its section and line.
@@ -89,12 +89,12 @@ def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
 
 
 def section(name: str) -> str:
-    """Heading of the section in which a row stands, by the row's name."""
+    """Heading of a row's section, by the row's name."""
     return next(heading for begin, heading in SECTIONS.items() if name.startswith(begin))
 
 
 def titles(text: str) -> list[str]:
-    """Titles of all rows that a file of results holds."""
+    """Titles of all rows in a file of results."""
     return [line[0] for heading in _ORDER for line in table_of(text, heading)[2:]]
 
 
@@ -133,7 +133,7 @@ def _read_lines(heading: str, table: Sequence[Sequence[str]], runs: Mapping[str,
 
 
 def _variants(header: Sequence[str], row: Sequence[str]) -> Iterator[tuple[str, str, str, str]]:
-    """Name of each variant, its figure, whether that meets the target, and the run."""
+    """Name of each variant, its figure, whether the figure meets the target, and the run."""
     name = value = met = ""
     for column, word in zip(header[2:], row[2:], strict=True):
         if column == _MET:
@@ -145,7 +145,7 @@ def _variants(header: Sequence[str], row: Sequence[str]) -> Iterator[tuple[str, 
 
 
 def _render(lines: _Lines, numbers: Mapping[Origin, int], order: Sequence[str]) -> list[str]:
-    """A table: the first variant has a column that says whether it meets the target."""
+    """Lines of a table; only the first variant has a column for whether it meets the target."""
     variants = list(dict.fromkeys(name for line in lines.values() for name in line.cells))
     header = [_TITLE, _TARGET]
     for index, name in enumerate(variants):

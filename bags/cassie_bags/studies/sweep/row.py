@@ -13,32 +13,31 @@ from cassie_bags.studies.trial import Measures, Trial
 from cassie_bags.studies.workers import Workers
 
 Figure = str | Callable[[Measures, float], float]
-"""Figure of a trial: its name, or what makes it of the measures of a trial and the level."""
+"""Figure of a trial: name of a measure, or a function of the trial's measures and the level."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One capability.
+    """One capability, a row of the table.
 
     The levels are settings of rising difficulty, such as the strength of a push. A level holds
-    if at least `share` of its trials do. From `first` on, levels are tried upwards until one
-    does not hold; or downwards until one does.
+    if at least `share` of its trials hold. From `first` on, harder levels are tried until one
+    does not hold. If `first` does not hold, easier levels are tried until one holds.
 
     Attributes:
-        name: group.word, unique.
-        title: For people.
-        unit: Of the figure.
-        target: To reach. In `unit`.
-        levels: From easy to hard.
-        trials: Trials of a level.
+        name: Unique name, group.word.
+        title: Title for readers.
+        unit: Unit of the figure.
+        target: Figure to reach. In `unit`.
+        levels: Settings from easy to hard.
+        trials: Makes the trials of a level.
         holds: Whether a trial that did not fall holds at a level.
         figure: Figure of a trial, or None if the level itself is the figure.
-        share: Of the trials that must hold.
-        at_least: Whether more than the target is better.
-        counts: The figure is the share of the trials that hold, in percent.
+        share: Share of the trials that must hold.
+        at_least: Whether figures above the target are better.
+        counts: Whether the figure is the share of the trials that hold, in percent.
         start: Index of the level to try first; None: that of the target, or else the easiest.
-        achieved: Speed that a trial reached, by which its level commands one; None if the levels
-            are no speeds. In m/s.
+        achieved: Speed that a trial reached, if levels are commanded speeds; else None. In m/s.
     """
 
     name: str
@@ -62,7 +61,7 @@ class Row:
 
     @property
     def first(self) -> int:
-        """Index of the level to try first."""
+        """Index of the level that is tried first."""
         if self.start is not None:
             return self.start
         return self.levels.index(self.target) if self.target in self.levels else 0
@@ -70,22 +69,22 @@ class Row:
 
 @dataclass(frozen=True)
 class Level:
-    """What came of one level.
+    """Result of one level.
 
     Attributes:
-        level: The setting.
-        planned: Trials it has.
-        run: Trials that were run before it was decided.
-        held: Trials that held.
-        fell: Trials that fell.
-        worst: Worst figure of those that did not fall; NaN if there is none.
-        mean: Their mean.
+        level: Setting of the level.
+        planned: Number of trials of the level.
+        run: Number of trials that were run before the level was decided.
+        held: Number of trials that held.
+        fell: Number of trials that fell.
+        worst: Worst figure of the trials that did not fall; NaN if there is none.
+        mean: Mean figure of the trials that did not fall; NaN if there is none.
         passed: Whether the level holds.
-        missed: Seeds of the trials that did not hold, in the order they ended.
+        missed: Seeds of the trials that did not hold, in the order of completion.
         achieved: Speed of each trial that did not fall, in the order of the trials; None if the
             level commands no speed. In m/s.
-        alarmed: Trials in which a healthy sensor was not believed, of those run.
-        seconds: Robot time of those run. In s.
+        alarmed: Number of run trials with a false alarm: a healthy sensor was rejected.
+        seconds: Robot time of all run trials. In s.
     """
 
     level: float
@@ -104,15 +103,15 @@ class Level:
 
 @dataclass(frozen=True)
 class RowResult:
-    """What came of a row.
+    """Result of a row.
 
     Attributes:
-        name: Of the row.
+        name: Name of the row.
         measured: Figure; NaN if no level holds.
-        met: Whether it reaches the target.
-        levels: All that were tried, in the order they were.
-        problem: Why it could not be measured, or empty.
-        origin: With what it was measured; None if that was not noted.
+        met: Whether the figure reaches the target.
+        levels: Results of all tried levels, in order.
+        problem: Reason why the row could not be measured, or empty.
+        origin: Origin of the figure; None if unknown.
     """
 
     name: str
@@ -124,12 +123,12 @@ class RowResult:
 
     @property
     def open_ended(self) -> bool:
-        """Whether every level that was tried holds, so that the limit lies beyond."""
+        """Whether every level that was tried holds, so that the limit is beyond these levels."""
         return bool(self.levels) and all(level.passed for level in self.levels)
 
 
 Progress = Callable[[str], Any]
-"""Gets a word on each trial that has ended."""
+"""Gets a text about each completed trial."""
 
 
 def measure_row(
@@ -142,14 +141,14 @@ def measure_row(
     """Measure a row.
 
     Args:
-        row: What is measured.
-        budget: How much is run.
-        workers: Who compute it.
-        progress: Told after each trial.
+        row: Row to measure.
+        budget: Extent of the runs.
+        workers: Workers that compute the trials.
+        progress: Called after each trial.
         run: Runs a trial.
 
     Raises:
-        ExperimentError: if its trials cannot be run, naming the key or parameter.
+        ExperimentError: if the trials cannot be run; the text names the key or parameter.
     """
     tried: dict[int, Level] = {}
 
@@ -161,7 +160,7 @@ def measure_row(
     spare = math.inf if budget.beyond is None else budget.beyond
     if holds(index):
         while index < last:
-            # A level may lie at the target and its figure a hair short of it: the next counts.
+            # The figure of a level at the target may be just short of it: then the next one counts.
             spare -= _meets(row, _figure(row, tried[index]))
             if spare < 0 or not holds(index + 1):
                 break
@@ -186,7 +185,7 @@ def measure_level(
     progress: Progress,
     run: Callable[[Trial], Measures],
 ) -> Level:
-    """Run the trials of a level, until it is decided unless each of them counts."""
+    """Run the trials of a level; stop once the level is decided, unless every trial counts."""
     trials = row.trials(budget, level)
     needed = math.ceil(row.share * len(trials) - 1e-9)
     done = held = fell = alarmed = 0

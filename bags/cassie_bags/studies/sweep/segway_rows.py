@@ -13,27 +13,27 @@ from cassie_bags.studies.trial import Measures, Trial
 from cassie_gaits.robot import WEIGHT
 
 LET_GO = 10.0
-"""When the operator lets go of the Segway; he watches from a second later. In s."""
+"""Time at which the operator lets go of the Segway; the rider begins a second later. In s."""
 
 GO = 16.0
-"""When the rider wants to go, having found at rest how it stands on it. In s."""
+"""Time at which the rider starts; before, the rider finds at rest how the robot stands. In s."""
 
 TOP = 4.0
 HELD = 60.0
 GATE = 0.15
-"""From the middle of a gate: so the Segway, 0.55 m wide, passes one of 0.85 m. In m."""
+"""Distance from the middle of a gate: the Segway, 0.55 m wide, passes a gate of 0.85 m. In m."""
 
 STEADY = 0.2
-"""Error of the speed while it is held. In m/s."""
+"""Largest error of a held speed. In m/s."""
 
 NOMINAL = (600.0, 80.0)
 """The paper's gains of one foot, in Nm/m and Nms/m."""
 
 QUIET = 0.5
-"""RMS of the platform's pitch that gains of the feet may bring. In deg."""
+"""Largest RMS of the platform's pitch with gains of the feet. In deg."""
 
 _WATCHED = 12.0  # s after the operator has let go
-_TURN = 0.82  # rad/s asked for, of which some per cent may be lacking
+_TURN = 0.82  # rad/s, commanded; the achieved rate may be some per cent less
 
 
 def ride(
@@ -43,14 +43,14 @@ def ride(
     targets: list[dict[str, Any]],
     **more: Any,
 ) -> Trial:
-    """Cassie is let down onto a Segway, crouches, and rides until the end of the window.
+    """Trial: Cassie is let down onto a Segway, crouches, and rides until the end of the window.
 
     Args:
-        budget: How much to run.
-        seed: Robot, and the rider's errors.
+        budget: Extent of the runs.
+        seed: Seed of the robot, and of the rider's errors.
         window: Part to measure. In s.
-        targets: Of the rider from `GO` on; without them nobody leans it.
-        more: Sections of the experiment; `then` holds further steps of the operator.
+        targets: Targets of the rider from `GO` on; if empty, there is no rider.
+        more: Sections of the experiment; `then` has further steps of the operator.
     """
     scene = {"let_go": LET_GO, "surface": more.pop("surface", "sidewalk")}
     operator: list[dict[str, Any]] = [
@@ -158,7 +158,7 @@ def _row(
     trial: Callable[[Budget, int, float], Trial],
     figure: Figure,
 ) -> Row:
-    """A row of one level, whose figure is to be at most the target."""
+    """A row of one level, whose figure must be at most the target."""
     trials = robots(trial)
     return Row(
         f"segway.{name}", title, unit, target, (level,), trials, figure=figure, at_least=False
@@ -217,10 +217,10 @@ def _leans(budget: Budget, seed: int, _: float) -> Trial:
 
 
 def shaking_rows() -> list[Row]:
-    """How the gains of the feet shake a Segway that is let go: the paper's oscillation, its cure.
+    """Rows on gains of the feet that shake a free Segway: the paper's oscillation and its cure.
 
-    The paper's nominal gains give each foot 600 Nm per m of CoM x and 80 Nms. With the standing
-    controller the Segway oscillated, with lower gains it did not. Both laws stand here while a
+    The paper's nominal gains are 600 Nm per m of CoM x and 80 Nms for each foot. With the standing
+    controller the Segway oscillated; with lower gains it did not. Here both laws stand while a
     rider keeps the Segway in place, on platforms that are stiffer and softer than the nominal one.
     """
     rows = []
@@ -254,11 +254,11 @@ def shaking_rows() -> list[Row]:
 
 
 def _shaken(law: str, softness: float) -> Callable[[Budget, int, float], Trial]:
-    """Standing on a Segway from the moment it is let go, with gains that the level gives."""
+    """Trials of standing on a Segway after it is let go, with gains by the level."""
 
     def trial(budget: Budget, seed: int, factor: float) -> Trial:
         kd = 2.0 * factor * NOMINAL[1]
-        # Both laws have the weight's own stiffness; what is set lies over it.
+        # Both laws have a stiffness for the weight; the set gain is added to it.
         kp = max(0.0, 2.0 * factor * NOMINAL[0] - WEIGHT)
         gains = {"kp_com_x": kp, "kd_com_x": kd}
         standing = {**gains, "settled_kd_com_x": kd}

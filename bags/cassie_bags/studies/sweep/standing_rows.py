@@ -1,4 +1,4 @@
-"""Rows of standing: quiet, pushed, on other ground, with late commands, and the ways into it."""
+"""Rows of standing: quiet, pushed, on other ground, with delays, and transitions to standing."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.trial import Measures, Trial
 
 HEIGHT = 0.9
-"""Pelvis height at which it stands unless a row is about another. In m."""
+"""Pelvis height of standing, except in rows about another height. In m."""
 
 SETTLED = 5.0
-"""When it stands quietly after being let down. In s."""
+"""Time at which the robot stands quietly after it was let down. In s."""
 
 AROUND = {"fore": 0.0, "left": 90.0, "aft": 180.0, "right": 270.0}
-"""Directions from ahead, to the left. In deg."""
+"""Directions from ahead to the left. In deg."""
 
 DIAGONAL = {"fore_left": 45.0, "aft_left": 135.0, "aft_right": 225.0, "fore_right": 315.0}
-"""Those between them."""
+"""Diagonal directions, from ahead to the left. In deg."""
 
 _LET_DOWN = {"t": 0.2, "height": 0.8, "speed": 0.5}
 _GENTLY = {"t": 0.5, "height": 0.7, "speed": 0.3}
 _STILL = 0.02  # m/s
-_LASTS = 7.5  # of the budget's measured seconds: five minutes of the usual 40 s
-_AFTER = 8.0  # s after an event in which it comes to rest
-_SHAKES = 0.02  # m/s, of the pelvis, with late commands
-_NEAR = 0.015  # m, of a height that is reached
+_LASTS = 7.5  # ratio to the budget's measured seconds: five minutes for the default of 40 s
+_AFTER = 8.0  # s after an event until the robot is at rest
+_SHAKES = 0.02  # m/s, largest speed of the pelvis with delayed commands
+_NEAR = 0.015  # m, largest error of a reached height
 _LATE = {"torque": 0.002, "set_point": 0.015}
 
 
 def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: Any) -> Trial:
-    """One robot, let down from the gantry and measured over its last seconds.
+    """Trial of one robot that is let down from the gantry and measured at the end.
 
     Args:
-        budget: How much to run.
-        seed: Robot.
-        end: Of the run. In s.
-        seconds: To measure. In s.
+        budget: Extent of the runs.
+        seed: Seed of the robot.
+        end: End of the run. In s.
+        seconds: Length of the measured part at the end. In s.
         words: Sections of the experiment; `height` of the pelvis, `then` steps of the operator.
     """
     height, then = words.pop("height", HEIGHT), words.pop("then", [])
@@ -55,7 +55,7 @@ def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: 
 
 
 def rests(measures: Measures, _: float) -> bool:
-    """Whether a robot stands still in the end, on the feet that it stood on."""
+    """Whether a robot stands still at the end, without having stepped."""
     return measures["standing"] > 0.0 and measures["end_speed"] < _STILL and not measures["stepped"]
 
 
@@ -93,7 +93,7 @@ def _row(
     trial: Callable[[Budget, int, float], Trial],
     **more: Any,
 ) -> Row:
-    """A row whose figure is the hardest level at which it rests."""
+    """A row whose figure is the hardest level at which the robot comes to rest."""
     return Row(f"stand_{name}", title, unit, target, levels, robots(trial), rests, **more)
 
 
@@ -146,7 +146,7 @@ def _height(name: str, title: str, first: float, then: float) -> Row:
 def _on(
     scene: str, parameters: Callable[[float], Mapping[str, Any]]
 ) -> Callable[[Budget, int, float], Trial]:
-    """Standing in a scene whose parameters a level gives."""
+    """Trials of standing in a scene with parameters by the level."""
     return lambda budget, seed, level: stand(
         budget,
         seed,
@@ -173,7 +173,7 @@ def _block(side: str) -> Row:
 def _slope(name: str, angle: float) -> Row:
     def parameters(slope_deg: float) -> Mapping[str, float]:
         ahead, left = _components(angle, slope_deg)
-        # Only ground that rises to the side does so under its feet; some rise it must have.
+        # Ground that does not rise sideways has no slope under the feet; so it must rise a little.
         return {"rise_deg": ahead, "side_deg": left if abs(left) > 1e-3 else 1e-3}
 
     return _row(
@@ -203,7 +203,7 @@ def _tilting(name: str, angle: float) -> Row:
 
 
 def _components(angle_deg: float, slope_deg: float) -> tuple[float, float]:
-    """Rises ahead and to the left of a slope towards an angle from ahead. In deg."""
+    """Rises ahead and to the left of a slope that rises towards an angle from ahead. In deg."""
     angle, slope = math.radians(angle_deg), math.tan(math.radians(slope_deg))
     along = (slope * math.cos(angle), slope * math.sin(angle))
     ahead, left = (math.degrees(math.atan(rise)) for rise in along)
@@ -241,7 +241,7 @@ def _counted(
     trial: Callable[[Budget, int, float], Trial],
     holds: Callable[[Measures, float], bool] = rests,
 ) -> Row:
-    """A row of one level, of which the robots that hold it count."""
+    """A row of one level, whose figure is the share of the robots that hold it."""
     return Row(name, title, "%", 100.0, (0.0,), robots(trial), holds, counts=True)
 
 

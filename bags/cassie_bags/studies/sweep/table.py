@@ -1,4 +1,4 @@
-"""All rows, and their results as a table, as JSON and as a picture."""
+"""All rows, and their results as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from cassie_bags.studies.sweep.walking_rows import walking_rows
 from cassie_msgs.tunables import unknown_name
 
 Results = Mapping[str, Mapping[str, RowResult]]
-"""Result of each row by the name of the variant (such as "own" and "paper's law") and row."""
+"""Result of each row by name of the variant ("measured", "paper's law") and name of the row."""
 
 
 BEYOND = "beyond"
-"""Names the rows whose targets are not promised."""
+"""Name of the group of rows whose targets are not promised."""
 
 
 def all_rows() -> list[Row]:
@@ -42,17 +42,17 @@ def promised_rows() -> list[Row]:
 
 
 def rows_beyond() -> list[Row]:
-    """Rows that look for the limits, with targets that are not promised."""
+    """Rows that look for limits, with targets that are not promised."""
     return [*beyond_rows(), *beyond_ground_rows(), *shaking_rows()]
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
-    """Rows by name or group; those that are promised if none is named.
+    """Rows by name or group; all promised rows if none is named.
 
-    A group has no row beyond what is promised if it has one that is.
+    If a group has promised rows, its name means only these.
 
     Raises:
-        ExperimentError: if there is no such row; the message names the nearest.
+        ExperimentError: if there is no such row; the message names the nearest one.
     """
     promised, beyond = promised_rows(), rows_beyond()
     if not names:
@@ -69,7 +69,7 @@ def chosen_rows(names: Sequence[str]) -> list[Row]:
 
 
 def table(rows: Sequence[Row], results: Results) -> str:
-    """The results as text: target, what each variant reached, with falls; then false alarms."""
+    """The results as text: target, result of each variant with its falls; then false alarms."""
     lines = [["capability", "target", *results]]
     for row in rows:
         bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
@@ -88,7 +88,7 @@ def table(rows: Sequence[Row], results: Results) -> str:
 
 
 def cell(result: RowResult | None) -> str:
-    """What a row came to, in short."""
+    """Result of a row, in short."""
     if result is None:
         return "-"
     if result.problem:
@@ -98,7 +98,7 @@ def cell(result: RowResult | None) -> str:
 
 
 def reached(result: RowResult) -> tuple[str, str]:
-    """The figure of a row, its falls and false alarms; or why it has none, and nothing."""
+    """The figure of a row, and its falls and false alarms; or the problem, and an empty text."""
     if result.problem:
         return result.problem, ""
     tried = {level.level: level for level in result.levels}
@@ -111,10 +111,10 @@ def reached(result: RowResult) -> tuple[str, str]:
 
 
 def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
-    """Write the results as JSON, with what they were made with.
+    """Write the results as JSON, with versions and budget.
 
     Raises:
-        OSError: if it cannot be written.
+        OSError: if the file cannot be written.
     """
     content = {
         "versions": versions(),
@@ -142,15 +142,15 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
 
 @dataclass(frozen=True)
 class StoredRow:
-    """A row as `save` kept it.
+    """A row as `save` stored it.
 
     Attributes:
-        name: group.word.
-        title: For people.
-        unit: Of the figure.
-        target: To reach. In `unit`.
-        at_least: Whether more than the target is better.
-        results: By the name of the variant.
+        name: Name of the row, group.word.
+        title: Title for readers.
+        unit: Unit of the figure.
+        target: Figure to reach. In `unit`.
+        at_least: Whether figures above the target are better.
+        results: Results by name of the variant.
     """
 
     name: str
@@ -167,25 +167,25 @@ class StoredRow:
 
     @property
     def bound(self) -> str:
-        """The target with its unit, and on which side of it figures must lie."""
+        """The target with its unit, and a sign for the side on which figures must lie."""
         return f"{'≥' if self.at_least else '≤'} {self.target:g} {self.unit}".rstrip()
 
 
 def read_rows(path: Path) -> list[StoredRow]:
-    """All rows that `save` kept, in the order of the file.
+    """All rows that `save` stored, in the order of the file.
 
     Raises:
-        ExperimentError: if the file holds other things.
-        OSError: if it cannot be read.
+        ExperimentError: if the file has other content.
+        OSError: if the file cannot be read.
     """
     return _rows(path, _content(path))
 
 
 def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
-    """Results of `rows` that `save` kept, by variant and row; none if there is no file.
+    """Results of `rows` that `save` stored, by variant and row; empty without a file.
 
     Raises:
-        ExperimentError: if the file holds other things, or results of another budget.
+        ExperimentError: if the file has other content, or results of another budget.
     """
     if not path.is_file():
         return {}

@@ -1,4 +1,4 @@
-"""Rows on level ground: speeds, turning, drift, stops, pushes, and a radio at random."""
+"""Rows on level ground: speeds, turning, drift, stops, pushes, and a random radio."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ HELD = 20.0
 """Time for which a top speed is held. In s."""
 
 SLIP = 0.1
-"""Sideways velocity that turning may bring. In m/s."""
+"""Largest sideways velocity while turning. In m/s."""
 
 STOPPED_WITHIN = 12.0
-"""Time from asking to stand until the robot must, beyond that of slowing down. In s."""
+"""Time after the command to stand until the robot stands, without the deceleration. In s."""
 
 DRIFT_TIME = 60.0
 
 RADIO_TIME = 7.5
-"""How long a radio jumps, by the measured seconds of the budget: 5 min of the usual 40 s."""
+"""Time of random radio commands over the budget's measured seconds: 5 min by default."""
 
 DIRECTIONS = {
     "fore": 0.0,
@@ -50,7 +50,7 @@ DIRECTIONS = {
     "aft_left": 135.0,
     "aft_right": -135.0,
 }
-"""Directions of pushes from ahead, to the left. In deg."""
+"""Directions of pushes, from ahead to the left. In deg."""
 
 
 def walking_rows() -> list[Row]:
@@ -87,7 +87,7 @@ def _speed(speed: float) -> Row:
 
 
 def top_speed(name: str, title: str, sign: float, levels: list[float], target: float) -> Row:
-    """A row of speeds that are held, forward (sign 1) or backward (-1)."""
+    """A row of speeds that the robot holds, forward (sign 1) or backward (-1)."""
 
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         return walk(budget, seed, steady(budget, sign * level, HELD), vx=sign * level)
@@ -135,7 +135,7 @@ def _turn(name: str, title: str, speed: float, target: float) -> Row:
 
 
 def turning(speed: float) -> Trials:
-    """Turning at a rate that is the level, every other robot to the right; speed in m/s."""
+    """Trials of turning with the level as rate; robots with even seeds turn right. Speed in m/s."""
 
     def trial(budget: Budget, seed: int, rate: float) -> Trial:
         window = steady(budget, max(speed, 0.5 * rate), 0.5 * budget.seconds)
@@ -200,12 +200,12 @@ def _push(where: str, speed: float, name: str, fore: float, aside: float) -> Row
 
 
 def pushed(speed: float, angle_deg: float, durations: tuple[float, ...] = (PUSH_TIME,)) -> Trials:
-    """Pushes at moments over two steps, of an impulse (Ns) that is the level.
+    """Trials of pushes at times within two steps, with the level as impulse (Ns).
 
     Args:
-        speed: At which the robot walks. In m/s.
-        angle_deg: Direction of the force from ahead, to the left. In deg.
-        durations: Of the pushes, in turn. In s.
+        speed: Walking speed. In m/s.
+        angle_deg: Direction of the force, from ahead to the left. In deg.
+        durations: Durations of the pushes, in turn. In s.
     """
 
     def trials(budget: Budget, impulse: float) -> list[Trial]:

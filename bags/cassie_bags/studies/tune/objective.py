@@ -1,4 +1,4 @@
-"""What tuned parameters must do, read from a file, and what a run of it costs."""
+"""The objective of tuning, read from a file, and the cost of a run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cassie_msgs.structured import refuse_unknown, structure
 from cassie_msgs.tunables import ParameterError, as_mapping, check_value, names, tunable
 
 DEFAULT = Path(__file__).with_name("objective.yaml")
-"""The objective that comes with the package."""
+"""File of the objective that comes with the package."""
 
 SETTLING = 3.0
 """Time between reaching a speed and measuring. In s."""
@@ -27,37 +27,35 @@ SETTLING = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Points for what goes wrong."""
+    """Cost of a run, in points."""
 
-    fall: float = tunable(20.0, "", 0.0, 1e6, "Points of a fall; twice as many if it comes at once")
-    vx: float = tunable(0.05, "m/s", 1e-4, 10.0, "Error of the mean speed ahead that is one point")
-    vy: float = tunable(
-        0.05, "m/s", 1e-4, 10.0, "Error of the mean speed sideways that is one point"
-    )
-    yaw_rate: float = tunable(
-        0.1, "rad/s", 1e-4, 10.0, "Error of the mean turn rate that is one point"
-    )
-    tracking: float = tunable(0.05, "", 1e-4, 10.0, "RMS error of the outputs that is one point")
+    fall: float = tunable(20.0, "", 0.0, 1e6, "Points of a fall; up to twice as many if early")
+    vx: float = tunable(0.05, "m/s", 1e-4, 10.0, "Error of the mean forward speed for one point")
+    vy: float = tunable(0.05, "m/s", 1e-4, 10.0, "Error of the mean sideways speed for one point")
+    yaw_rate: float = tunable(0.1, "rad/s", 1e-4, 10.0, "Error of the mean turn rate for one point")
+    tracking: float = tunable(0.05, "", 1e-4, 10.0, "RMS error of the outputs for one point")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Impulse:
-    """A push on the pelvis, a second into what is measured."""
+    """A push on the pelvis, in the two steps that follow the first measured second."""
 
-    impulse: float = tunable(dataclasses.MISSING, "Ns", 0.0, 1000.0, "Force by time")
-    angle_deg: float | None = tunable(None, "deg", -360.0, 360.0, "From ahead, to the left")
+    impulse: float = tunable(dataclasses.MISSING, "Ns", 0.0, 1000.0, "Force times time")
+    angle_deg: float | None = tunable(
+        None, "deg", -360.0, 360.0, "Direction of the force from ahead to the left"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Manoeuvre:
     """One manoeuvre that every robot does."""
 
-    name: str = tunable("course", description="For people")
+    name: str = tunable("course", description="Name for readers")
     vx: float = tunable(0.0, "m/s", -1.0, 2.0, "Speed forward")
     vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
-    yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
+    yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn rate to the left")
     seconds: float = tunable(6.0, "s", 0.5, 600.0, "Measured time")
-    scene: str = tunable("flat", description="Ground")
+    scene: str = tunable("flat", description="Scene")
     scene_parameters: Mapping[str, Any] = field(default_factory=dict)
     push: Impulse | None = None
     delays: Delays = field(default_factory=Delays)
@@ -65,14 +63,14 @@ class Manoeuvre:
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """Manoeuvres, errors of the model as [low, high] by name, and costs."""
+    """Manoeuvres; errors of the model as [low, high] by name; and costs."""
 
     courses: tuple[Manoeuvre, ...] = ()
     model: Mapping[str, Any] = field(default_factory=dict)
     cost: Cost = field(default_factory=Cost)
 
     def __post_init__(self) -> None:
-        """Refuse an objective without manoeuvres, and errors of the model that are no ranges."""
+        """Refuse an objective without manoeuvres, or with model errors that are no ranges."""
         if not self.courses:
             raise ParameterError("courses must be a list of at least one")
         refuse_unknown(self.model, names(ModelScale), "model")
@@ -84,7 +82,7 @@ class Objective:
     def trials(
         self, values: Mapping[str, float], seeds: Sequence[int], changes: Sequence[str]
     ) -> list[Trial]:
-        """Every course by every robot, with controller parameters by dotted name."""
+        """Trials of every course by every robot, with controller parameters by dotted name."""
         words = (*changes, *(f"controller.{name}={value!r}" for name, value in values.items()))
         return [
             self._trial(index, seed, words) for index in range(len(self.courses)) for seed in seeds
@@ -112,7 +110,7 @@ class Objective:
         return walk(Budget(changes=words), seed, window, **commanded, **sections)
 
     def cost_of(self, trial: Trial, measures: Measures) -> float:
-        """Points of one run; a fall is dearer the earlier it comes."""
+        """Cost of one run in points; an earlier fall costs more."""
         if measures["fell"]:
             early = 1.0 - min(1.0, measures["end"] / float(trial.content["duration"]))
             return self.cost.fall * (1.0 + early)
@@ -124,7 +122,7 @@ class Objective:
 
 
 def load_objective(path: Path = DEFAULT) -> Objective:
-    """An objective from its file; see the one that comes with the package.
+    """Read an objective from its file; see the one that comes with the package.
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.

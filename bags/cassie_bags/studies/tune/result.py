@@ -1,4 +1,4 @@
-"""What a search leaves: parameters to use, and how they were found."""
+"""Results of a search: parameters to use, and how they were found."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cassie_bags.studies.tune.space import Parameter
 
 @dataclass(frozen=True)
 class Score:
-    """A set of parameters on a set of seeds: mean cost of a run, falls, runs."""
+    """Score of a set of parameters on a set of seeds: mean cost of a run, falls, runs."""
 
     cost: float
     fell: int
@@ -35,19 +35,19 @@ def write_result(
     scores: Mapping[str, Score],
     settings: Mapping[str, Any],
 ) -> dict[str, Path]:
-    """Write what was found.
+    """Write the results of a search.
 
     Args:
-        folder: Where to; it is there.
-        space: What was searched.
-        values: The best, by dotted name.
-        search: Its history.
-        scores: By what was scored on which seeds.
-        settings: Of the search: objective, seeds, changes.
+        folder: Target folder, which must exist.
+        space: Searched parameters.
+        values: Best values by dotted name.
+        search: Search with its history.
+        scores: Scores by name of the scored parameters and seeds.
+        settings: Settings of the search: objective, seeds, changes.
 
     Returns:
-        tuned.yaml, a `controller:` section for experiments; tuned_node.yaml, the same as a
-        parameter file of the node; tuned.json, with where it comes from.
+        tuned.yaml, a `controller:` section for experiments; tuned_node.yaml, the same values as a
+        parameter file of the node; tuned.json, with the origin of the values.
 
     Raises:
         OSError: if a file cannot be written.
@@ -73,7 +73,7 @@ def write_result(
 
 
 def table(space: Sequence[Parameter], values: Mapping[str, float]) -> str:
-    """What was found beside where it began."""
+    """Table of the found values beside the initial ones."""
     width = max(len(parameter.name) for parameter in space)
     lines = [f"{'parameter':{width}}  {'from':>10}  {'found':>10}  unit"]
     lines += [f"{p.name:{width}}  {p.start:10.4g}  {values[p.name]:10.4g}  {p.unit}" for p in space]

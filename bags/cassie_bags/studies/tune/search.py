@@ -1,4 +1,4 @@
-"""The search: CMA-ES over normalized parameters, generation by generation, to be resumed."""
+"""The search: CMA-ES over normalized parameters, generation by generation; it can be resumed."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Evaluate = Callable[[Sequence[FloatArray]], Sequence[float]]
 
 @dataclass(frozen=True)
 class Generation:
-    """What one generation came to: number, best and middle cost, step size of the search.
+    """Result of one generation: number, best and median cost, step size of the search.
 
-    Costs of different generations are of different robots: they compare only within one.
+    Each generation has robots of its own, so that costs compare only within a generation.
     """
 
     number: int
@@ -33,7 +33,7 @@ class Generation:
 
 
 class _Normal:
-    """Normal numbers of one search alone, where the package would draw from numpy's global ones."""
+    """Normal random numbers of one search; the package would use numpy's global ones instead."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
@@ -58,13 +58,13 @@ class Search:
 
     @staticmethod
     def begin(size: int, seed: int, step: float, population: int) -> Search:
-        """A search from the middle of the box.
+        """A new search from the middle of the box.
 
         Args:
             size: Number of parameters.
-            seed: From 1.
-            step: First step size, by half the box.
-            population: Candidates of a generation; 0: as many as suit `size`.
+            seed: Seed of the search, from 1 on.
+            step: Initial step size over half the width of the box.
+            population: Candidates of a generation; 0: a number that suits `size`.
         """
         import cma
 
@@ -76,7 +76,7 @@ class Search:
         return Search(strategy)
 
     def advance(self, evaluate: Evaluate) -> Generation:
-        """One generation."""
+        """Run one generation."""
         candidates = [np.asarray(candidate) for candidate in self.strategy.ask()]
         costs = list(evaluate(candidates))
         self.strategy.tell(candidates, costs)
@@ -91,30 +91,30 @@ class Search:
 
     @property
     def found(self) -> FloatArray:
-        """Coordinates of the middle of the distribution that is searched with, shape (size,).
+        """Coordinates of the middle of the search distribution. Shape (size,).
 
-        Every generation has robots of its own, so that no single candidate is the best of all;
-        the middle is what all generations agree on.
+        Every generation has robots of its own, so that no single candidate is the best of all. The
+        middle is the result of all generations.
         """
         return np.asarray(self.strategy.result.xfavorite, dtype=float)
 
     @property
     def population(self) -> int:
-        """Candidates of a generation."""
+        """Number of candidates of a generation."""
         return int(self.strategy.popsize)
 
     def save(self, path: Path, purpose: str) -> None:
-        """Keep the search for `load`; `purpose` says what it is a search for."""
+        """Store the search for `load`; `purpose` identifies the searched problem."""
         part = path.with_suffix(".part")
         part.write_bytes(pickle.dumps((purpose, self)))
         part.replace(path)
 
     @staticmethod
     def load(path: Path, purpose: str) -> Search:
-        """Take up a search again.
+        """Load a search to resume it.
 
         Raises:
-            ExperimentError: if there is none, or one for another purpose.
+            ExperimentError: if there is none, or it is for another purpose.
         """
         try:
             kept, search = pickle.loads(path.read_bytes())

@@ -1,4 +1,4 @@
-"""Which parameters are searched, and how they become numbers from -1 to 1."""
+"""Selection of the searched parameters, and their mapping to numbers from -1 to 1."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ LEG_ANGLE_GAINS = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: dotted name, where the search begins, and how far it goes.
+    """One searched parameter: dotted name, initial value, and range of the search.
 
-    `start`, `low` and `high` in the parameter's unit; positive ones are searched by ratio.
+    `start`, `low` and `high` are in the parameter's unit. The scale is logarithmic if `low` > 0.
     """
 
     name: str
@@ -54,12 +54,12 @@ def parameters(
     """The parameters that match patterns.
 
     Args:
-        patterns: Of dotted names, as file patterns; none: `JOINT_GAINS` and those of the law.
-        given: Values to begin from in place of the defaults, by dotted name.
-        factor: By which a value may go up or down, within its range.
+        patterns: File patterns of dotted names; if empty, `JOINT_GAINS` and those of the law.
+        given: Initial values in place of the defaults, by dotted name.
+        factor: Largest factor on a value, up or down, within the parameter's range.
 
     Raises:
-        ExperimentError: if a pattern matches no number; the message names the nearest one.
+        ExperimentError: if a pattern matches no numeric parameter; the message names the nearest.
     """
     known = {
         entry.name: entry
@@ -85,7 +85,7 @@ def parameters(
 
 
 def values(space: Sequence[Parameter], coordinates: FloatArray) -> dict[str, float]:
-    """Values by dotted name, to six digits: what is written is what was tried."""
+    """Values by dotted name, rounded to six digits: the same values are run and written."""
     return {
         parameter.name: float(f"{parameter.value(float(coordinate)):.6g}")
         for parameter, coordinate in zip(space, coordinates, strict=True)
@@ -95,7 +95,7 @@ def values(space: Sequence[Parameter], coordinates: FloatArray) -> dict[str, flo
 def _reach(
     start: float, least: float | None, most: float | None, factor: float
 ) -> tuple[float, float]:
-    """How far a search goes from a start: by a factor, or over the range where that is nothing."""
+    """Range of a search from a start: by a factor, or by the parameter's range if start <= 0."""
     least = -math.inf if least is None else least
     most = math.inf if most is None else most
     if start > 0.0:

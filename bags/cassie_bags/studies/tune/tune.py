@@ -1,4 +1,4 @@
-"""Tuning from a command line: search until Ctrl-C or the last generation, then a report."""
+"""Tuning from a command line: search until Ctrl-C or the last generation, then report."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ FloatArray = npt.NDArray[np.float64]
 
 
 HELD_OUT_FROM = 1_000_001
-"""First seed of the robots that the search does not see."""
+"""First seed of the held-out robots, which the search does not use."""
 
 START_SCORE, FOUND_SCORE = "held out, to begin with", "held out, found"
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is searched, and what it is held against; `seeds` robots in each generation."""
+    """Searched parameters and their objective, with `seeds` robots in each generation."""
 
     space: Sequence[Parameter]
     objective: Objective
@@ -44,14 +44,14 @@ class Task:
     changes: tuple[str, ...]
 
     def purpose(self) -> str:
-        """What makes two searches the same."""
+        """Text that is equal for two searches of the same problem."""
         names = [(p.name, p.start, p.low, p.high) for p in self.space]
         what = [names, unstructure(self.objective), self.seeds, self.changes]
         return json.dumps(what, sort_keys=True)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search, and report on what was found; returns the exit code."""
+    """Search, and report the result; returns the exit code."""
     task = _task(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool:
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _task(arguments: argparse.Namespace) -> Task:
-    """What is asked for; what is wrong in it is told before the robot loads."""
+    """Task of a command line; its errors are reported before the robot is loaded."""
     content: dict[str, Any] = {}
     changes = spelled_out(arguments.set)
     apply_changes(content, changes)
@@ -80,7 +80,7 @@ def _task(arguments: argparse.Namespace) -> Task:
 
 
 def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
-    """Search until the last generation or Ctrl-C, then report on robots held out."""
+    """Search until the last generation or Ctrl-C, then report on held-out robots."""
     state = arguments.out / "search.pickle"
     bar = tqdm(unit="run", disable=not sys.stderr.isatty(), leave=False)
     with bar:
@@ -126,7 +126,7 @@ def _report(
 def _advance(
     task: Task, search: Search, pool: Workers, bar: tqdm, generations: int, state: Path
 ) -> None:
-    """Generations up to a number of them, each with robots of its own and kept when it is done."""
+    """Run generations up to a number; each has robots of its own, and is stored when done."""
     while len(search.history) < generations:
         first = 1 + task.seeds * len(search.history)
         robots = range(first, first + task.seeds)
@@ -144,7 +144,7 @@ def _advance(
 
 
 def _held_out(task: Task, search: Search, pool: Workers, bar: tqdm, count: int) -> dict[str, Score]:
-    """Where it began and what was found, on robots that the search has not seen."""
+    """Scores of the initial and of the found parameters, on robots that the search did not use."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + count)
     candidates = [np.zeros(len(task.space)), search.found]
     before, after = score(task, candidates, seeds, pool, bar)
@@ -158,7 +158,7 @@ def score(
     pool: Workers,
     bar: tqdm,
 ) -> list[Score]:
-    """Candidates on all courses by the robots of some seeds, all runs at once."""
+    """Score candidates on all courses by the robots of some seeds, with all runs in parallel."""
     from cassie_bags.studies.run_trial import run_trial
 
     trials, owners = [], []
