@@ -9,12 +9,22 @@ from faulty_samples import IN_TIME, LIMITS, AfterHealthyRows, reports, samples, 
 from kinematic_gaits import kinematic_library
 from supervised import WALK
 
-from cassie_control.estimator.pairs import velocity_response
+from cassie_control.estimator.pairs import (
+    PAIRS,
+    P,
+    Pair,
+    PairLimits,
+    V,
+    look_at_pair,
+    set_pair_limits,
+    start_pair,
+    velocity_response,
+)
 from cassie_gaits.robot import DRIVE_VELOCITY_FILTER, ENCODER_RATE, JOINT_VELOCITY_FILTER
 from cassie_msgs.experiment.scenario import Scenario
 
 BODIES = [{"mass": 1.03, "spring": 0.9}, {"mass": 0.97, "friction": 0.8}]
-PAIRS = {"drive": 10, "joint": 6}
+COUNTS = {"drive": 10, "joint": 6}
 
 
 @pytest.mark.parametrize("channel", ["angular_velocity.2", "drive_velocity.1", "drive_velocity.6"])
@@ -64,6 +74,50 @@ def test_spikes_of_a_toe_that_stands_are_named_in_time(walked_faithful, channel)
     assert set(first) <= {channel}
 
 
+def rejections(jerk: float, back: float, duration: float, late: float, spike: float):
+    """Whether position and velocity of the left toe's drive are rejected as it turns at 6 rad/s.
+
+    Args:
+        jerk, back: Three times the joint turns slower, and then faster. In rad/s.
+        duration, late: Of each, and after a sample. In s.
+        spike: Error of the velocity, three times. In rad/s.
+    """
+    limits = np.zeros(PAIRS, PairLimits.TYPE)
+    set_pair_limits(0.002, 0.002, 1.0, limits)
+    t = np.arange(0.0, 0.24, 1.0 / ENCODER_RATE)
+    speed = np.full(len(t), 6.0)
+    for begin in (0.1 + late, 0.12 + late, 0.14 + late):
+        speed[(t >= begin) & (t < begin + duration)] -= jerk
+        speed[(t >= begin + duration) & (t < begin + 2.0 * duration)] += back
+    position = np.cumsum(speed) / ENCODER_RATE - 2.3
+    velocity = np.convolve(position, DRIVE_VELOCITY_FILTER)[: len(t)]
+    velocity[: len(DRIVE_VELOCITY_FILTER)] = 6.0
+    velocity[200:281:40] -= spike
+    pairs, rejected = np.zeros(1, Pair.TYPE), np.zeros(2, bool)
+    for tick, (p, v) in enumerate(zip(position[::4], velocity[::4], strict=True)):
+        pairs["position"], pairs["velocity"] = p, v
+        if tick == 0:
+            start_pair(pairs[0])
+        look_at_pair(pairs[0], limits[4], tick, 0.0)
+        rejected |= pairs["bad"][0] > 0.0
+    return rejected[P], rejected[V]
+
+
+@pytest.mark.parametrize(
+    ("jerk", "back", "duration", "late"),
+    [
+        (24.0, 0.0, 0.001, 0.0),
+        (10.0, 0.0, 0.002, 0.0005),
+        (16.0, 8.0, 0.002, 0.0015),
+        (10.0, 10.0, 0.0025, 0.0015),
+    ],
+)
+def test_a_joint_that_jerks_has_no_spikes_in_its_velocity(jerk, back, duration, late):
+    """A pushed robot at 1 m/s no longer trusted the velocity of a toe that shook on the ground."""
+    assert rejections(jerk, back, duration, late, spike=0.0) == (False, False)
+    assert rejections(0.0, 0.0, duration, late, spike=6.0) == (False, True)
+
+
 @pytest.mark.parametrize(
     "channel", ["angular_velocity.1", "drive_position.3", "drive_velocity.2", "joint_position.1"]
 )
@@ -111,7 +165,7 @@ def ahead(request):
 def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
     """Single walks had hidden that one of ten late channels was named late, or its partner was."""
     rng, loud, late, wrong = np.random.default_rng(4), 0, [], []
-    channels = [f"{part}_{what}.{i}" for part, count in PAIRS.items() for i in range(count)]
+    channels = [f"{part}_{what}.{i}" for part, count in COUNTS.items() for i in range(count)]
     for kind in ("spike", 10, 13, 25, 50):
         # One of every 25 rows: of every 50 the share of wrong names was 2.2 to 3.1 % by the draw.
         for skip in (np.arange(1100, 2100, 25) + rng.integers(0, 25, 40)).tolist():

@@ -210,7 +210,7 @@ def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool
     pair.steps[0], pair.turns[0] = step, turn
     pair.peak = max(abs(v), pair.peak * math.exp(-dt / _LATE_TIME))
     _count_same(pair, limit, p, v)
-    _look_for_spikes(pair, limit, v)
+    _look_for_spikes(pair, limit, ticks, v)
     withdrawn = ticks > 3 and _look_apart(pair, limit, ticks, tilt)
     for k in (3, 2, 1):
         last[k] = last[k - 1]
@@ -259,11 +259,12 @@ def _count_same(pair: Pair, limit: PairLimits, p: float, v: float) -> None:
 
 
 @compiled
-def _look_for_spikes(pair: Pair, limit: PairLimits, v: float) -> None:
+def _look_for_spikes(pair: Pair, limit: PairLimits, ticks: int, v: float) -> None:
     """Find spikes: velocities of one tick that are off the curve through their neighbours.
 
     The curve is the cubic through two samples on each side. Legs that oscillate on their springs,
-    with ten samples per period, stay on it.
+    with ten samples per period, stay on it. Where a foot is hit, the joint itself leaves it: the
+    velocity filter's response to the position then tells that the velocity is right.
     """
     fade, last = math.exp(-limit.period / _SPIKE_TIME), pair.last_velocity
     after, spike, before = last[0], last[1], last[2]
@@ -271,6 +272,13 @@ def _look_for_spikes(pair: Pair, limit: PairLimits, v: float) -> None:
     out = abs(spike - (4.0 * (after + before) - v - last[3]) / 6.0)
     if abs(after - before) > out or abs(outer - 2.0 * (after - before)) > out:
         out = 0.0  # a step, as at a hard landing, or a neighbour's spike
+    if out > _SMALL_SPIKE * limit.spike and not limit.averaged and pair.bad[P] <= 0.0:
+        residual = 0.0  # of the two turns to which the velocity in question belongs
+        for k in (1, 2):
+            then = (ticks - k) % _KEPT_TICKS
+            residual += pair.past[P, then] - pair.past[V, then]
+        if abs(residual) < 0.5 * limit.period * out:
+            out = 0.0  # the likelier of two hypotheses: the joint moved like this
     for k in range(2):
         bound = limit.spike * (1.0, _SMALL_SPIKE)[k]
         pair.spikes[k] = fade * pair.spikes[k] + (1.0 if out > bound else 0.0)
