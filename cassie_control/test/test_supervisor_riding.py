@@ -103,6 +103,7 @@ def test_a_rider_without_operator_rides_on(standing):
     mode = standing.run(2.0)
     assert standing.mode is SEGWAY
     assert float(mode.com_x) == 0.0
+    assert standing.core.status.faults == ("operator lost: braking and riding on",)
 
 
 @pytest.fixture

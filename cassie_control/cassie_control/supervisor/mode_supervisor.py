@@ -163,6 +163,7 @@ class ModeSupervisor:
             faults=faults(
                 self._posture.fallen,
                 powered,
+                self._current is RobotMode.SEGWAY,
                 linked or not powered,  # without power no operator is needed
                 refused,
                 failed,

@@ -62,6 +62,7 @@ def damped(status: SupervisorStatus, problem: str) -> SupervisorStatus:
 def faults(
     fallen: bool,
     powered: bool,
+    rides: bool,
     linked: bool,
     refused: str,
     failed: int,
@@ -73,6 +74,7 @@ def faults(
     Args:
         fallen: Whether Cassie fell.
         powered: Whether the drives have power.
+        rides: Whether it rides a Segway, on which it brakes in place of standing.
         linked: Whether the operator's commands arrive over a good link, where they are needed.
         refused: Why the operator's command is refused, or empty.
         failed: Sensors' channels that fail, a bit each.
@@ -80,16 +82,17 @@ def faults(
         battery: What is wrong with the battery, or empty.
     """
     words = []
+    stops = "braking and riding on" if rides else "stopping and standing"
     if fallen:
         words.append("fallen: drives damp" if powered else "fallen")
     if not linked:
-        words.append("operator lost: stopping and standing")
+        words.append(f"operator lost: {stops}")
     if refused:
         words.append(f"operator command refused: {refused}")
     if failed:
-        words.append(f"stopping and standing without {', '.join(names(failed))}")
+        words.append(f"{stops} without {', '.join(names(failed))}")
     if missed:
-        words.append(f"stopping and standing: {100.0 * missed:.0f} % of control ticks missed")
+        words.append(f"{stops}: {100.0 * missed:.0f} % of control ticks missed")
     if battery:
         words.append(battery)
     return tuple(words)

@@ -116,7 +116,7 @@ function receive(message) {
   echo = message.t;
   document.body.classList.remove("offline");
   frame = message;
-  view?.show(frame.poses, frame.contact);
+  view?.show(frame.poses, frame.contact, frame.segway !== null);
   charts.add(frame.t, frame, view?.height ?? null);
   smooth = smooth.map((old, i) => {
     const now = frame.achieved?.[i] ?? null;

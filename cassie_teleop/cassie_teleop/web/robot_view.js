@@ -6,6 +6,7 @@ const STEP_COLOURS = [0x4aa3ff, 0xf2a25c]; // left, right
 const ROBOT_HEIGHT = 1.6, ROBOT_WIDTH = 1.1, MIDDLE = 0.64; // m that must be in the picture, with some room
 const LOADED = 0.5; // contact probability from which a foot is on the ground
 const GROUND = 80, TILE = 1; // m; a tile has four fields
+const SEGWAY = { platform: 0.145, wheel: 0.13, track: 0.485, bar: 1.0 }; // m, as the simulator's
 const FOLLOW = 0.15; // of the way to the robot, that the camera goes with each frame
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // who draws where there is no graphics card
 
@@ -38,6 +39,8 @@ export class RobotView {
 
     this.ground = this.software ? gridded() : chequered(this.renderer.capabilities.getMaxAnisotropy());
     this.scene.add(this.ground);
+    this.vehicle = segway();
+    this.scene.add(this.vehicle);
 
     this.place = new THREE.Vector3(0, 0, 0); // of the robot on the ground; the camera follows it
     this.robot = null;
@@ -99,15 +102,19 @@ export class RobotView {
     this.level = null;
   }
 
-  /** Places the robot; `contact` are the feet's contact probabilities, or null. */
-  show(poses, contact) {
+  /** Places the robot; `contact` are the feet's contact probabilities, or null; `rides` a Segway. */
+  show(poses, contact, rides) {
+    this.vehicle.visible = false;
     if (!this.robot || poses.length !== this.robot.moving.length) return;
     poses.forEach((pose, i) => pose.length && place(this.robot.moving[i], pose));
     const root = this.robot.root;
     root.visible = poses[0].length > 0;
     root.updateMatrixWorld(true);
     const feet = this.robot.soles.map((soles) => soles.map((sole) => sole.getWorldPosition(new THREE.Vector3())));
-    if (feet.every((foot) => foot.length)) this.stand(feet, contact);
+    if (feet.every((foot) => foot.length)) {
+      this.stand(feet, contact);
+      if (rides && root.visible) this.ride(feet.flat(), root);
+    }
     if (root.visible) this.follow(root.position);
   }
 
@@ -127,6 +134,15 @@ export class RobotView {
     this.contact = standing;
   }
 
+  /** Draws the Segway under the feet, whose estimated place rests while it rolls. */
+  ride(points, root) {
+    const middle = points.reduce((sum, point) => sum.add(point), new THREE.Vector3()).divideScalar(points.length);
+    const ahead = new THREE.Vector3(1, 0, 0).applyQuaternion(root.quaternion);
+    this.vehicle.position.set(middle.x, middle.y, (this.level ?? 0) - SEGWAY.platform);
+    this.vehicle.rotation.z = Math.atan2(ahead.y, ahead.x);
+    this.vehicle.visible = this.contact.some((standing) => standing);
+  }
+
   step(side, foot) {
     const old = this.steps.length >= STEPS ? this.steps.shift() : null;
     const mark = old ?? new THREE.Mesh(new THREE.PlaneGeometry(0.17, 0.045), new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.75 }));
@@ -144,7 +160,7 @@ export class RobotView {
     this.place.add(move);
     this.camera.position.add(move);
     this.controls.target.copy(this.place).setZ(this.place.z + MIDDLE);
-    this.ground.position.set(TILE * Math.round(this.place.x / TILE), TILE * Math.round(this.place.y / TILE), this.place.z);
+    this.ground.position.set(TILE * Math.round(this.place.x / TILE), TILE * Math.round(this.place.y / TILE), this.place.z - (this.vehicle.visible ? SEGWAY.platform : 0));
     this.sun.position.copy(this.place).add(new THREE.Vector3(1.9, -0.9, 3.2));
     this.sun.target.position.copy(this.place);
   }
@@ -178,6 +194,22 @@ export class RobotView {
 function place(object, [x, y, z, qx, qy, qz, qw]) {
   object.position.set(x, y, z);
   object.quaternion.set(qx, qy, qz, qw);
+}
+
+/** A Segway: platform, two wheels, a bar in front of the knees; its origin is on the ground. */
+function segway() {
+  const vehicle = new THREE.Group();
+  const add = (geometry, colour, x, y, z) => {
+    const part = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ color: colour }));
+    part.position.set(x, y, z);
+    part.castShadow = true;
+    vehicle.add(part);
+  };
+  add(new THREE.BoxGeometry(0.26, 0.42, 0.09), 0x9aa4ae, 0, 0, SEGWAY.platform - 0.045);
+  for (const side of [-1, 1]) add(new THREE.CylinderGeometry(SEGWAY.wheel, SEGWAY.wheel, 0.06, 24), 0x22262a, 0, (side * SEGWAY.track) / 2, SEGWAY.wheel);
+  add(new THREE.CylinderGeometry(0.015, 0.015, SEGWAY.bar, 12).rotateX(Math.PI / 2), 0x9aa4ae, 0.08, 0, SEGWAY.wheel + SEGWAY.bar / 2);
+  vehicle.visible = false;
+  return vehicle;
 }
 
 /** What the browser draws with; empty where it does not tell. */
