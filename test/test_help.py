@@ -49,3 +49,14 @@ def test_an_unknown_argument_is_refused(path: Path) -> None:
 def test_help_lists_topics_and_parameters(path: Path) -> None:
     text = run(path, "--help").stdout
     assert "reads:" in text and "writes:" in text and "allow_second" in text
+
+
+@pytest.mark.parametrize("words", [("-p", "max_rate=1"), ("-p",), ("-r", "foo"), ("rate:=2",)])
+@pytest.mark.parametrize("name", ["simulator", "cmd_vel", "record", "replay", "doctor"])
+def test_wrong_arguments_of_ros_end_with_one_line(name: str, words: tuple[str, ...]) -> None:
+    """They ended in a traceback of rclpy."""
+    (path,) = (path for path in EXECUTABLES if path.name == name)
+    answer = run(path, *(["bag.mcap"] if name == "replay" else []), "--ros-args", *words)
+    assert answer.returncode == 2
+    (line,) = answer.stderr.splitlines()
+    assert line.startswith(f"{name}: error: ") and "--ros-args -p NAME:=VALUE" in line

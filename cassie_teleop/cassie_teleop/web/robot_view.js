@@ -6,7 +6,7 @@ const STEP_COLOURS = [0x4aa3ff, 0xf2a25c]; // left, right
 const ROBOT_HEIGHT = 1.6, ROBOT_WIDTH = 1.1, MIDDLE = 0.64; // m that must be in the picture, with some room
 const LOADED = 0.5; // contact probability from which a foot is on the ground
 const GROUND = 80, TILE = 1; // m; a tile has four fields
-const SEGWAY = { platform: 0.145, wheel: 0.13, track: 0.485, bar: 1.0 }; // m, as the simulator's
+const SEGWAY = { platform: 0.145, wheel: 0.13, track: 0.485, bar: 0.42 }; // m, as the simulator's
 const FOLLOW = 0.15; // of the way to the robot, that the camera goes with each frame
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // who draws where there is no graphics card
 
