@@ -116,9 +116,11 @@ def own_arguments(name: str) -> list[str]:
 
 
 def _argument_error(error: Exception) -> str:
-    """What is wrong with the arguments of ROS, without the place in the sources of ROS."""
-    text, _, _ = str(error).partition(", at ")
-    return " ".join(text.split()) + ": ROS takes --ros-args -p NAME:=VALUE, or -r FROM:=TO"
+    """What is wrong with the arguments of ROS, without its place in the sources of ROS."""
+    text = " ".join(str(error).partition(". Error:")[0].partition(", at ")[0].split()).rstrip(".")
+    if isinstance(error, _rclpy.UnknownROSArgsError):
+        text = f"unknown argument {text.strip('[]')}"
+    return f"{text}: ROS takes --ros-args -p NAME:=VALUE, or -r FROM:=TO"
 
 
 def _read_arguments(name: str, about: About) -> None:
