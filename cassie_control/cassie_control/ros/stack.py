@@ -1,4 +1,4 @@
-"""Estimator and controller as two nodes of one process: a hop and two wake-ups less per tick."""
+"""Estimator and controller as two nodes of one process: saves a hop and two wake-ups per tick."""
 
 from __future__ import annotations
 
