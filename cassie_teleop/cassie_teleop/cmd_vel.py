@@ -14,8 +14,7 @@ from cassie_teleop.keyboard import stopped
 from cassie_teleop.radio import clamped
 
 AT_REST = 1.0
-"""Time for which stand without speed is commanded along with power, so that power comes on. In s.
-"""
+"""Time for which power is commanded with stand and no speed, so that it comes on. In s."""
 
 ASKING = 1.0
 """Duration of one request for the lease of another operator. In s."""
