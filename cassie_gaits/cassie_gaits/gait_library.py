@@ -39,7 +39,7 @@ OUTPUTS = (
 
 PASSIVE = ("stance_foot_roll", "stance_leg_pitch")
 """The undriven coordinates of a step, the rows of `Gait.passive`: roll of the stance foot about the
-middle line of its sole, and pitch of the stance leg, defined as the output of a leg's pitch."""
+middle line of its sole, and pitch of the stance leg, defined as for an output."""
 
 STANCES = ("right_stance", "left_stance")
 """The two domains, in the order in which arrays and files hold them."""

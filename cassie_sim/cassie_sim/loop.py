@@ -28,9 +28,9 @@ _BROKEN_PERIOD = 0.1
 class SimulationLoop:
     """Runs a plant tick by tick.
 
-    lockstep: sample k, command k, step. The physics on which no command acts yet is computed in
-    parallel with command k. realtime: a tick lasts a tick of wall time and uses the newest command
-    that has come.
+    - lockstep: sample k, command k, step. The physics on which no command acts yet is computed in
+      parallel with command k.
+    - realtime: a tick lasts a tick of wall time and uses the newest command that has come.
 
     Attributes:
         plant: The plant; requests may replace it.

@@ -263,7 +263,7 @@ class GaitControllerNode(Node):
 ABOUT = About(
     package="cassie_control",
     text="Answers each state with the set-points of the ten drives, in the mode that the "
-    "supervisor puts in force.",
+    "supervisor commands.",
     reads=("/cassie/state", "/cassie/mode", "/cassie/gait"),
     writes=(
         "/cassie/motor_command",

@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     jobs = "processes (default: one for each core)"
     parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
     parser.add_argument("--certify", action="store_true", help="write certificates into the file")
-    apart = "only tell how far the gaits are from their neighbours"
+    apart = "only print the distances of gaits to their neighbours"
     parser.add_argument("--neighbours", action="store_true", help=apart)
     options = parser.parse_args(given)
     try:

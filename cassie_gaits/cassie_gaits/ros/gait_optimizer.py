@@ -129,9 +129,9 @@ class GaitOptimizerNode(Node):
 
 ABOUT = About(
     package="cassie_gaits",
-    text="Answers each request of the controller with a gait for what the robot is asked and is "
-    "now, certified, or with why there is none. The controller asks if its parameter gait_source "
-    "is optimizer.",
+    text="Answers each request of the controller with a certified gait for the commanded speeds "
+    "and the estimated robot, or with the reason why there is none. The controller sends requests "
+    "if its parameter gait_source is optimizer.",
     reads=(GaitRequest.TOPIC,),
     writes=(Gait.TOPIC, "/diagnostics"),
     services=("/cassie/solve_gait",),

@@ -227,7 +227,7 @@ class ControllerStatus(Sample):
 
 
 class OperatorCommand(Sample):
-    """OperatorCommand.msg: what the operator wants, 50 Hz."""
+    """OperatorCommand.msg: command of an operator, 50 Hz."""
 
     TOPIC = "/cassie/operator_command"
     LAYOUT = (

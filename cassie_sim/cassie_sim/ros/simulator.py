@@ -151,8 +151,8 @@ def _installed_meshes() -> str | None:
 
 ABOUT = About(
     package="cassie_sim",
-    text="Cassie in MuJoCo behind the topics of the real robot. Hanging in the gantry it waits for "
-    "power; the services reset, pause, push, hang up and let down, and with a Segway hold its bar.",
+    text="Cassie in MuJoCo with the topics of the real robot. By default it hangs in the gantry "
+    "and waits for power. Services reset, pause and push, move the gantry, hold a Segway's bar.",
     reads=("/cassie/motor_command", "/cassie/operator_command"),
     writes=(
         "/cassie/sensors",

@@ -149,7 +149,7 @@ class CmdVel(Node):
 ABOUT = About(
     package="cassie_teleop",
     text="Walks the robot by velocity commands, as Nav2, teleop_twist_keyboard and others send "
-    "them. It sends nothing until power is asked for or cut.",
+    "them. It sends nothing until power is commanded or cut.",
     reads=(TOPIC,),
     writes=("/cassie/operator_command", "/diagnostics"),
     services=("/cmd_vel/power", "/cmd_vel/take_over"),

@@ -124,7 +124,7 @@ class ScriptedOperatorNode(Node):
 
 ABOUT = About(
     package="cassie_teleop",
-    text="Drives the robot by a script on the robot's clock, in step with the loop.",
+    text="Drives the robot by a script in robot time, in lock-step with the loop.",
     reads=("/cassie/state", "/cassie/ground_truth"),
     writes=("/cassie/operator_command", "/diagnostics"),
     parameters=(Config(),),
