@@ -1,6 +1,6 @@
 """Bezier polynomials of 5th order, the shape of every desired output h_d(phase, alpha).
 
-Coefficients are the rows of a matrix of shape (n, 6), one row an output. `phase` is the paper's
+Coefficients are the rows of a matrix of shape (n, 6), one row per output. `phase` is the paper's
 tau. Derivatives are with respect to phase: divide by the step time for rates per second.
 """
 
@@ -19,7 +19,7 @@ def basis(phase: float) -> FloatArray:
     """Bernstein polynomials and their first two derivatives at one phase.
 
     `coefficients @ basis(phase)` is of shape (n, 3): values, first and second derivatives of
-    all rows at once, which is what a control loop wants.
+    all rows at once, as a control loop needs them.
 
     Args:
         phase: Usually in [0, 1]; outside it the polynomials extrapolate, fast and steeply.
@@ -62,7 +62,7 @@ def derivative(coefficients: FloatArray, phase: float) -> FloatArray:
 def fade(phase: float) -> float:
     """Polynomial with coefficients (0, 0, 1, 1, 1, 1): from 0 at phase 0 to 1 at phase 1.
 
-    Phases outside [0, 1] count as its nearest end, so that the result stays in [0, 1].
+    Phases outside [0, 1] are clamped, so that the result stays in [0, 1].
     """
     r = 1.0 - min(1.0, max(0.0, phase))
     return 1.0 - r * r * r * r * (5.0 - 4.0 * r)

@@ -1,11 +1,11 @@
 """Machine code for the functions that run at every control tick or physics step.
 
-Numba makes it at the first call and keeps it beside the source or, where that folder cannot be
-written, in the user's cache folder; without either, every process makes it for itself. Numba alone
-makes it anew only when the function's own file changes; here also when one of those changes that
-its module takes compiled functions from, and the modules of this project that it imports whole.
-Numbers that it imports by name from other modules are frozen into the machine code: take them as
-`module.NUMBER`.
+Numba compiles a function at its first call and caches the code beside the source or, if that folder
+cannot be written, in the user's cache folder. Without either, every process compiles for itself.
+Numba alone compiles anew only when the function's own file changes. Here it does so, too, when a
+file changes from which the function's module takes compiled functions, or a module of this project
+that it imports as a whole. Numbers that it imports by name from other modules are constants in the
+machine code: take them as `module.NUMBER`.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 
 def compiled(function: FunctionT, *, nogil: bool = False) -> FunctionT:
-    """The function as machine code, with its type as it stands.
+    """The function as machine code, with the same type.
 
     Args:
-        function: What to compile.
-        nogil: Whether other threads may use Python while it runs.
+        function: Function to compile.
+        nogil: Whether other threads may use Python while the function runs.
     """
     try:
         machine = njit(cache=True, nogil=nogil)(function)
-    except RuntimeError:  # numba found no folder to write
+    except RuntimeError:  # numba found no folder that it can write
         return cast(FunctionT, njit(nogil=nogil)(function))
-    if isinstance(machine, CPUDispatcher):  # not where compiling is switched off
+    if isinstance(machine, CPUDispatcher):  # false if compilation is switched off
         machine._cache._cache_file._source_stamp = _stamp(function)
         _kept.append(machine)
     return cast(FunctionT, machine)
 
 
 def load_kept(package: str) -> None:
-    """Load the machine code that is kept of the functions of a package which others call.
+    """Load the cached machine code of a package's functions that Python calls.
 
-    A function's first call does so as well, in milliseconds, and may be in the middle of a step.
+    A function's first call does so as well, in milliseconds, but may be in the middle of a step.
 
     Args:
         package: Name of a package or module.
@@ -59,7 +59,7 @@ def load_kept(package: str) -> None:
 
 
 def _stamp(function: Callable[..., Any]) -> str:
-    """What tells whether kept machine code is that of the function and of all that it calls."""
+    """Stamp of the sources of a function and its callees, to validate cached machine code."""
     digest = hashlib.sha256()
     for path in sorted(_sources(function, set())):
         digest.update(Path(path).read_bytes())
@@ -67,7 +67,7 @@ def _stamp(function: Callable[..., Any]) -> str:
 
 
 def _sources(function: Callable[..., Any], known: set[str]) -> set[str]:
-    """Files of the function, and of what its module has by now of this project's."""
+    """Files of the function, and of this project's objects in its module by now."""
     path = function.__code__.co_filename
     if path not in known:
         known.add(path)

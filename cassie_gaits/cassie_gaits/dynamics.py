@@ -4,11 +4,11 @@
 
 Rods, heel springs and foot cranks move as functions of the 20 coordinates; their masses and the
 rotors' reflected inertias are all in D and H. The leaf springs are coordinates here (q5, and q6
-by way of the heel spring); the model with rigid springs is the projection by `RIGID`. Joint
+through the heel spring); the model with rigid springs is the projection by `RIGID`. Joint
 damping is not part of H. An achilles rod does not spin about itself.
 
-Made for gait design, tests and feed-forward tables: a call takes up to a millisecond. What the
-control loop needs every tick is in `leg`.
+This module is for gait design, tests and feed-forward tables: a call takes up to a millisecond. The
+computations for every control tick are in `leg`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _input_matrix() -> FloatArray:
 
 
 RIGID = _rigid_projection()
-"""Velocities of the 20 coordinates from those of pelvis and drives with rigid springs. (20, 16)."""
+"""Velocities of 20 coordinates from those of pelvis and drives, with rigid springs. (20, 16)."""
 
 INPUT = _input_matrix()
 """B of eq:FloatingBaseModel: drive torques, in the order of `names.DRIVES`, to q. (20, 10)."""
@@ -90,7 +90,7 @@ class Terms:
     Attributes:
         mass: D. Shape (20, 20).
         bias: H. Shape (20,), in N and Nm.
-        soles: Jacobians as of `Dynamics.sole_jacobian`, left and right. Shape (2, 6, 20).
+        soles: Jacobians as in `Dynamics.sole_jacobian`, left and right. Shape (2, 6, 20).
         sole_drifts: Accelerations of the soles when v' = 0. Shape (2, 6), in m/s^2, rad/s^2.
     """
 
@@ -112,8 +112,8 @@ class Dynamics:
         """Build the model.
 
         Args:
-            gravity: In m/s^2.
-            pelvis: To take a symmetric one instead.
+            gravity: Gravity. In m/s^2.
+            pelvis: Link of the pelvis, such as a symmetric one.
         """
         self._tree = build_tree(gravity, pelvis)
         self._model: Any = self._tree.model
@@ -121,11 +121,11 @@ class Dynamics:
 
     @property
     def mass(self) -> float:
-        """Of the whole robot. In kg."""
+        """Mass of the whole robot. In kg."""
         return float(pin.computeTotalMass(self._model))
 
     def configuration(self, q: npt.ArrayLike) -> FloatArray:
-        """Configuration of the tree with closed loops: q and what follows from it. Shape (34,)."""
+        """Configuration of the tree with closed loops, from q. Shape (34,)."""
         q = _checked(q, "q")
         tree = self._tree
         full: FloatArray = pin.neutral(self._model)
@@ -141,7 +141,7 @@ class Dynamics:
         return full
 
     def embedding(self, q: npt.ArrayLike) -> FloatArray:
-        """Derivative of the tree's velocity to v: the closed loops' Jacobian. Shape (32, 20)."""
+        """Jacobian of the closed loops, from v to the tree's velocity. Shape (32, 20)."""
         return self._embed(self.configuration(q))
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
@@ -170,7 +170,7 @@ class Dynamics:
         return result
 
     def terms(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Terms:
-        """D, H and what a sole's contact asks, in one pass."""
+        """D, H and the contact terms of the soles, in one pass."""
         full = self.configuration(q)
         G = self._embed(full)
         upper = pin.crba(self._model, self._data, full)
@@ -188,7 +188,7 @@ class Dynamics:
         return Terms(G.T @ M @ G, bias, np.array(soles), np.array(accels))
 
     def spring_torque(self, q: npt.ArrayLike) -> FloatArray:
-        """tau_sp(q): what the four leaf springs do to the coordinates. Shape (20,), in Nm.
+        """tau_sp(q): generalized forces of the four leaf springs. Shape (20,), in Nm.
 
         Source:
             Departs from eq:SpringJacobian, which takes q4 + q5 + q6 - 13 degrees for the heel
@@ -209,7 +209,7 @@ class Dynamics:
         return np.array(pin.centerOfMass(self._model, self._data, full))
 
     def com_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Derivative of `com` to q. Shape (3, 20)."""
+        """Derivative of `com` with respect to q. Shape (3, 20)."""
         full = self.configuration(q)
         G = self._embed(full)
         result: FloatArray = pin.jacobianCenterOfMass(self._model, self._data, full) @ G
@@ -220,11 +220,11 @@ class Dynamics:
         return self._placement(q, self._tree.soles[LEGS.index(leg)])
 
     def toe_joint(self, q: npt.ArrayLike, leg: str) -> tuple[FloatArray, FloatArray]:
-        """Toe joint, where the virtual leg ends, and the toe link's axes. (3,) in m, (3, 3)."""
+        """Toe joint, the end of the virtual leg, and the toe link's axes. (3,) in m, (3, 3)."""
         return self._placement(q, self._tree.toes[LEGS.index(leg)])
 
     def sole_jacobian(self, q: npt.ArrayLike, leg: str) -> FloatArray:
-        """Velocity of the middle of a sole, then its angular velocity, by v. Shape (6, 20)."""
+        """Jacobian from v to velocity of a sole's middle, then angular velocity. Shape (6, 20)."""
         full = self.configuration(q)
         G = self._embed(full)
         frame = self._tree.soles[LEGS.index(leg)]
@@ -260,7 +260,7 @@ class Dynamics:
         return gap
 
     def _drift(self, full: FloatArray, rate: FloatArray) -> FloatArray:
-        """Acceleration of the tree at v' = 0: what keeps the pins together while it moves."""
+        """Acceleration of the tree at v' = 0, which keeps the pins together in motion."""
         drift = np.zeros(self._model.nv)
         pin.computeJointJacobians(self._model, self._data, full)
         pin.forwardKinematics(self._model, self._data, full, rate, drift)
@@ -278,7 +278,7 @@ class Dynamics:
 
 
 def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Solution of a small system, of least norm where there are several."""
+    """Solution of a small system; if there are several, the one of least norm."""
     return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], dtype=np.float64)
 
 

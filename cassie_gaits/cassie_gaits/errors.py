@@ -6,7 +6,7 @@ from __future__ import annotations
 class CassieError(ValueError):
     """Base of every error of gaits, control, simulation and bags.
 
-    The message is one line that names the thing, the value it got and what it expected.
+    The message is one line that names the object, its value and the expected value.
     """
 
 
@@ -19,9 +19,9 @@ class LegLengthError(KinematicsError):
 
     @classmethod
     def outside(cls, length: float, low: float, high: float) -> LegLengthError:
-        """The error for a length that is not in `low` .. `high` (m)."""
+        """The error for a length outside `low` .. `high` (m)."""
         return cls(f"leg length {length:.4f} m is outside {low:.4f} .. {high:.4f} m")
 
 
 class GaitLibraryError(CassieError):
-    """A gait library, or the file of one, that cannot be used."""
+    """A gait library, or its file, cannot be used."""

@@ -1,4 +1,4 @@
-"""Gaits on a grid of sagittal speed, lateral speed and turning rate, read between its points."""
+"""Interpolation of gaits on a grid of sagittal speed, lateral speed and turning rate."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ IntArray = npt.NDArray[np.int64]
 Axis = list[float]
 
 _AHEAD = 3.0
-"""How much farther a gait of the next sagittal speed counts than one of the next other speed."""
+"""Weight of a step in sagittal speed in the distance to a hole's nearest row; others weigh 1."""
 
 
 @compiled
@@ -27,7 +27,7 @@ def read_row(
     z: float,
     out: FloatArray,
 ) -> None:
-    """Interpolate; the first three are `GaitGrid.table`, the others as `GaitGrid.read` has them."""
+    """Interpolate a row. Arguments are the entries of `GaitGrid.table`, then as `GaitGrid.read`."""
     at = (x, y, z)
     shares = np.zeros(3)
     first = 0
@@ -56,19 +56,19 @@ def read_row(
 class GaitGrid:
     """Multilinear interpolation of rows of numbers over three axes.
 
-    Outside the grid the nearest point of it counts. A point without a row, a hole, takes that of
-    the nearest point which has one, on the side of rest where two are as near: what comes out is
+    Speeds outside the grid are clamped to it. A hole, a point without a row, takes the row of the
+    nearest point with one; of two equally near points, the one nearer to rest. The result is
     continuous, and always a convex combination of given rows.
 
     Args:
         points: Sagittal speed, lateral speed and turning rate of each row. Shape (n, 3).
-        rows: Shape (n, m).
+        rows: Rows to interpolate. Shape (n, m).
 
     Attributes:
-        axes: Values of each coordinate on the grid, rising.
+        axes: Values of each coordinate on the grid, ascending.
         holes: Number of grid points without a row.
-        table: What `read_row` takes: the axes, one a row, filled up with infinity; how many points
-            each has; and the rows.
+        table: Arguments of `read_row`: the axes, one per row, padded with infinity; their numbers
+            of points; and the rows.
     """
 
     def __init__(self, points: FloatArray, rows: FloatArray) -> None:

@@ -1,6 +1,6 @@
-"""A library of gaits over sagittal speed, lateral speed and turning rate, read between them.
+"""A library of gaits over sagittal speed, lateral speed and turning rate, with interpolation.
 
-The file that holds one is in `gait_library_file`.
+`gait_library_file` has its file.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ OUTPUTS = (
 """The nine outputs of eq:h0, the rows of every coefficient matrix."""
 
 PASSIVE = ("stance_foot_roll", "stance_leg_pitch")
-"""What moves on its own in a step, the rows of `Gait.passive`: the stance foot about the middle
-line of its sole, and the pitch of the stance leg as of an output."""
+"""The undriven coordinates of a step, the rows of `Gait.passive`: roll of the stance foot about the
+middle line of its sole, and pitch of the stance leg, defined as for an output."""
 
 STANCES = ("right_stance", "left_stance")
 """The two domains, in the order in which arrays and files hold them."""
 
 MOST_COEFFICIENTS = 64
-"""Of a polynomial of torque or passive motion."""
+"""Largest number of coefficients in a polynomial of torque or passive motion."""
 
 MOST_POINTS = 10_000
-"""Of a grid of speeds; the dense library's has 1421."""
+"""Largest number of points of a grid of speeds; the dense library has 1421."""
 
 KINDS = ("optimized", "imported")
 
@@ -69,11 +69,11 @@ class Gait:
             (2, 9, 6), in rad and m, read-only.
         torques: Bezier coefficients of the ten drives' torques in the order of `names.DRIVES`,
             right stance then left stance, or None. Shape (2, 10, n), in Nm, read-only.
-        passive: Bezier coefficients of what the outputs leave free, `PASSIVE`, or None. Shape
+        passive: Bezier coefficients of the undriven coordinates, `PASSIVE`, or None. Shape
             (2, 2, n), in rad, read-only.
         cost: Value of the optimized cost, or None.
-        solver: What the solver reported.
-        certificate: What an independent check found, or None.
+        solver: Report of the solver.
+        certificate: Result of an independent check, or None.
     """
 
     vx: float
@@ -105,13 +105,13 @@ class Gait:
 
     @property
     def speeds(self) -> str:
-        """Its speeds, for messages."""
+        """Text of the gait's speeds, for messages."""
         if self.vy == 0.0 and self.yaw_rate == 0.0:
             return f"{self.vx:g} m/s"
         return f"{self.vx:g}, {self.vy:g} m/s, {self.yaw_rate:g} rad/s"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Read-only mappings do not travel between processes.
+        # Read-only mappings cannot be sent between processes.
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         values["solver"] = dict(self.solver)
         if self.certificate is not None:
@@ -121,13 +121,13 @@ class Gait:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a library comes from.
+    """Origin of a library.
 
     Attributes:
-        tool: What made it.
-        version: Of the tool.
-        date: Of its making, as the maker gave it; YYYY-MM-DD.
-        settings: What the tool was asked for.
+        tool: Tool that made the library.
+        version: Version of the tool.
+        date: Date on which the library was made, as the tool gave it; YYYY-MM-DD.
+        settings: Settings of the tool.
     """
 
     tool: str
@@ -141,15 +141,15 @@ class GaitLibrary:
     """Gaits on a grid of speeds with multilinear interpolation between them (`gait_grid`).
 
     Attributes:
-        gaits: In rising order of (vx, vy, yaw_rate). Points of the grid may be without a gait.
+        gaits: Gaits in ascending order of (vx, vy, yaw_rate). Points of the grid may lack a gait.
         kind: One of `KINDS`.
         model_hash: `model_hash.model_hash()` of the robot that the gaits are made for.
-        provenance: Where the gaits come from.
+        provenance: Origin of the gaits.
         robot: Name of the robot.
-        path: File that it was loaded from, or None.
+        path: File from which the library was loaded, or None.
 
     Raises:
-        GaitLibraryError: if there is no gait, the speeds do not rise, or `kind` is unknown.
+        GaitLibraryError: if there is no gait, the speeds do not ascend, or `kind` is unknown.
 
     Source:
         Da et al. 2016, Eqs. (8)-(10), which the paper cites: coefficients and step frequency
@@ -196,7 +196,7 @@ class GaitLibrary:
 
     @property
     def table(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """What `gait_grid.read_row` takes; a row has both gaits' coefficients and 1 / step time."""
+        """Table for `gait_grid.read_row`; a row has both steps' coefficients and 1 / step time."""
         return self._grid.table
 
     @property
@@ -207,11 +207,11 @@ class GaitLibrary:
     def interpolate(
         self, speed: float, out: FloatArray | None = None, vy: float = 0.0, yaw_rate: float = 0.0
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Gait at a speed. Each number is clamped to its range in the library.
+        """Gait at a speed. Each speed is clamped to its range in the library.
 
         Args:
             speed: Filtered sagittal speed. In m/s.
-            out: Where to write the coefficients, to save an allocation. Shape (2, 9, 6).
+            out: Array for the coefficients, to save an allocation. Shape (2, 9, 6).
             vy: Speed to the left. In m/s.
             yaw_rate: Turning rate to the left. In rad/s.
 
@@ -246,13 +246,13 @@ def mirror(coefficients: FloatArray) -> FloatArray:
 
 
 def mirror_passive(coefficients: FloatArray) -> FloatArray:
-    """The same for coefficients of `PASSIVE`. Shape (2, n)."""
+    """Coefficients of `PASSIVE` with left and right exchanged. Shape (2, n)."""
     result: FloatArray = coefficients * np.array([[-1.0], [1.0]])
     return result
 
 
 def mirror_torques(coefficients: FloatArray) -> FloatArray:
-    """The same for coefficients of the drives' torques: legs change places. Shape (10, n)."""
+    """Coefficients of the drives' torques with left and right exchanged. Shape (10, n)."""
     legs = coefficients.reshape(2, 5, -1)[::-1] * np.array([-1.0, -1.0, 1.0, 1.0, 1.0])[:, None]
     result: FloatArray = legs.reshape(10, -1)
     return result

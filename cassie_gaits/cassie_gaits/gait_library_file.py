@@ -1,4 +1,4 @@
-"""The gait library's file: JSON, written whole or not at all, refused unless it is right.
+"""The gait library's file: JSON, written completely or not at all, and checked when read.
 
     {"schema_version": 1, "kind": "optimized", "robot": "cassie", "model_hash": "...",
      "sha256": null or "...",
@@ -13,9 +13,9 @@
 Units are SI. Rows of `coefficients` follow `outputs`, those of `torques` the drives. A file whose
 name ends in .gz is compressed.
 
-`load_certified` refuses a library in which any number, key or name differs from what was certified:
-`sha256` of the file and of each certificate are described in `certificate.seal`, and so is what
-they are not good for. `check_gaits FILE --certify` checks a file and seals it.
+`load_certified` refuses a library in which any number, key or name differs from the certified ones.
+`certificate.seal` describes `sha256` of the file and of each certificate, and the limits of these
+hashes. `check_gaits FILE --certify` checks a file and seals it.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ _GAIT = {"vx", "vy", "yaw_rate", "step_time", "coefficients", "torques", "cost"}
 
 _NUMBERS = {int, float}
 _PERMISSION = "(allow_uncertified is false)"
-_LONGEST = 200  # of names
+_LONGEST = 200  # longest name
 
-_GZIP = zlib.MAX_WBITS | 16  # window, with gzip's header, which bears no time
+_GZIP = zlib.MAX_WBITS | 16  # window, with gzip's header, which contains no time
 
 PACKAGED = {"optimized": "optimized.json", "dense": "dense.json.gz"}
 """Libraries that come with this package: the seven straight gaits, and the grid of 1419."""
 
 
 def default_library_path() -> Path:
-    """The library that the controller walks on unless told otherwise."""
+    """Default library of the controller."""
     return library_path("optimized")
 
 
@@ -87,12 +87,12 @@ def load_library(path: str | Path) -> GaitLibrary:
 
 
 def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> GaitLibrary:
-    """Read a library to walk with: made for this robot, and every gait certified as it is.
+    """Read a library for walking: made for this robot, and every gait certified and unchanged.
 
     Args:
         path: File to read.
-        allow_uncertified: Whether gaits without a certificate, imported or changed,
-            will do.
+        allow_uncertified: Whether gaits without a valid certificate, imported or changed,
+            are accepted.
 
     Raises:
         GaitLibraryError: as `load_library`, and if the library is for another model, or anything
@@ -128,16 +128,16 @@ def _hold_certified(library: GaitLibrary, document: object) -> None:
 
 
 def _compressed(text: bytes) -> bytes:
-    """As gzip. The text is mostly digits, of which a short match costs more than it saves."""
+    """The text as gzip. It is mostly digits, of which a short match costs more than it saves."""
     packer = zlib.compressobj(9, wbits=_GZIP, strategy=zlib.Z_FILTERED)
     return packer.compress(text) + packer.flush()
 
 
 def save_library(library: GaitLibrary, path: str | Path) -> None:
-    """Write a gait library; a reader sees the old file or the whole new one.
+    """Write a gait library; a reader sees the old file or the complete new one.
 
     Raises:
-        GaitLibraryError: if the file cannot be written, or an entry is no JSON.
+        GaitLibraryError: if the file cannot be written, or JSON cannot express an entry.
     """
     path = Path(path)
     temporary = ""
@@ -172,7 +172,7 @@ def _text(library: GaitLibrary, indent: int | None) -> str:
 
 
 def _head(library: GaitLibrary) -> dict[str, Any]:
-    """Everything in the file but its hash and its gaits."""
+    """Everything in the file except its hash and its gaits."""
     return {
         "schema_version": SCHEMA_VERSION,
         "kind": library.kind,
@@ -189,7 +189,7 @@ def _head(library: GaitLibrary) -> dict[str, Any]:
 
 
 def gait_document(gait: Gait) -> dict[str, Any]:
-    """A gait as it stands in the file."""
+    """A gait as an entry of the file."""
     return {
         "vx": gait.vx,
         "vy": gait.vy,
@@ -242,7 +242,7 @@ def gait_of(document: object, name: str) -> Gait:
     """A gait from its entry in the file.
 
     Raises:
-        GaitLibraryError: with `name` and what is wrong.
+        GaitLibraryError: with `name` and the problem.
     """
     try:
         entry = _object({"passive": None, **_object(document, "the entry")}, "the entry", _GAIT)
@@ -289,7 +289,7 @@ def _free(value: object, name: str) -> Mapping[str, Any]:
 
 
 def _shown(names: list[str]) -> str:
-    """The first of some names, which may be anything."""
+    """Text with the first of some names, which may be any objects."""
     return reprlib.repr(names[0]) + (f" and {len(names) - 1} more" if names[1:] else "")
 
 

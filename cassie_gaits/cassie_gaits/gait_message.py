@@ -1,4 +1,4 @@
-"""A made gait as a message, for the node and for runs in one process."""
+"""Conversion of a made gait to a message, for the node and for runs in one process."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from cassie_msgs.layout import Gait, GaitRequest
 
 
 def conditions_of(request: GaitRequest) -> Conditions:
-    """What a request asks for."""
+    """The conditions in a request."""
     return Conditions(*request.floats.tolist())
 
 
 def gait_message(request: GaitRequest, answer: Answer) -> Gait:
-    """The answer to a request."""
+    """The answer to a request, as a message."""
     message = Gait()
     message.answer(request)
     message.effective_seq[...] = request.effective_seq

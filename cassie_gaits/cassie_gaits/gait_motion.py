@@ -1,4 +1,4 @@
-"""What a robot with rigid springs does in a gait, in numbers: for pictures and tables."""
+"""Motion of a robot with rigid springs in a gait, as numbers for pictures and tables."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The step on the right leg, and what both steps cost.
+    """Motion of the step on the right leg, and work of both steps.
 
     Attributes:
-        gait: Whose motion it is.
-        walker: The equations.
-        step: Integrated under the gait's torques.
-        feet: Swing sole against the stance sole, in ground axes. Shape (n, 3), in m.
-        friction: Ground force along the ground by that across it. Shape (n,).
+        gait: Gait of the motion.
+        walker: Equations of motion.
+        step: Step, integrated under the gait's torques.
+        feet: Swing sole relative to the stance sole, in ground axes. Shape (n, 3), in m.
+        friction: Ratio of tangential to normal ground force. Shape (n,).
         work: Absolute mechanical work of the drives in two steps. In J.
-        positive_work: The part of it that drives the joints. In J.
-        distance: Way of two steps. In m.
+        positive_work: Positive part of that work. In J.
+        distance: Path length of two steps. In m.
     """
 
     gait: Gait
@@ -48,19 +48,19 @@ class Motion:
 
     @property
     def cost_of_transport(self) -> float:
-        """Absolute mechanical work by weight and way; infinite on the spot."""
+        """Absolute mechanical work per weight and distance; infinite in place."""
         return self._transport(self.work)
 
     @property
     def positive_cost_of_transport(self) -> float:
-        """The same with the positive work only, what a drive that cannot store energy pays."""
+        """Positive work per weight and distance, the cost for drives that cannot store energy."""
         return self._transport(self.positive_work)
 
     @property
     def torque_shares(self) -> FloatArray:
-        """Largest torque of each drive by its limit in this step. Shape (2, 5), stance, swing."""
+        """Ratio of each drive's largest torque in this step to its limit. (2, 5), stance, swing."""
         peaks: FloatArray = np.abs(self.step.torques).max(axis=0).reshape(2, 5) / torque_limits()
-        result: FloatArray = peaks[::-1]  # the right leg stands
+        result: FloatArray = peaks[::-1]  # the right leg is the stance leg
         return result
 
     def _transport(self, work: float) -> float:
@@ -70,7 +70,7 @@ class Motion:
 
 
 def torque_limits() -> FloatArray:
-    """Of the drives of a leg. Shape (5,), in Nm."""
+    """Torque limits of the drives of a leg. Shape (5,), in Nm."""
     return np.array([robot.DRIVES[name].torque_limit for name in LEG_DRIVES])
 
 
@@ -79,7 +79,7 @@ def motion(gait: Gait) -> Motion:
 
     Raises:
         GaitLibraryError: if the gait has no torques, passive motion or request, or its motion
-            breaks off.
+            cannot be integrated to its end.
     """
     if gait.torques is None or gait.passive is None:
         raise GaitLibraryError("the gait has no torques or no passive motion")
@@ -108,7 +108,7 @@ def motion(gait: Gait) -> Motion:
 
 
 def _powers(step: Step) -> FloatArray:
-    """Mechanical power of each drive, at half weight at both ends. Shape (n, 10), in W."""
+    """Mechanical power of each drive, with half weight at both ends. Shape (n, 10), in W."""
     rates = np.array([rigid_velocity(v)[6:] for v in step.v])
     powers: FloatArray = step.torques * rates
     powers[[0, -1]] *= 0.5
@@ -120,11 +120,11 @@ def figures(at: Motion, count: int) -> list[dict[str, FloatArray]]:
 
     Args:
         at: The motion.
-        count: Figures a step.
+        count: Number of figures per step.
 
     Returns:
         For each figure the torso's outline (4, 3) and both legs' skeletons (7, 3), in m, in the
-        world. In the second step the mirror image stands for it.
+        world. The second step is shown as the mirror image of the first.
     """
     result = []
     foot = np.zeros(3)
@@ -142,7 +142,7 @@ def figures(at: Motion, count: int) -> list[dict[str, FloatArray]]:
 
 
 def _torso(q: FloatArray) -> FloatArray:
-    """A box for the pelvis in the sagittal plane. Shape (4, 3)."""
+    """Outline of the pelvis as a box in the sagittal plane. Shape (4, 3)."""
     c, s = np.cos(q[4]), np.sin(q[4])
     corners = np.array([[-0.08, -0.05], [0.12, -0.05], [0.12, 0.12], [-0.08, 0.12]])
     x, z = corners.T

@@ -43,11 +43,11 @@ SPEED_NAMES = {
     "vy": "speed to the left (m/s)",
     "yaw_rate": "turning rate to the left (rad/s)",
 }
-"""Of a gait's three speeds, for axes."""
+"""Labels of a gait's three speeds, for axes."""
 
 
 class Speeds:
-    """Colours of one of the three speeds, and the bar that explains them."""
+    """Colour map of one of the three speeds, and its colour bar."""
 
     def __init__(self, gaits: Sequence[Gait], name: str = "vx") -> None:
         self._name = name
@@ -57,22 +57,22 @@ class Speeds:
         self._map: Any = ScalarMappable(norm, matplotlib.colormaps["viridis"])
 
     def colour(self, gait: Gait) -> Any:
-        """Of a gait."""
+        """Colour of a gait."""
         return self._map.to_rgba(getattr(gait, self._name))
 
     def bar(self, figure: Figure, axes: Any) -> None:
-        """Draw the bar beside the panels."""
+        """Draw the colour bar beside the panels."""
         figure.colorbar(self._map, ax=axes, label=SPEED_NAMES[self._name], aspect=40, pad=0.02)
 
 
 def draw_outputs(gaits: Sequence[Gait], path: Path, name: str = "vx", which: str = "") -> None:
-    """The nine outputs over phase in right stance.
+    """Draw the nine outputs over phase in right stance.
 
     Args:
-        gaits: To be told apart by one of their speeds.
-        path: Where to write.
-        name: Of that speed.
-        which: What the gaits have in common, for the title.
+        gaits: Gaits, which are coloured by one of their speeds.
+        path: File to write.
+        name: Name of that speed.
+        which: Common property of the gaits, for the title.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 7.0), layout="constrained")
@@ -95,7 +95,7 @@ def draw_outputs(gaits: Sequence[Gait], path: Path, name: str = "vx", which: str
 
 
 def _at_least(panel: Any, span: float) -> None:
-    """Keep a panel from blowing up what hardly changes."""
+    """Give a panel at least a range of `span`, so that nearly constant curves look constant."""
     low, high = panel.get_ylim()
     if high - low < span:
         middle = 0.5 * (low + high)
@@ -103,7 +103,7 @@ def _at_least(panel: Any, span: float) -> None:
 
 
 def draw_strips(motions: Sequence[Motion], path: Path) -> None:
-    """Stick figures of two steps from the right side, a row for each speed."""
+    """Draw stick figures of two steps from the right side, one row per speed."""
     spread = 0.55
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 1.75 * len(motions)), layout="constrained")
@@ -137,7 +137,7 @@ def _stick(panel: Any, sticks: dict[str, FloatArray], shift: float) -> None:
 
 
 def draw_torques(motions: Sequence[Motion], path: Path) -> None:
-    """Torques of stance and swing leg against the drives' limits."""
+    """Draw torques of stance and swing leg against the drives' limits."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 5.2), layout="constrained")
         panels, speeds = figure.subplots(2, 5, sharex=True), Speeds([m.gait for m in motions])
@@ -162,7 +162,7 @@ def draw_torques(motions: Sequence[Motion], path: Path) -> None:
 
 
 def draw_clearance(motions: Sequence[Motion], path: Path) -> None:
-    """Height of the swing foot, and its way over the ground."""
+    """Draw the height of the swing foot, and its path over the ground."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 3.8), layout="constrained")
         panels, speeds = figure.subplots(1, 2), Speeds([m.gait for m in motions])
@@ -187,7 +187,7 @@ def draw_clearance(motions: Sequence[Motion], path: Path) -> None:
 
 
 def draw_friction(motions: Sequence[Motion], path: Path) -> None:
-    """Ground force in the friction cone."""
+    """Draw the ground force in the friction cone."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 4.0), layout="constrained")
         panels, speeds = figure.subplots(1, 2), Speeds([m.gait for m in motions])
@@ -224,7 +224,7 @@ def draw_friction(motions: Sequence[Motion], path: Path) -> None:
 
 
 def draw_transport(motions: Sequence[Motion], path: Path) -> None:
-    """Cost of transport and mechanical power over speed."""
+    """Draw the cost of transport and the mechanical power over speed."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 3.8), layout="constrained")
         cost, power = figure.subplots(1, 2)

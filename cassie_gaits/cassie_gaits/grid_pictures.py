@@ -1,4 +1,4 @@
-"""Pictures of a library over three speeds: maps of what gaits cost and ask, and slices."""
+"""Pictures of a library over three speeds: maps of cost, friction and torque, and slices."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cassie_gaits.neighbours import greatest
 FloatArray = npt.NDArray[np.float64]
 
 SLICES = {"yaw_rate": 0.5, "vy": 0.0}
-"""Speeds that are drawn as lines, and the sagittal speed (m/s) at which."""
+"""Sagittal speed (m/s) of the slices over each of these speeds."""
 
 _HOLE = "#f4e3e0"
 
@@ -37,11 +37,11 @@ MAPS: tuple[tuple[str, Callable[[Gait], float]], ...] = (
     ("torque by limit", _certified("torque of the drives, share of the limit")),
     ("torque at speed by limit", _certified("torque at speed, share of the limit")),
 )
-"""What the maps show: its name, and its value for a gait. Beside them there is one of distances."""
+"""Title of each map, and its value for a gait. There is a further map of distances."""
 
 
 def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
-    """Maps over sagittal and lateral speed, a column for each turning rate."""
+    """Draw maps over sagittal and lateral speed, one column per turning rate."""
     axes = [sorted({getattr(gait, name) for gait in gaits}) for name in SPEED_NAMES]
     with matplotlib.rc_context(STYLE):
         apart = greatest(gaits)
@@ -65,7 +65,7 @@ def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
 
 
 def draw_slices(gaits: Sequence[Gait], folder: Path) -> None:
-    """Outputs over one speed where there are several values of it, the other one zero."""
+    """Draw outputs over each speed of `SLICES` that has several values, with the other one zero."""
     for name, speed in SLICES.items():
         other = "vy" if name == "yaw_rate" else "yaw_rate"
         part = [gait for gait in gaits if getattr(gait, other) == 0.0]
@@ -83,7 +83,7 @@ def _speeds(gait: Gait) -> tuple[float, float, float]:
 def _table(
     gaits: Sequence[Gait], axes: list[list[float]], value: Callable[[Gait], float]
 ) -> FloatArray:
-    """Values over the grid, not a number where there is no gait."""
+    """Values over the grid; NaN where there is no gait."""
     table = np.full([len(axis) for axis in axes], np.nan)
     for gait in gaits:
         at = (gait.vx, gait.vy, gait.yaw_rate)

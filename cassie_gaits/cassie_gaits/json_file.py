@@ -17,8 +17,8 @@ from pathlib import Path
 from cassie_gaits.errors import CassieError
 
 MOST_BYTES = 32 * 2**20
-"""Size of a file, and of what a compressed one expands to, at most. The dense library has 13 MB;
-what takes most memory to read, empty lists, takes 30 times its size."""
+"""Largest size of a file, also after decompression. The dense library has 13 MB. Empty lists need
+the most memory of all content, 30 times their size."""
 
 _DEEPEST = 8
 _CONTAINERS = (dict, list)
@@ -29,11 +29,11 @@ class JsonError(CassieError):
 
 
 def read_json(path: Path) -> object:
-    """What a JSON file holds. One whose name ends in .gz is compressed.
+    """The content of a JSON file. A file whose name ends in .gz is compressed.
 
     Raises:
-        JsonError: if it is no regular file, larger than `MOST_BYTES`, damaged, or not UTF-8; if it
-            is no JSON, gives a key twice, or holds NaN, an infinity or a number too large.
+        JsonError: if the file is no regular file, larger than `MOST_BYTES`, damaged, or not UTF-8;
+            if it is no JSON, gives a key twice, or holds NaN, an infinity or a number too large.
     """
     try:
         content = read_bounded(path)
@@ -55,7 +55,7 @@ def read_bounded(path: Path, most: int = MOST_BYTES) -> bytes:
     """Content of a regular file of at most `most` bytes.
 
     Raises:
-        OSError: if it cannot be read, is a folder, device, pipe or socket, or is larger.
+        OSError: if the file cannot be read, is a folder, device, pipe or socket, or is larger.
     """
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
@@ -70,7 +70,7 @@ def read_bounded(path: Path, most: int = MOST_BYTES) -> bytes:
 
 
 def parse_json(text: str) -> object:
-    """What a text in JSON holds.
+    """The content of a text in JSON.
 
     Raises:
         JsonError: as `read_json`.
@@ -87,15 +87,15 @@ def parse_json(text: str) -> object:
 
 
 def check_free(value: object, name: str, depth: int = _DEEPEST) -> None:
-    """Hold an object or list of free form to what can be hashed, sent and shown.
+    """Check that an object or list of free form can be hashed, sent and shown.
 
     Args:
-        value: As `read_json` gives it; nothing is asked of what is no object or list.
-        name: Its name, for messages.
-        depth: Most levels of lists and objects.
+        value: Value as `read_json` gives it; values other than objects and lists always pass.
+        name: Name of the value, for messages.
+        depth: Largest number of levels of lists and objects.
 
     Raises:
-        JsonError: if it is nested deeper, or a number is too large for a float.
+        JsonError: if the value is nested deeper, or a number is too large for a float.
     """
     if not isinstance(value, _CONTAINERS):
         return

@@ -1,8 +1,8 @@
-"""A leg with deflected springs: its numbers, its kinematics and the force that its springs hold.
+"""A leg with deflected springs: its parameters, its kinematics and the force from its springs.
 
-Everything is in the pelvis frame. The chain runs hip_roll, hip_yaw, hip_pitch, knee, shin,
-tarsus, toe; the heel spring's deflection follows from the achilles rod (`linkage`). Records are C
-structures of floats: one costs a compiled function no more to take than one array does.
+Everything is in the pelvis frame. The chain is hip_roll, hip_yaw, hip_pitch, knee, shin, tarsus,
+toe; the heel spring's deflection follows from the achilles rod (`linkage`). Records are C
+structures of floats: as an argument of a compiled function, a record costs no more than an array.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from cassie_gaits.vectors import Vector, VectorLike, cross, dot, minus, plus, ti
 
 
 class Leg(Record):
-    """Numbers of one leg, hip_roll to toe.
+    """Parameters of one leg, hip_roll to toe.
 
     Attributes:
-        positions: Of each link's frame in its parent's. In m.
-        rotations: Of these frames, with the joints at their zeros; columns are axes.
-        zeros: Of the joints. In rad.
-        masses: Of the links with what moves along with them. In kg.
+        positions: Position of each link's frame in its parent's frame. In m.
+        rotations: Rotations of these frames, with the joints at their zeros; columns are axes.
+        zeros: Zeros of the joints. In rad.
+        masses: Masses of the links with all parts that move with them. In kg.
         moments: Mass times centre of mass in the link's frame. In kg m.
-        swing: Rate of the tarsus's moment by the heel spring's angle. In kg m.
+        swing: Derivative of the tarsus's moment with respect to the heel spring's angle. In kg m.
         sole: Middle of the sole's centre line in the toe link. In m.
-        shin_stiffness, heel_stiffness: In Nm/rad.
+        shin_stiffness, heel_stiffness: Stiffness of the leaf springs. In Nm/rad.
     """
 
     positions: FloatArray = array(7, 3)
@@ -55,20 +55,20 @@ class LegState(Record):
     """Kinematics of one leg.
 
     Attributes:
-        axes: Of the joints.
-        origins: Of the links, on the joint axes. In m.
+        axes: Axes of the joints.
+        origins: Origins of the links, on the joint axes. In m.
         foot: Middle of the sole's centre line. In m.
-        foot_velocity: Of that, against the pelvis. In m/s.
-        foot_rotation: Toe link to pelvis.
-        ankle: Toe joint. In m.
-        ankle_jacobian: Of the toe joint's position by the joints. In m/rad.
+        foot_velocity: Velocity of `foot` relative to the pelvis. In m/s.
+        foot_rotation: Rotation from toe link to pelvis.
+        ankle: Position of the toe joint. In m.
+        ankle_jacobian: Jacobian of the toe joint's position with respect to the joints. In m/rad.
         com_moment: Sum of mass times position over the leg's links. In kg m.
-        com_rate: Its rate of change against the pelvis. In kg m/s.
-        springs: Deflection of shin and heel spring; of the heel's 0 where the achilles rod does
-            not reach, which no true angles are. In rad.
-        heel_gradient: Of the heel spring's deflection by shin and tarsus.
-        lower_leg: By shin and by tarsus, of the sum of mass times position below the springs, when
-            the foot keeps its attitude. In kg m/rad.
+        com_rate: Rate of change of `com_moment` relative to the pelvis. In kg m/s.
+        springs: Deflection of shin and heel spring. The heel's is 0 where the achilles rod does not
+            reach, which does not happen for true angles. In rad.
+        heel_gradient: Derivatives of the heel spring's deflection by shin and tarsus.
+        lower_leg: Derivatives by shin and tarsus of the sum of mass times position below the
+            springs, while the foot keeps its attitude. In kg m/rad.
     """
 
     axes: FloatArray = array(7, 3)
@@ -86,7 +86,7 @@ class LegState(Record):
 
 
 class Chain(Protocol):
-    """What `next_link` reads of a record of links, see `Leg`."""
+    """The fields of a record of links that `next_link` reads, see `Leg`."""
 
     positions: FloatArray
     rotations: FloatArray
@@ -95,7 +95,7 @@ class Chain(Protocol):
 
 Axes = tuple[Vector, Vector, Vector]
 Motion = tuple[Axes, Vector, Vector, Vector]
-"""Of a link: axes, origin (m), its velocity (m/s) and the angular velocity (rad/s)."""
+"""Motion of a link: axes, origin (m), velocity of the origin (m/s), angular velocity (rad/s)."""
 
 UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Axes of the pelvis."""
@@ -105,7 +105,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @compiled
 def into(axes: Axes, v: VectorLike) -> Vector:
-    """A vector given in a frame, in the pelvis frame."""
+    """A vector in the pelvis frame, from its components in another frame."""
     x, y, z = axes
     return (
         x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
@@ -121,7 +121,7 @@ def _store(vector: Vector, out: FloatArray) -> None:
 
 @compiled
 def next_link(motion: Motion, leg: Chain, i: int, joint: float, rate: float) -> Motion:
-    """Of link i, from that of its parent; joint and rate in rad and rad/s."""
+    """Motion of link i, from the motion of its parent; joint and rate in rad and rad/s."""
     axes, origin, velocity, omega = motion
     arm, fixed = into(axes, leg.positions[i]), leg.rotations[i]
     x, y = into(axes, fixed[:, 0]), into(axes, fixed[:, 1])
@@ -140,13 +140,13 @@ def leg_kinematics(
     loop: HeelLoop,
     state: LegState,
 ) -> None:
-    """Kinematics of a leg.
+    """Compute the kinematics of a leg.
 
     Args:
-        joints: Shape (7,), in rad.
-        rates: Shape (7,), in rad/s.
-        leg: Its numbers.
-        loop: Its achilles rod.
+        joints: Joint angles. Shape (7,), in rad.
+        rates: Joint rates. Shape (7,), in rad/s.
+        leg: Parameters of the leg.
+        loop: Geometry of the achilles rod.
         state: Result.
     """
     motion = (UPRIGHT, ZERO, ZERO, ZERO)
@@ -196,7 +196,7 @@ def _deflect_springs(joints: FloatArray, loop: HeelLoop, state: LegState) -> Non
 
 @compiled
 def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Leg, state: LegState) -> None:
-    """Derivative of mass times position below the springs; the foot counts at the toe joint."""
+    """Write `LegState.lower_leg`; the foot counts as a mass at the toe joint."""
     span = minus(state.origins[6], state.origins[5])
     about_tarsus = plus(tarsus, times(leg.masses[6], span))
     span = minus(state.origins[5], state.origins[4])
@@ -212,28 +212,28 @@ def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Leg, state
 def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -> Vector:
     """Ground force on the foot in the leg's plane, from the springs.
 
-    The springs balance the ground force and the weight below them when shin and tarsus give
-    way while the foot keeps its attitude:
+    The springs balance the ground force and the weight below them in a virtual motion of shin and
+    tarsus in which the foot keeps its attitude:
 
         J_i F = dV/dq_i + g up . d(sum of m p)/dq_i + u_toe,   i = shin, tarsus,
         V = 1/2 k_shin q5^2 + 1/2 k_heel heel(q4, q5, q6)^2
 
-    J moves the toe joint. The toe drive balances the ground's moment about it, and the
-    foot's weight: the foot counts as a mass at the toe joint. Inertia is left out, so that a
-    swinging leg shows some force too.
+    J is the Jacobian of the toe joint. The toe drive balances the ground's moment about the toe
+    joint and the foot's weight: the foot counts as a mass at the toe joint. Inertia is neglected,
+    so that a swinging leg shows some force, too.
 
     Args:
-        leg: Its numbers.
-        state: Its kinematics.
-        toe_torque: Of the toe drive at the joint. In Nm.
+        leg: Parameters of the leg.
+        state: Kinematics of the leg.
+        toe_torque: Torque of the toe drive at the joint. In Nm.
         up: Unit vector against gravity in the pelvis frame. Shape (3,).
 
     Returns:
-        In the pelvis frame, in N. Zero where the achilles rod does not reach, and where shin and
-        tarsus are in line and so cannot tell the force.
+        Force in the pelvis frame, in N. Zero where the achilles rod does not reach, and where shin
+        and tarsus are in line, so that they do not determine the force.
 
     Source:
-        The paper takes contact from the springs' deflection without a formula; its heel
+        The paper detects contact by the springs' deflection without a formula; its heel
         deflection q4 + q5 + q6 - 13 degrees (eq:SpringJacobian) is not used: see `heel_deflection`.
     """
     heel = leg.heel_stiffness * state.springs[1]
@@ -260,14 +260,14 @@ def both_legs(
     up: VectorLike,
     pair: LegPair,
 ) -> None:
-    """Kinematics and spring force of both legs.
+    """Compute kinematics and spring force of both legs.
 
     Args:
-        joints: Shape (2, 7), in rad.
-        rates: Shape (2, 7), in rad/s.
-        toe_torques: Two, in Nm.
+        joints: Joint angles. Shape (2, 7), in rad.
+        rates: Joint rates. Shape (2, 7), in rad/s.
+        toe_torques: Torques of the two toe drives, in Nm.
         up: Unit vector against gravity in the pelvis frame.
-        pair: Gets states and forces.
+        pair: Both legs; gets states and forces.
     """
     for i in range(2):
         leg, state = pair.legs[i], pair.states[i]
@@ -291,10 +291,10 @@ class LegPair(Record):
     """Both legs.
 
     Attributes:
-        legs: Left and right.
-        loop: Achilles rod, the same for both.
-        states: Their kinematics.
-        forces: Of the ground on each foot against gravity. In N.
+        legs: Parameters of left and right leg.
+        loop: Achilles rod, the same for both legs.
+        states: Kinematics of both legs.
+        forces: Ground force on each foot, its component against gravity. In N.
     """
 
     legs: Records[Leg] = part(Leg, 2)
@@ -310,23 +310,24 @@ class LegPair(Record):
     def update(
         self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
     ) -> None:
-        """Kinematics and forces (see `spring_force`) at a measured pose.
+        """Compute kinematics and forces (see `spring_force`) at a measured pose.
 
         Args:
-            joints: Shape (2, 7), in rad.
-            rates: Shape (2, 7), in rad/s.
-            toe_torques: Of the toe drives at the joint. Shape (2,), in Nm.
+            joints: Joint angles. Shape (2, 7), in rad.
+            rates: Joint rates. Shape (2, 7), in rad/s.
+            toe_torques: Torques of the toe drives at the joint. Shape (2,), in Nm.
             up: Unit vector against gravity in the pelvis frame. Shape (3,).
         """
         update_pair(joints, rates, toe_torques, up, self.records)
 
 
 def _leg(name: str) -> Leg:
-    """The numbers of a leg.
+    """The parameters of a leg.
 
-    What hangs on a link counts with it. The heel spring gives way by a few degrees only and counts
-    as fixed to the tarsus. The achilles rod is a mass at each of its ends. Foot crank, plantar
-    rod, foot and tarsus are a parallelogram: the crank turns with the foot, the rod does not.
+    Parts attached to a link count with it. The heel spring deflects by a few degrees only and
+    counts as fixed to the tarsus. The achilles rod is a mass at each of its ends. Foot crank,
+    plantar rod, foot and tarsus are a parallelogram: the crank turns with the foot, the rod does
+    not.
     """
     links = {link.name: link for link in robot.leg_links(name)}
     leg = Leg()

@@ -1,9 +1,9 @@
-"""The robot's tree of frames: where each link stands in its parent, for the URDF and for /tf.
+"""The robot's tree of frames: the pose of each link in its parent, for the URDF and for /tf.
 
 A URDF is a tree of hinges. The achilles rods, heel springs, foot cranks and plantar rods close
 loops and have no encoder: the closed forms of `linkage` give their angles from the measured joints.
-An achilles rod's ball joint is taken for a hinge across the leg: its tip is then up to 0.8 mm away
-from the heel spring's, with that spring deflected by up to 0.1 rad.
+An achilles rod's ball joint is modelled as a hinge perpendicular to the leg's plane. The rod's tip
+is then up to 0.8 mm away from the heel spring's tip, for deflections of that spring up to 0.1 rad.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class LinkFrame:
 
     Attributes:
         name: Name of the frame, and of the link in the URDF.
-        parent: Name of the frame that carries it.
-        joint: Name of the joint between the two, as in /joint_states where it has an encoder.
+        parent: Name of the parent frame.
+        joint: Name of the joint between the two, as in /joint_states if it has an encoder.
         position: Origin in the parent's frame. Shape (3,), in m.
         rotation: Orientation in the parent's frame at joint angle zero. Shape (3, 3).
         axis: Unit vector of the hinge in the link's frame, or None if it is fixed. Shape (3,).
-        leg: "left", "right" or, of the IMU, "".
-        link: Its numbers; None for the IMU, whose mass is the pelvis's.
+        leg: "left", "right" or, for the IMU, "".
+        link: Link with its parameters; None for the IMU, whose mass is part of the pelvis.
     """
 
     name: str
@@ -84,7 +84,7 @@ def _quaternion(rotation: FloatArray) -> FloatArray:
 def _leg_frame(leg: str, link: robot.Link) -> LinkFrame:
     rotation, axis = link_rotation(link), np.array([0.0, 0.0, 1.0])
     if link.joint.kind == "ball":
-        axis = rotation[2]  # across the leg
+        axis = rotation[2]  # perpendicular to the leg's plane
     # The table gives the pose at `joint.zero`; turn it back about the joint's axis.
     cosine, sine = math.cos(link.joint.zero), math.sin(link.joint.zero)
     back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -107,7 +107,7 @@ FRAMES = (_IMU, *(_leg_frame(leg, link) for leg in LEGS for link in robot.leg_li
 
 FIXED_FRAMES = tuple(frame for frame in FRAMES if frame.axis is None)
 MOVING_FRAMES = tuple(frame for frame in FRAMES if frame.axis is not None)
-"""Left leg before right, each with the same links in the same order."""
+"""Frames with a hinge, left leg before right, each with the same links in the same order."""
 
 _LEG = [frame.link.name for frame in MOVING_FRAMES if frame.link and frame.leg == "left"]
 _MEASURED = [_LEG.index(name) for name in LEG_JOINTS]
@@ -118,8 +118,8 @@ _HEEL_AND_ROD = [_LEG.index("heel_spring"), _LEG.index("achilles_rod")]
 class LinkPoses:
     """Poses of the base in the world and of all moving links in their parents.
 
-    Where a rod does not reach, as joints out of their range may have it, the links of its loop
-    that have no encoder keep their last pose.
+    If a rod does not reach, which joints out of their range may cause, the links of its loop
+    without an encoder keep their last pose.
     """
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class LinkPoses:
         """Poses at the coordinates of eq:qdef.
 
         Args:
-            q: Shape (20,), in m and rad.
+            q: Coordinates. Shape (20,), in m and rad.
 
         Returns:
             Position in m and quaternion x, y, z, w: of the base in the world, then of
@@ -167,15 +167,15 @@ def _heel_and_rod(
         loops: See `linkage.heel_loop`. Shape (1,).
 
     Returns:
-        Angle of the spring and, in the plane of the leg, of the rod from the hip pitch link's x
-        axis. In rad; NaN if the rod does not reach.
+        Angle of the spring, and angle of the rod in the plane of the leg, from the hip pitch link's
+        x axis. In rad; NaN if the rod does not reach.
     """
     loop = loops[0]
     heel = heel_deflection(knee, shin, tarsus, loop)[0]
     c, s = math.cos(heel), math.sin(heel)
     x = loop.heel[0] + loop.still[0] + loop.cosine[0] * c + loop.sine[0] * s
     y = loop.heel[1] + loop.still[1] + loop.cosine[1] * c + loop.sine[1] * s
-    # From the tip in the tarsus link up to the hip pitch link: turned, then carried.
+    # From the tip in the tarsus link up to the hip pitch link: rotate, then translate.
     for turn, joint in (
         (tarsus + loop.tarsus_turn - loop.knee_turn, loop.tarsus),
         (shin, loop.shin),
@@ -200,7 +200,7 @@ def _place_base(q: FloatArray, pose: FloatArray) -> None:
 
 @compiled
 def _turn_links(rests: FloatArray, axes: FloatArray, angles: FloatArray, poses: FloatArray) -> None:
-    """Poses (n, 7) of links that were at rest (n, 7), turned about their axes (n, 3)."""
+    """Write the poses (n, 7) of links: rest poses (n, 7), rotated about their axes (n, 3)."""
     for i in range(len(angles)):
         c, s = math.cos(0.5 * angles[i]), math.sin(0.5 * angles[i])
         x, y, z = s * axes[i, 0], s * axes[i, 1], s * axes[i, 2]

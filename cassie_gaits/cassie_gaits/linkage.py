@@ -1,13 +1,13 @@
 """Rods of a leg in closed form: heel spring and achilles rod, foot crank and plantar rod.
 
-Each leg holds two loops. The achilles rod, on a ball joint at the hip pitch link, is pinned to
-the tip of the heel spring, which turns in the tarsus: knee, shin and tarsus angle fix the heel
-spring's angle. The plantar rod joins the foot crank to the toe link: the toe angle fixes the
-crank's. Both closures ask for a point of a circle at a given distance from another point:
+Each leg has two loops. The achilles rod, on a ball joint at the hip pitch link, is pinned to
+the tip of the heel spring, which turns in the tarsus: knee, shin and tarsus angle determine the
+heel spring's angle. The plantar rod joins the foot crank to the toe link: the toe angle determines
+the crank's angle. Both closures need a point on a circle at a given distance from another point:
 A cos(angle) + B sin(angle) = C.
 
 Everything is written for the left leg. A right leg with the same joint angles is its mirror
-image in the plane of the leg, so that all angles here hold for it too and vectors negate z.
+image in the plane of the leg. So all angles here are valid for it, too, and vectors negate z.
 """
 
 from __future__ import annotations
@@ -28,12 +28,13 @@ class HeelLoop(Record):
 
     Attributes:
         knee, shin, tarsus: Joint axes in the plane of the leg, each in its parent's frame.
-        knee_turn, tarsus_turn: Of the frames about z from the hip pitch frame, less joint angles.
-        base: The rod's base in the hip pitch frame, z from the knee's.
+        knee_turn, tarsus_turn: Angles of the frames about z from the hip pitch frame, without the
+            joint angles.
+        base: The rod's base in the hip pitch frame, with z from the knee's z.
         heel: The heel spring's joint in the tarsus.
-        still, cosine, sine: Tip from there: still + cosine cos(angle) + sine sin(angle).
-        reach: Square of the tip's distance from there, less that of the rod's length. In m^2.
-        branch: Which of the two ways to close the loop is the spring's, 1 or -1.
+        still, cosine, sine: Tip from that joint: still + cosine cos(angle) + sine sin(angle).
+        reach: Squared distance of the tip from that joint, minus the rod's squared length. In m^2.
+        branch: Sign of the solution of the loop that is the spring's, 1 or -1.
     """
 
     knee: FloatArray = array(2)
@@ -50,8 +51,8 @@ class HeelLoop(Record):
     branch: float
 
 
-# Share of the greatest C at which the achilles rod's loop still closes well: the derivatives of the
-# heel spring's angle grow without bound where it ceases to close.
+# Share of the greatest C up to which the achilles rod's loop is solved: the derivatives of the heel
+# spring's angle grow without bound where the loop ceases to close.
 _CLOSES_WELL = 0.9999
 
 
@@ -73,21 +74,21 @@ def heel_deflection(
         loop: See `heel_loop`.
 
     Returns:
-        Heel angle in rad and its derivatives to q4, q5, q6. All are NaN if the rod does not
-        reach, or so barely that a derivative exceeds some 100, and if an angle is not finite.
+        Heel angle in rad and its derivatives by q4, q5, q6. All are NaN if the rod does not
+        reach, or so barely that a derivative exceeds about 100, and if an angle is not finite.
     """
     upper = knee + loop.knee_turn
     lower, foot = upper + shin, knee + shin + tarsus + loop.tarsus_turn
     if not -100.0 < foot + lower < 100.0:
         return math.nan, math.nan, math.nan, math.nan
     cos_f, sin_f = math.cos(foot), math.sin(foot)
-    # Joint axes from the tarsus axis backwards, and the rod's base from there; hip pitch axes.
+    # Joint axes from the tarsus axis upwards, then the rod's base; in hip pitch axes.
     shin_x, shin_y = _turned(-loop.tarsus[0], -loop.tarsus[1], math.cos(lower), math.sin(lower))
     x, y = _turned(-loop.shin[0], -loop.shin[1], math.cos(upper), math.sin(upper))
     knee_x, knee_y = shin_x + x, shin_y + y
     base_x = knee_x - loop.knee[0] + loop.base[0]
     base_y = knee_y - loop.knee[1] + loop.base[1]
-    # From the heel spring's joint to the base; tarsus axes.
+    # From the heel spring's joint to the base, in tarsus axes.
     x, y = _turned(base_x, base_y, cos_f, -sin_f)
     w = (x - loop.heel[0], y - loop.heel[1], loop.base[2] - loop.heel[2])
     a, b = dot(w, loop.cosine), dot(w, loop.sine)
@@ -97,7 +98,7 @@ def heel_deflection(
         return math.nan, math.nan, math.nan, math.nan
     heel = math.atan2(b, a) + loop.branch * math.acos(c / amplitude)
     heel -= 2.0 * math.pi * round(heel / (2.0 * math.pi))
-    # The rod keeps its length: what the tip moves along the rod sums to zero.
+    # The rod's length is constant: the tip's velocity components along the rod sum to zero.
     cos_h, sin_h = math.cos(heel), math.sin(heel)
     x = loop.heel[0] + loop.still[0] + loop.cosine[0] * cos_h + loop.sine[0] * sin_h
     y = loop.heel[1] + loop.still[1] + loop.cosine[1] * cos_h + loop.sine[1] * sin_h
@@ -132,7 +133,7 @@ def _neutral(name: str, ancestor: str) -> tuple[FloatArray, FloatArray]:
 
 
 def pin_in_target(rod: robot.Rod) -> FloatArray:
-    """Where a rod is pinned, in the frame of its target on the left leg. Shape (3,), in m."""
+    """Position of a rod's pin in the frame of its target on the left leg. Shape (3,), in m."""
     common = _LINKS[rod.rod].parent
     while common not in _ancestors(rod.target):
         common = _LINKS[common].parent
@@ -154,7 +155,7 @@ _PINS = {rod.rod: pin_in_target(rod) for rod in robot.RODS}
 
 
 def _turn_about_z(name: str) -> float:
-    """Angle that a link's frame has turned about the common z axis, less its joint angle."""
+    """Angle of a link's frame about the common z axis, without its joint angle."""
     link = _LINKS[name]
     return math.atan2(link.x_axis[1], link.x_axis[0]) - link.joint.zero
 
@@ -211,7 +212,7 @@ def heel_angle_and_slopes(
         tarsus: q6. In rad.
 
     Returns:
-        Heel angle in rad and its derivatives to q4, q5, q6.
+        Heel angle in rad and its derivatives by q4, q5, q6.
 
     Raises:
         KinematicsError: if the rod does not reach, or an angle is not finite.
@@ -246,7 +247,7 @@ def achilles_direction(knee: float, shin: float, tarsus: float) -> FloatArray:
 
 
 def achilles_turn(leg: str, knee: float, shin: float, tarsus: float) -> FloatArray:
-    """Turn of an achilles rod's ball joint, without a spin about the rod.
+    """Rotation of an achilles rod's ball joint, without spin about the rod.
 
     Args:
         leg: "left" or "right".

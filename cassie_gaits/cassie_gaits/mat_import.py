@@ -1,16 +1,16 @@
-"""Import of a gait library as MATLAB tools around FROST leave it.
+"""Import of a gait library from a file of the MATLAB tools around FROST.
 
-The file holds, at its top or in one struct of any name:
+The file contains, at its top level or in one struct of any name:
 
     RightStance.HAlpha, LeftStance.HAlpha   [n, 10, 6]  Bezier coefficients of n gaits
     ct                                      [n]         1 / step time in 1/s; also in RightStance
     Velocity                                [n] or [k, n]  sagittal speeds in the first row, m/s
 
 Rows of HAlpha: hip roll, hip yaw, leg pitch, leg length, toe of the left leg, then of the right,
-with the torso upright. Angles are this project's (`virtual_leg`), roll and yaw positive to the
-left, the toe's the joint angle q7; leg pitch may have either sign, what the swing legs do at speed
-decides. What such a file does not have is zero (torso) or missing (torques, passive motion): it is
-not certified.
+with the torso upright. Angles are those of this project (`virtual_leg`), with roll and yaw positive
+to the left, and q7 for the toe. Leg pitch may have either sign; the motion of the swing legs at
+speed decides which. Values that such a file does not have are zero (torso) or missing (torques,
+passive motion). The library is not certified.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _content(path: Path) -> dict[str, Any]:
         found = loadmat(io.BytesIO(raw), squeeze_me=False, struct_as_record=True)
     except NotImplementedError:
         raise GaitLibraryError("it is a MATLAB 7.3 file; save it with -v7") from None
-    except Exception as error:  # scipy's reader lets many through on damaged files
+    except Exception as error:  # scipy's reader raises many kinds of errors on damaged files
         reason = " ".join(str(error).split()) or type(error).__name__
         raise GaitLibraryError(f"it is no MATLAB file, or damaged: {reason}") from None
     top = {name: value for name, value in found.items() if not name.startswith("__")}
@@ -133,7 +133,7 @@ def _alpha(content: dict[str, Any], stance: str, count: int) -> FloatArray:
 
 
 def _leg_pitch_sign(speeds: FloatArray, right_stance: FloatArray) -> float:
-    """+1 if leg pitch > 0 puts the toe in front: the left leg swings the way the robot goes."""
+    """+1 if leg pitch > 0 puts the toe in front, else -1: the left leg swings along the speed."""
     sweep = right_stance[:, LEG_PITCH, -1] - right_stance[:, LEG_PITCH, 0]
     return -1.0 if float(sweep @ speeds) < 0.0 else 1.0
 
@@ -156,7 +156,7 @@ def _outputs(alpha: FloatArray, stance: int, sign: float) -> FloatArray:
 
 
 def _foot_pitch(leg_pitch: FloatArray, length: FloatArray, toe: FloatArray) -> FloatArray:
-    """Coefficients of the foot's pitch that the toe joint's make, by least squares. Shape (6,)."""
+    """Coefficients of the foot's pitch, by least squares from those of the toe joint. (6,)."""
     curves = np.array([leg_pitch, length, toe])
     basis = np.array([bezier.basis(phase)[:, 0] for phase in np.linspace(0.0, 1.0, _SAMPLES)])
     values = [

@@ -1,4 +1,4 @@
-"""A short name for the numbers in `cassie_gaits.robot`, to tell which robot a gait was made for."""
+"""Hash of the numbers in `cassie_gaits.robot`, which identifies the robot of a gait."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _ONLY_LOOKS = ("mesh", "capsule")
 
 @functools.cache
 def model_hash() -> str:
-    """Hash of everything in the robot table that changes how the robot moves.
+    """Hash of everything in the robot table that changes the robot's motion.
 
-    Meshes and collision shapes do not count. 16 hexadecimal digits.
+    It has 16 hexadecimal digits. Meshes and collision shapes are not part of it.
     """
     links = [asdict(link) for link in (robot.PELVIS, *robot.LEFT_LEG)]
     for link in links:

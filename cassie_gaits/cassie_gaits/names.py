@@ -19,7 +19,7 @@ DRIVES = tuple(f"{leg}_{drive}" for leg in LEGS for drive in LEG_DRIVES)
 """The 10 drives in the order of every command and sensor sample."""
 
 SENSED_JOINTS = tuple(f"{leg}_{joint}" for leg in LEGS for joint in LEG_SENSED_JOINTS)
-"""The 6 joints that carry an encoder of their own."""
+"""The 6 joints with an encoder at the joint."""
 
 COORDINATES = BASE_COORDINATES + JOINTS
 """The 20 coordinates of eq:qdef."""

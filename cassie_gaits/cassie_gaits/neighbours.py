@@ -1,7 +1,8 @@
-"""How far gaits of a grid are from their neighbours, and which sit in another optimum.
+"""Distances between neighbouring gaits of a grid, to find gaits in another local optimum.
 
-Gaits change smoothly with the speeds as long as the optimizer stays in one optimum. Where it went
-to another one, two neighbours differ by several times what others of the same direction do.
+Gaits change smoothly with the speeds as long as the optimizer stays in one local optimum. At a
+change to another optimum, the distance of two neighbours is several times the usual one along the
+same axis.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ Speeds = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Pair:
-    """Two gaits that are next to each other on the grid.
+    """Two neighbouring gaits of the grid.
 
     Attributes:
-        axis: Speed in which they differ.
+        axis: Name of the speed in which the gaits differ.
         one, other: The gaits, `one` at the lower speed.
         distance: RMS difference of the outputs' coefficients, in rad and m.
     """
@@ -36,7 +37,7 @@ class Pair:
 
 
 def pairs(gaits: Sequence[Gait]) -> list[Pair]:
-    """All neighbours along each axis of the grid; those beside a hole have fewer."""
+    """All pairs of neighbours along each axis of the grid; there is no pair across a hole."""
     by_speeds = {_speeds(gait): gait for gait in gaits}
     found = []
     for k, axis in enumerate(AXES):
@@ -54,7 +55,7 @@ def pairs(gaits: Sequence[Gait]) -> list[Pair]:
 
 
 def greatest(gaits: Sequence[Gait]) -> dict[Speeds, float]:
-    """Of each gait the greatest distance to a neighbour, by the median of its direction."""
+    """Greatest distance of each gait to a neighbour, as ratio to the median along that axis."""
     found = pairs(gaits)
     medians = {axis: _median(found, axis) for axis in AXES}
     result = {_speeds(gait): 0.0 for gait in gaits}
@@ -66,11 +67,11 @@ def greatest(gaits: Sequence[Gait]) -> dict[Speeds, float]:
 
 
 def report(gaits: Sequence[Gait], most: int = 10) -> str:
-    """Distances along each axis in words, and the pairs that are farthest apart.
+    """Text with the distances along each axis, and the pairs with the greatest distances.
 
     Args:
-        gaits: Of a library.
-        most: Pairs that are named for each axis.
+        gaits: Gaits of a library.
+        most: Number of pairs to name for each axis.
     """
     found = pairs(gaits)
     lines = [f"{'neighbours in':14s} {'pairs':>6s} {'median':>8s} {'99 %':>8s} {'greatest':>8s}"]

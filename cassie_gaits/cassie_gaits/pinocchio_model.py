@@ -1,8 +1,8 @@
-"""The Pinocchio tree of Cassie, with every rod as a body and the loops still open.
+"""The Pinocchio tree of Cassie, with every rod as a body and open loops.
 
-Velocities stand in the order of the tree: x, y, z, yaw, pitch, roll (rates of the Euler angles of
+Velocities are in the order of the tree: x, y, z, yaw, pitch, roll (rates of the Euler angles of
 eq:qdef), then left and right leg with the links of `robot.LEFT_LEG` in their order. `dynamics`
-closes the loops and goes to the paper's coordinates.
+closes the loops and converts to the paper's coordinates.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Loop:
 
     Attributes:
         tip: Frame at the rod's far end.
-        pin: Frame at the point of the target that it is pinned to.
-        follows: Indices in the tree's velocity that the closure fixes.
+        pin: Frame at the point of the target to which the tip is pinned.
+        follows: Indices in the tree's velocity that the closure determines.
     """
 
     tip: int
@@ -42,17 +42,17 @@ class Loop:
 
 @dataclass(frozen=True)
 class Tree:
-    """The open tree and where things are in it.
+    """The open tree, and the indices of coordinates and frames in it.
 
     Attributes:
         model: `pinocchio.Model`.
         joints_q: Index in the tree's configuration of each of the 20 coordinates. Shape (20,).
         joints_v: Index in the tree's velocity of each of the 20 coordinates. Shape (20,).
         zeros: Coordinates at which the tree's configuration is zero. Shape (20,), in rad.
-        balls_q: Index of the first number of each achilles rod's quaternion, left, right.
+        balls_q: Index of the first element of each achilles rod's quaternion, left, right.
         heels_q: Index in the configuration of each heel spring, left, right.
         cranks_q: Index in the configuration of each foot crank, left, right.
-        loops: Two for the left leg, two for the right leg.
+        loops: Loop closures, two for the left leg, two for the right leg.
         soles: Frame at the middle of each sole, x to the tip, z up; left, right.
         toes: Frame of each toe joint, left, right.
     """
@@ -73,8 +73,8 @@ def build_tree(gravity: float = 9.81, pelvis_link: robot.Link = robot.PELVIS) ->
     """Build the tree from the robot table.
 
     Args:
-        gravity: In m/s^2.
-        pelvis_link: The pelvis, to take a symmetric one instead.
+        gravity: Gravity. In m/s^2.
+        pelvis_link: Link of the pelvis, such as a symmetric one.
     """
     model = pin.Model()
     model.name = "cassie"
@@ -146,7 +146,7 @@ def _loop(model: Any, joints: dict[str, int], leg: str, rod: robot.Rod) -> Loop:
     target = _frame(model, joints[rod.target], f"{leg}_{rod.rod}_pin", in_target)
     first = model.idx_vs[joints[rod.rod]]
     if rod.rod == "achilles_rod":
-        # The rod's spin about its own axis, its x axis, is not fixed by the pin: it has none.
+        # The pin does not determine the rod's spin about its own x axis; that spin is zero.
         follows = [first + 1, first + 2, model.idx_vs[joints["heel_spring"]]]
     else:
         follows = [model.idx_vs[joints["foot_crank"]], first]
@@ -154,7 +154,7 @@ def _loop(model: Any, joints: dict[str, int], leg: str, rod: robot.Rod) -> Loop:
 
 
 def _sole(model: Any, joints: dict[str, int], leg: str) -> int:
-    # With q4 + q5 + q6 at 13 degrees the foot is level when toe, tarsus and hip pitch sum up to
+    # With q4 + q5 + q6 = 13 degrees the foot is level if toe, tarsus and hip pitch sum to
     # -50 degrees from a thigh that points down: ahead is then at 140 degrees in the toe frame.
     ahead = np.array([math.cos(math.radians(140.0)), math.sin(math.radians(140.0)), 0.0])
     heel, tip = sorted((np.array(point) for point in robot.FOOT_CONTACTS), key=ahead.dot)

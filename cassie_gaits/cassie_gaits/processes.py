@@ -1,4 +1,4 @@
-"""Local processes that end with the one that started them, however that ends."""
+"""Local processes that end with their parent process, for whatever reason that ends."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ def available_cores() -> int:
 
 @contextlib.contextmanager
 def local_processes(count: int) -> Iterator[Executor]:
-    """Forked processes, which share what is loaded and set up by now.
+    """Executor of forked processes, which share everything that is loaded and set up by now.
 
-    An exception in the block ends them at once; what they are at is lost.
+    An exception in the block ends the processes at once; their present work is lost.
 
     Args:
-        count: Of processes.
+        count: Number of processes.
 
     Raises:
-        GaitLibraryError: if one of them died, as when the system had no memory left for it.
+        GaitLibraryError: if a process died, for example because the system ran out of memory.
     """
     context = multiprocessing.get_context("fork")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
     try:
         yield pool
     except BaseException as error:
-        # What they are at can take a minute and nobody waits for it.
+        # The present work of a process can take a minute, and its result is not needed.
         for process in list((pool._processes or {}).values()):
             process.terminate()
         if isinstance(error, BrokenProcessPool):
@@ -48,7 +48,7 @@ def local_processes(count: int) -> Iterator[Executor]:
 
 
 def _begin_worker() -> None:
-    """A worker leaves Ctrl-C to its parent, which ends it, and ends when that one is killed."""
+    """Let a worker ignore Ctrl-C, as its parent ends it, and end when its parent is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     end_with_parent()

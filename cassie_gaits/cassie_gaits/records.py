@@ -5,9 +5,9 @@
         steps: int = whole()
         velocity: FloatArray = array(2)  # m/s
 
-`Timing()` is one such record, all zero, and `Timing(phase=0.5)` one with a number given. Python
-reads and writes its fields. A compiled function takes `timing.records`, an array of shape (1,)
-whose entry has the same fields, so that the annotations above hold in both places:
+`Timing()` is such a record with all numbers zero, and `Timing(phase=0.5)` one with a given number.
+Python reads and writes its fields. A compiled function takes `timing.records`, an array of shape
+(1,) whose element has the same fields, so that the annotations above are valid in both places:
 
     @compiled
     def advance(timings: Records[Timing], period: float) -> None:
@@ -38,7 +38,7 @@ _Value = float | Sequence[float] | FloatArray
 
 
 class _Field:
-    """What a class attribute says of a field: its numpy type and shape."""
+    """Numpy type and shape of a field, as a class attribute."""
 
     def __init__(self, kind: Any, shape: tuple[int, ...]) -> None:
         self.kind, self.shape = kind, shape
@@ -50,12 +50,12 @@ def array(*shape: int) -> Any:
 
 
 def whole(*shape: int) -> Any:
-    """A field that holds an integer, or an array of integers of this shape."""
+    """A field of an integer, or of an array of integers of this shape."""
     return _Field(np.int64, shape)
 
 
 def part(record: type[Record], *shape: int) -> Any:
-    """A field that holds a record of another class, or an array of these."""
+    """A field of a record of another class, or of an array of such records."""
     return _Field(record.TYPE, shape)
 
 
@@ -63,13 +63,13 @@ class Record:
     """One record of numbers, see the module. Fields without a value in the class are floats.
 
     Attributes:
-        TYPE: Its numpy type.
+        TYPE: Numpy type of the record.
         records: The record for compiled functions. Shape (1,).
     """
 
     TYPE: ClassVar[np.dtype[Any]]
 
-    # The element is of this class, which numpy's own types cannot say.
+    # The element is of this class, which numpy's own types cannot express.
     records: Any
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -91,7 +91,7 @@ class Record:
         self.records = np.zeros(1, self.TYPE)
         words = self.records.view(np.uint8).data
         self._floats, self._integers = words.cast("d"), words.cast("q")
-        named = self.records.view(np.recarray)  # parts that are records have their fields by name
+        named = self.records.view(np.recarray)  # gives access to fields of nested records by name
         self._parts = {name: named[name][0] for name in self.TYPE.names or ()}
         given = dict(zip(self._parts, values, strict=False)) | figures
         for name, value in given.items():
@@ -108,7 +108,7 @@ class Record:
 
 
 class _Number:
-    """Access to a scalar: a word of the record's memory, five times as fast as numpy's own."""
+    """Access to a scalar by a word of the record's memory, five times as fast as numpy's access."""
 
     def __init__(self, place: int, *, whole: bool) -> None:
         self._place, self._whole = place, whole
@@ -123,7 +123,7 @@ class _Number:
 
 
 class _Part:
-    """Access to an array or a record in the record: a view of its memory."""
+    """Access to an array or a nested record by a view of the record's memory."""
 
     def __init__(self, name: str) -> None:
         self._name = name

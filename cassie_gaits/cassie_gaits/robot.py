@@ -1,8 +1,8 @@
-"""Cassie's numbers: links, joints, springs, rods and drives, for every model of the robot.
+"""Cassie's parameters: links, joints, springs, rods and drives, for every model of the robot.
 
-This table is the only place where they stand. `cassie_sim.robot_mjcf` makes the MuJoCo model
-from it, `cassie_gaits.dynamics` the Pinocchio model. Only the left leg is written down; the
-right leg is its mirror image (`mirrored`).
+This table is their only source. `cassie_sim.robot_mjcf` makes the MuJoCo model from it,
+`cassie_gaits.dynamics` the Pinocchio model. The table has only the left leg; the right leg is
+its mirror image (`mirrored`).
 
 A link's frame has its joint axis along z. Poses are in the parent's frame, inertias about the
 centre of mass in axes parallel to the link's frame. Units: m, kg, kg m^2, Nm, rad.
@@ -162,7 +162,7 @@ RODS: tuple[Rod, ...] = (
     Rod("achilles_rod", "heel_spring", 0.5012),
     Rod("plantar_rod", "toe", 0.35012),
 )
-"""Loop closures of each leg. Where the pin is in the target follows from the neutral pose."""
+"""Loop closures of each leg. The pin's position in the target follows from the neutral pose."""
 
 FOOT_CONTACTS: tuple[Vector, Vector] = (
     (-0.052821, 0.092622, 0.0),
@@ -183,21 +183,22 @@ DRIVES: dict[str, Drive] = {
 """Drives of each leg by joint."""
 
 JOINT_ENCODER_BITS = {"shin": 18, "tarsus": 18, "toe": 13}
-"""Joint-side encoders of each leg."""
+"""Bits of the joint-side encoders of each leg."""
 
 ENCODER_RATE = 2000.0
-"""Of all encoders, and of the filters that make velocities of their angles. In Hz."""
+"""Rate of all encoders, and of the filters that compute velocities from their angles. In Hz."""
 
 DRIVE_VELOCITY_FILTER = tuple(
     tap / math.pi for tap in (2727.0, 534.0, -2658.0, -795.0, 72.0, 110.0, 19.0, -6.0, -3.0)
 )
-"""Filter of the drives' angles, newest first. In 1/s."""
+"""Velocity filter of the drives' angles, newest first. In 1/s."""
 
 JOINT_VELOCITY_FILTER = ((12.348, 12.348, -12.348, -12.348), (-1.7658, 0.79045))
-"""Filter of the joints' angles, newest first: by angles (1/s), and less that by velocities."""
+"""Velocity filter of the joints, newest first: coefficients of angles (1/s), and coefficients of
+past velocities, which are subtracted."""
 
 DRIVE_DELAY = 0.003
-"""Time from a torque set-point to the torque. In s."""
+"""Latency from a torque set-point to the torque. In s."""
 
 
 def mirror_vector(vector: Vector, axis: int) -> Vector:
@@ -212,8 +213,8 @@ def mirror_vector(vector: Vector, axis: int) -> Vector:
 def mirrored(link: Link) -> Link:
     """The right leg's link for one of the left leg.
 
-    A mirror image of the parent negates one axis of its frame, a mirror image of the link
-    negates `link.mirror_axis` of its own; axes that both negate keep their sign.
+    A mirror image of the parent negates one axis of the parent's frame, a mirror image of the link
+    negates `link.mirror_axis` of the link's frame; axes that both negate keep their sign.
     """
     parent_axis = 1 if link.parent == "pelvis" else _mirror_axis_of(link.parent)
     ixx, iyy, izz, ixy, ixz, iyz = link.inertia
@@ -255,7 +256,7 @@ def leg_links(leg: str) -> tuple[Link, ...]:
 
 
 def symmetric_pelvis() -> Link:
-    """The pelvis without what sets left and right apart: 0.35 mm, 5e-4 kg m^2."""
+    """The pelvis without its asymmetry of 0.35 mm and 5e-4 kg m^2."""
     ixx, iyy, izz, _, ixz, _ = PELVIS.inertia
     com = (PELVIS.com[0], 0.0, PELVIS.com[2])
     return replace(PELVIS, com=com, inertia=(ixx, iyy, izz, 0.0, ixz, 0.0))
@@ -267,7 +268,7 @@ def total_mass() -> float:
 
 
 GRAVITY = 9.81
-"""In m/s^2."""
+"""Gravity. In m/s^2."""
 
 WEIGHT = total_mass() * GRAVITY
-"""In N."""
+"""Weight of the robot. In N."""

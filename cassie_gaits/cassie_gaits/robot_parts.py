@@ -18,7 +18,7 @@ class Joint:
         limits: Lower and upper stop, or None. In rad.
         damping: Viscous friction. In Nms/rad.
         armature: Inertia of the rotor reflected to the joint. In kg m^2.
-        stiffness: Of the leaf spring that the joint stands for, relaxed at 0. In Nm/rad.
+        stiffness: Stiffness of the leaf spring that the joint models, relaxed at 0. In Nm/rad.
     """
 
     kind: str = "hinge"
@@ -39,13 +39,13 @@ class Link:
         position: Origin in the parent's frame. In m.
         x_axis: The link's x axis in the parent's frame.
         y_axis: The link's y axis in the parent's frame.
-        mass: In kg.
+        mass: Mass. In kg.
         com: Centre of mass in the link's frame. In m.
         inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass. In kg m^2.
-        joint: How it moves against its parent.
+        joint: Joint between the link and its parent.
         mirror_axis: Axis of the link's frame that the mirror image negates: 1 is y, 2 is z.
-        mesh: File stem of its mesh in `cassie_description`, or None.
-        capsule: Radius and end points of its collision shape, or None. In m.
+        mesh: File stem of the link's mesh in `cassie_description`, or None.
+        capsule: Radius and end points of the link's collision shape, or None. In m.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Rod:
     """A loop closure: the far end of link `rod` is pinned to a point of link `target`.
 
     Attributes:
-        rod: Link that ends the loop; the pin is at (length, 0, 0) in its frame.
-        target: Link that it is pinned to.
+        rod: Link that closes the loop; the pin is at (length, 0, 0) in its frame.
+        target: Link to which the rod is pinned.
         length: Length of the rod. In m.
     """
 
@@ -82,10 +82,10 @@ class Drive:
     """A motor with its gear.
 
     Attributes:
-        gear: Motor turns for one turn of the joint.
+        gear: Gear ratio, motor turns per turn of the joint.
         motor_torque: Largest torque of the motor. In Nm.
         no_load_speed: Speed of the motor without load. In rpm.
-        encoder_bits: Counts of the motor-side encoder in a turn, as a power of two.
+        encoder_bits: Resolution of the motor-side encoder; a turn has two to this power counts.
     """
 
     gear: float

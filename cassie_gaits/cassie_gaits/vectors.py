@@ -52,7 +52,7 @@ def turned(rotation: FloatArray, vector: VectorLike) -> Vector:
 
 @compiled
 def is_within(values: FloatArray, most: float) -> bool:
-    """Whether every number of an array (n,) is within +- `most`; NaN is not."""
+    """Whether every number of an array (n,) is within +- `most`; false for NaN."""
     for value in values:  # noqa: SIM110 - compiled code has no generators
         if not abs(value) <= most:
             return False

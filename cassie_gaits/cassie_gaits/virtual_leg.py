@@ -1,14 +1,14 @@
 """The virtual leg: from the hip pitch axis to the toe joint, for one leg, on plain floats.
 
-What a control tick needs is compiled, for Python and for other compiled functions.
+Functions for a control tick are compiled, for Python and for other compiled functions.
 
-With relaxed springs (eq:SpringRelaxed) the tarsus keeps 13 degrees to the thigh, so hip and toe
-joint are joined by two sides of fixed length: thigh with tarsus, and shin. Length and pitch of
-the virtual leg follow from the law of cosines.
+With relaxed springs (eq:SpringRelaxed) the tarsus is at 13 degrees to the thigh. So two sides of
+constant length connect hip and toe joint: thigh with tarsus, and shin. Length and pitch of the
+virtual leg follow from the law of cosines.
 
 Signs: `pitch` and `roll` of the torso are the Euler angles of eq:qdef (pitch > 0 is nose down,
-roll > 0 is right side down); leg pitch > 0 puts the toe in front of the hip; leg roll > 0 puts it
-to the left; foot pitch > 0 lifts its tip. All angles in rad, lengths in m, rates per second.
+roll > 0 is right side down); leg pitch > 0 puts the toe in front of the hip; leg roll > 0 puts the
+toe to the left; foot pitch > 0 lifts its tip. All angles in rad, lengths in m, rates per second.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import LegLengthError
 
 THIGH = 0.5292
-"""Side from the hip pitch axis to the toe joint but for the shin: thigh plus tarsus. In m."""
+"""Side of thigh plus tarsus, from the hip pitch axis to the toe joint without the shin. In m."""
 
 SHIN = 0.5
 """Side from the knee axis to the tarsus axis. In m."""
@@ -35,10 +35,10 @@ TOE_OFFSET = math.radians(50.0)
 """Foot pitch when all joint angles between torso and foot are zero. In rad."""
 
 SHORTEST = THIGH - SHIN
-"""Leg length with the sides folded, which the stops prevent. In m."""
+"""Leg length with folded sides, which the stops prevent. In m."""
 
 LONGEST = THIGH + SHIN
-"""Leg length with the sides stretched, which the stops prevent. In m."""
+"""Leg length with stretched sides, which the stops prevent. In m."""
 
 _SUM_OF_SQUARES = THIGH * THIGH + SHIN * SHIN
 _PRODUCT = 2.0 * THIGH * SHIN
@@ -50,8 +50,8 @@ def length(knee: float) -> float:
 
     Source:
         Fourth and eighth row of eq:AbsolteQuantities. The print rounds 0.5292^2 + 0.5^2 up to
-        0.5301, 0.03 mm of leg length at 0.8 m; here the two sides alone fix every formula, so that
-        the ways there and back are exact inverses.
+        0.5301, 0.03 mm of leg length at 0.8 m; here every formula follows from the two sides, so
+        that functions and their inverses are exact.
     """
     return math.sqrt(_SUM_OF_SQUARES + _PRODUCT * math.cos(knee + KNEE_OFFSET))
 
@@ -83,7 +83,7 @@ def pitch(torso_pitch: float, hip_pitch: float, knee: float) -> float:
     Source:
         Seventh row of eq:AbsolteQuantities with arccos((0.5 c + 0.5292) / LL); the print has the
         bracket in the wrong place (README, Errata). The inverse tangent here gives the same
-        angle and stays exact when the leg is nearly straight.
+        angle and is exact also for a nearly straight leg.
     """
     return -torso_pitch + hip_pitch - lean(knee) + HIP_OFFSET
 
@@ -111,14 +111,14 @@ def foot_pitch(
     toe: float,
     thigh_to_tarsus: float = robot.NEUTRAL_TARSUS,
 ) -> float:
-    """Foot pitch against the ground, in the plane of the leg; its tip up is positive.
+    """Foot pitch against the ground, in the plane of the leg; tip up is positive.
 
     Args:
         torso_pitch: Pitch of the torso.
         hip_pitch: q3.
         toe: q7.
         thigh_to_tarsus: q4 + q5 + q6; 13 degrees with relaxed springs. Pass the measured sum
-            to include what the springs give way.
+            to include the springs' deflection.
 
     Source:
         Last row of eq:AbsolteQuantities. The print leaves q3 out and rounds 63 degrees to 1.1
@@ -144,7 +144,7 @@ def knee_angle(leg_length: float) -> float:
 
 @compiled
 def nearest_knee_angle(leg_length: float) -> float:
-    """`knee_angle`; that of the nearest length which a leg has, for any number."""
+    """`knee_angle` for any number, which is clamped to the range of leg lengths."""
     cosine = (leg_length * leg_length - _SUM_OF_SQUARES) / _PRODUCT
     return -math.acos(min(1.0, max(-1.0, cosine))) - KNEE_OFFSET
 
@@ -153,8 +153,8 @@ def nearest_knee_angle(leg_length: float) -> float:
 def knee_rate(knee: float, leg_length: float, leg_length_rate: float) -> float:
     """Knee rate that gives the rate of leg length; `knee` is `knee_angle(leg_length)`.
 
-    At the ends of the range no knee rate gives a rate of leg length; `clamp_length` keeps away
-    from them.
+    At the ends of the range no knee rate gives a rate of leg length; `clamp_length` avoids these
+    ends.
     """
     return -leg_length * leg_length_rate / (0.5 * _PRODUCT * math.sin(knee + KNEE_OFFSET))
 
@@ -213,5 +213,5 @@ LENGTH_LIMITS = (length(_KNEE_LOW), length(_KNEE_HIGH))
 def clamp_length(
     leg_length: float, low: float = LENGTH_LIMITS[0], high: float = LENGTH_LIMITS[1]
 ) -> float:
-    """The nearest leg length within the stops, for set-points."""
+    """A leg length, clamped to the stops, for set-points."""
     return min(high, max(low, leg_length))

@@ -1,4 +1,4 @@
-"""Pictures of the plant, off screen."""
+"""Off-screen rendering of the plant."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RenderError(SimulationError):
 
 
 def frame_of(data: mujoco.MjData) -> npt.NDArray[np.float64]:
-    """What a picture needs of a state: qpos, then positions and quaternions of moving ground."""
+    """The state that a picture needs: qpos, then positions and quaternions of moving ground."""
     return np.concatenate([data.qpos, data.mocap_pos.ravel(), data.mocap_quat.ravel()])
 
 
@@ -35,18 +35,18 @@ def frame_size(model: mujoco.MjModel) -> int:
 class Camera:
     """Renders frames of a model off screen, with EGL or OSMesa.
 
-    Belongs to the thread that makes it.
+    Use it only in the thread that makes it.
 
     Args:
-        model: With or without meshes.
-        width: In pixels.
-        height: In pixels.
+        model: Model with or without meshes.
+        width: Width of the picture. In pixels.
+        height: Height of the picture. In pixels.
         camera: Name of a camera of the model.
-        fine: Smooth edges and shadows. Without a graphics card they cost five times the
-            picture itself: for single pictures.
+        fine: Whether to render smooth edges and shadows. Without a graphics card they take five
+            times as long as the picture itself, so use them for single pictures.
 
     Raises:
-        RenderError: if this machine cannot; the message names the packages.
+        RenderError: if this machine cannot render; the message names the packages.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Camera:
         self._pixels: Image = np.zeros((height, width, 3), np.uint8)
 
     def picture(self, frame: npt.NDArray[np.float64]) -> Image:
-        """The model as a frame of `frame_of` has it. Shape (height, width, 3); a copy."""
+        """Picture of the model in the state `frame`. Shape (height, width, 3); a copy."""
         nq, grounds = self.model.nq, self.model.nmocap
         self._data.qpos[:] = frame[:nq]
         self._data.mocap_pos[:] = frame[nq : nq + 3 * grounds].reshape(-1, 3)
@@ -86,7 +86,7 @@ class Camera:
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_comPos(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)
-        # First, as an endless plane is drawn around where the camera was.
+        # Update the camera first, as an infinite plane is drawn around the camera's last position.
         mujoco.mjv_updateCamera(self.model, self._data, self._view, self._scene)
         mujoco.mjv_updateScene(
             self.model,
@@ -102,13 +102,13 @@ class Camera:
         return np.flipud(self._pixels).copy()
 
     def close(self) -> None:
-        """Give the graphics memory back."""
+        """Release the graphics memory."""
         self._context.free()
         self._gl.free()
 
 
 def _gl_context(width: int, height: int) -> Any:
-    """A current-able OpenGL context without a window."""
+    """An OpenGL context without a window, which can be made current."""
     problems = []
     for backend, library in _BACKENDS.items():
         try:
@@ -123,7 +123,7 @@ def _gl_context(width: int, height: int) -> Any:
             else:
                 from mujoco.osmesa import GLContext
             return GLContext(width, height)
-        except Exception as error:  # the bindings raise whatever their loader raised
+        except Exception as error:  # the bindings raise any error of their loader
             problems.append(f"{backend}: {error}")
     raise RenderError(
         f"cannot render off screen ({'; '.join(problems)}): install the Debian packages {PACKAGES}"

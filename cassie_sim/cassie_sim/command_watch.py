@@ -1,4 +1,4 @@
-"""Which motor commands come: reported once when they stay away and once when they are back."""
+"""Monitor of motor commands: reports once when they are missing and once when they are back."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from cassie_msgs.layout import MotorCommand
 from cassie_sim.lane import Lane, Report
 from cassie_sim.plant import COMMAND_WATCHDOG
 
-_NEWS_PERIOD = 1.0  # s of robot time: a machine that stutters is told of once, not at each stop
+_NEWS_PERIOD = 1.0  # s of robot time; repeated short stops within it are reported once
 
 
 class CommandWatch:
-    """Notes commands that have come and those that were missed.
+    """Records received and missed commands.
 
     Args:
-        lane: Where they come.
-        report: Where it is told.
-        start_timeout: Time that the first command may take. In s.
+        lane: Lane on which commands come.
+        report: Called with each report.
+        start_timeout: Time-out for the first command. In s.
         tick: Length of a control tick. In s.
     """
 
@@ -27,24 +27,24 @@ class CommandWatch:
         self.restart()
 
     def restart(self) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self._applied = -1
         self._last_silence = 0
 
     @property
     def start_timeout(self) -> float:
-        """Time that the others have beyond the usual, until the first command. In s."""
+        """Time added to the usual time-outs of other nodes until the first command. In s."""
         return 0.0 if self._ever else self._start_timeout
 
     def come(self) -> None:
-        """A command has come."""
+        """Take in that a command has come."""
         if self._silent or not self._ever:
             self._ever = True
             self._silent = False
             self._report("command", None)
 
     def missed(self, tick: int, silence: float) -> None:
-        """The command for a tick has not come for a while, in s."""
+        """Take in that the command for a tick is missing, after waiting `silence` s."""
         if self._silent or silence < self.start_timeout:
             return
         self._silent = True
@@ -55,7 +55,7 @@ class CommandWatch:
     def fresh(self, episode: int, tick: int) -> MotorCommand | None:
         """The newest command, if it is new and not older than the watchdog of the drives allows.
 
-        One for a tick to come is none: its sender does not count as the robot does.
+        A command for a future tick is ignored: its sender counts ticks differently from the robot.
         """
         of, answered = self._lane.command_key
         watchdog = COMMAND_WATCHDOG / self._tick

@@ -1,4 +1,4 @@
-"""The ten drives: impedance law, torque-speed bound, delay, watchdog and power switch."""
+"""The ten drives: impedance law, torque-speed limit, delay, watchdog and power switch."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ class DriveNumbers(Record):
     """The ten drives, see `Drives`.
 
     Attributes:
-        set_points: Rows torque, position, velocity, kp, kd.
+        set_points: Set-points, in rows torque, position, velocity, kp, kd.
         damping: kd while damped. In Nms/rad.
         torque_limit, speed_limit: Largest torque, and speed without load. In Nm and rad/s.
-        torque_constant: Real by nominal torque.
+        torque_constant: Ratio of real to nominal torque.
         applied: Torques that act now. In Nm.
-        head: Row of the torques under way to fill next.
-        age, timeout: Physics steps since the last valid command, and after how many they damp.
-        powered, damped: 1 or 0.
+        head: Row of the delayed torques to fill next.
+        age, timeout: Physics steps since the last valid command, and the number of steps after
+            which the drives damp.
+        powered, damped: Whether the drives have power, and whether they damp. 1 or 0.
     """
 
     set_points: FloatArray = array(5, 10)
@@ -45,10 +46,10 @@ class DriveNumbers(Record):
 def take_set_points(
     drives: Records[DriveNumbers], command: FloatArray, low: FloatArray, high: FloatArray
 ) -> bool:
-    """Take over the set-points of a command if they are within their limits; whether they are.
+    """Whether the set-points of a command are within their limits; if so, the drives take them.
 
     Args:
-        drives: Changed in place. Shape (1,).
+        drives: Drives, changed in place. Shape (1,).
         command: Rows of `set_points`, one after the other; NaN is in no range. Shape (50,).
         low, high: Limits of each row. Shape (5,).
     """
@@ -76,13 +77,13 @@ def damp(drives: Records[DriveNumbers]) -> None:
 def drive_step(
     drives: Records[DriveNumbers], pipeline: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> None:
-    """Watchdog, impedance law, torque-speed bound, delay and power of the ten drives.
+    """Compute one step of the drives: watchdog, impedance law, torque-speed limit, delay, power.
 
     Args:
-        drives: `applied` gets the torques that act now. Shape (1,).
-        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
-        position: Measured. Shape (10,), in rad.
-        velocity: Measured. Shape (10,), in rad/s.
+        drives: Drives; `applied` gets the torques that act now. Shape (1,).
+        pipeline: Delayed torques, one row per physics step. Shape (steps + 1, 10), in Nm.
+        position: Measured positions. Shape (10,), in rad.
+        velocity: Measured velocities. Shape (10,), in rad/s.
     """
     drive = drives[0]
     if drive.age >= drive.timeout and not drive.damped:
@@ -112,7 +113,7 @@ def drive_step(
 def drive_steps(
     drives: Records[DriveNumbers], pipeline: FloatArray, seen: FloatArray, steps: int
 ) -> None:
-    """`drive_step` for the steps of `physics_steps`, which saw `seen`."""
+    """Call `drive_step` for each step of `physics_steps`, with its measurements `seen`."""
     for k in range(steps):
         drive_step(drives, pipeline, seen[k, :10], seen[k, 10:])
 
@@ -124,39 +125,39 @@ LIMITS = {
     "kp": (0.0, 5000.0),
     "kd": (0.0, 500.0),
 }
-"""What a drive accepts in each field of a command: Nm, rad, rad/s, Nm/rad, Nms/rad.
+"""Range of each field of a command: Nm, rad, rad/s, Nm/rad, Nms/rad.
 
-For the first three that is anything that a sum of them can hold: the motor bounds the torque.
+For the first three that is any number whose sum does not overflow: the motor bounds the torque.
 The order is that of `MotorCommand`.
 """
 
 DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
-"""Damping that the drives apply on their own when they get no valid command. In Nms/rad."""
+"""Damping that the drives apply by themselves when they get no valid command. In Nms/rad."""
 
 _LOW, _HIGH = (np.array(ends) for ends in zip(*LIMITS.values(), strict=True))
 
 
 class Drives:
-    """Set-points in, joint torques out, at the rate of the physics.
+    """Joint torques from set-points, at the rate of the physics.
 
-    Each drive runs u = torque + kp (position - q) + kd (velocity - v). The motor bounds it to
-    min(u_max, 2 u_max (1 - |v| / v_max)), never below 0, and it takes effect `delay` later.
+    Each drive computes u = torque + kp (position - q) + kd (velocity - v). The motor bounds u to
+    min(u_max, 2 u_max (1 - |v| / v_max)), never below 0. The torque takes effect `delay` later.
     Without power the torque is zero at once. While damped (no command for `watchdog`, or a
-    refused one) the drives run u = -DAMPING v until the next valid command.
+    refused command) the drives compute u = -DAMPING v until the next valid command.
 
     Args:
         period: Length of a physics step. In s.
-        delay: From a set torque to its effect. In s, rounded to physics steps.
+        delay: Latency from a commanded torque to its effect. In s, rounded to physics steps.
         torque_constant: Ratio of real to nominal torque of each drive. Shape (10,).
         watchdog: Time without a command after which the drives damp. In s.
 
     Attributes:
-        records: All its numbers, `DriveNumbers`. Shape (1,).
-        pipeline: Torques under way, one row a physics step. Shape (steps + 1, 10), in Nm.
+        records: All numbers of the drives, `DriveNumbers`. Shape (1,).
+        pipeline: Delayed torques, one row per physics step. Shape (steps + 1, 10), in Nm.
         applied: Torques that act now. Shape (10,), in Nm.
 
     Source:
-        Torque-speed bound and 3 ms delay of the public Cassie simulators.
+        Torque-speed limit and 3 ms delay of the public Cassie simulators.
     """
 
     def __init__(
@@ -184,11 +185,11 @@ class Drives:
 
     @property
     def damped(self) -> bool:
-        """Whether the drives damp for want of a valid command."""
+        """Whether the drives damp because there is no valid command."""
         return bool(self._numbers.damped)
 
     def reset(self) -> None:
-        """Back to no power, no set-points and nothing under way."""
+        """Reset the drives: no power, no set-points and no delayed torques."""
         self.pipeline[:] = 0.0
         self.applied[:] = 0.0
         self.powered = False
@@ -200,11 +201,11 @@ class Drives:
         damp(self.records)
 
     def set_points(self, command: MotorCommand) -> None:
-        """Take over the set-points of a command.
+        """Take the set-points of a command.
 
         Raises:
             CommandError: if a value is not finite or a gain is out of range; the set-points
-                stay as they were.
+                are then not changed.
         """
         if not take_set_points(self.records, command.floats, _LOW, _HIGH):
             raise CommandError(f"motor command refused: {_refusal(command)}")

@@ -1,4 +1,4 @@
-"""Events of a scenario on the simulator's clock: gantry moves, pushes, sensor faults, delays."""
+"""Events of a scenario in robot time: gantry moves, pushes, sensor faults, delays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Events:
-    """What a scenario does to the robot, and pushes that come in while it runs.
+    """Events of a scenario, and pushes that are requested while it runs.
 
     Args:
-        scenario: Its events; times in s of robot time.
-        model: To find bodies by name.
-        physics_rate: In Hz.
+        scenario: Scenario with the events; times are robot time in s.
+        model: Model in which bodies are found by name.
+        physics_rate: Rate of the physics. In Hz.
 
     Raises:
         SimulationError: if a push names an unknown body or a fault an unknown channel.
@@ -40,7 +40,7 @@ class Events:
         self.reset()
 
     def reset(self) -> None:
-        """Back to time 0; pushes that came in are forgotten."""
+        """Go back to time 0, without the pushes that were requested."""
         self._next_move = 0
         self._live: list[tuple[int, int, int, FloatArray]] = list(self._pushes)
         self._pushed: set[int] = set()
@@ -54,7 +54,7 @@ class Events:
         self._live.append((now + start, now + end, body, force))
 
     def apply(self, step: int, data: mujoco.MjData, gantry: Gantry, position: FloatArray) -> None:
-        """Set the external forces of a physics step and give the gantry its orders."""
+        """Set the external forces of a physics step and command the gantry."""
         while (
             self._next_move < len(self._moves)
             and step >= self._moves[self._next_move].t * self._rate
@@ -65,14 +65,15 @@ class Events:
             self._apply_pushes(step, data, gantry)
 
     def quiet_steps(self, step: int, most: int) -> int:
-        """Physics steps from `step` on, at most `most`, whose events `apply` has done by now.
+        """Number of physics steps from `step` on, at most `most`, until the next event.
 
-        The first of them is `step` itself. A command that arrives is an event, too.
+        The first step is `step` itself, whose events `apply` has done already. The arrival of a
+        command is an event, too.
         """
         return 1 if self._pushed else max(1, self._next(step + most) - step)
 
     def idle(self, step: int, steps: int) -> bool:
-        """Whether nothing happens in these physics steps, from the first on."""
+        """Whether there is no event in `steps` physics steps from `step` on."""
         return not self._pushed and self._next(step + steps) >= step + steps
 
     def _next(self, limit: int) -> int:
@@ -98,17 +99,17 @@ class Events:
         self._live = [push for push in self._live if step < push[1]]
 
     def spoil(self, step: int, sample: Sensors) -> None:
-        """Let faulty channels of a sample fail."""
+        """Apply the sensor faults to a sample."""
         for fault in self._faults:
             fault.spoil(step, sample)
 
     @property
     def delays_commands(self) -> bool:
-        """Whether commands take time to the drives."""
+        """Whether commands reach the drives with a delay."""
         return self._delay > 0
 
     def send(self, command: MotorCommand, step: int) -> None:
-        """Put a motor command on its way to the drives at physics step `step`."""
+        """Send a motor command to the drives, with the delay, at physics step `step`."""
         if self._delay:
             copy = MotorCommand()
             copy.copy_from(command)
@@ -135,8 +136,8 @@ class ActiveFault:
     """One faulty channel.
 
     Args:
-        fault: What fails, from when on.
-        physics_rate: In Hz.
+        fault: The fault, with its channel and time.
+        physics_rate: Rate of the physics. In Hz.
 
     Raises:
         SimulationError: if there is no such channel, or the delay is negative.
@@ -164,12 +165,12 @@ class ActiveFault:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen of the channel."""
+        """Forget the channel's past readings."""
         self._held: FloatArray | None = None
         self._history: deque[tuple[int, FloatArray]] = deque()
 
     def spoil(self, step: int, sample: Sensors) -> None:
-        """Let the channel fail in the sample of a physics step, if it is time."""
+        """Apply the fault to the sample of a physics step, within the fault's time."""
         values = getattr(sample, self._field).reshape(-1)[self._index]
         if self._kind == "delay":
             self._history.append((step, values.copy()))

@@ -1,8 +1,8 @@
-"""Renders the frames that come in on standard input into a film; see `cassie_sim.video`.
+"""Renders frames from standard input into a film; see `cassie_sim.video`.
 
     python -m cassie_sim.filming MODEL.mjb FILM.mp4 FPS
 
-Says "ready", or what is wrong, in one line, then answers each frame with a byte.
+Writes "ready", or an error message, in one line, then answers each frame with a byte.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from cassie_sim.camera import Camera, RenderError, frame_size
 from cassie_sim.errors import SimulationError
 
-_NICENESS = 5  # the loop comes first
+_NICENESS = 5  # the simulator's loop has priority
 
 
 def main(arguments: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The overhead gantry: a harness that holds the pelvis, lowers it and lets go."""
+"""The overhead gantry: a harness that holds, lowers and releases the pelvis."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from cassie_gaits.robot import WEIGHT
 FloatArray = npt.NDArray[np.float64]
 
 SPEED = 0.1
-"""Speed of the winch where none is asked for. In m/s."""
+"""Default speed of the winch. In m/s."""
 
 STIFFNESS = 12000.0
-"""Of the straps, upwards only: they go slack. In N/m."""
+"""Stiffness of the straps, which only pull upwards. In N/m."""
 
 _DAMPING = 900.0
 _SWAY_STIFFNESS = 1500.0
@@ -25,9 +25,9 @@ _TILT_DAMPING = 40.0
 class Gantry:
     """Straps from a winch to the pelvis.
 
-    The straps pull upwards like a damped spring and go slack when the pelvis is above the
-    winch's height. As far as they carry the weight they also centre the pelvis below the winch,
-    keep it upright and damp its turning.
+    The straps pull upwards like a damped spring and are slack when the pelvis is above the
+    winch's height. In proportion to the weight that they carry, they also centre the pelvis below
+    the winch, keep it upright and damp its rotation.
     """
 
     def __init__(self) -> None:
@@ -41,12 +41,12 @@ class Gantry:
         """Force and torque on the pelvis in world axes. Shape (6,), in N and Nm."""
 
     def hold(self, position: FloatArray, height: float, speed: float = SPEED) -> None:
-        """Take the pelvis where it is and move it to a height.
+        """Hold the pelvis at its present position and move it to a height.
 
         Args:
-            position: Of the pelvis in the world. Shape (3,), in m.
-            height: Of the pelvis. In m.
-            speed: Of the winch. In m/s.
+            position: Position of the pelvis in the world. Shape (3,), in m.
+            height: Pelvis height to reach. In m.
+            speed: Speed of the winch. In m/s.
         """
         if not self.attached:
             self.height = min(float(position[2]), height)
@@ -57,25 +57,25 @@ class Gantry:
         self._release_when_slack = False
 
     def lower(self, height: float, speed: float = SPEED) -> None:
-        """Move the winch to a height and let go once there."""
+        """Move the winch to a height and release the pelvis there."""
         self._target = height
         self._speed = speed
         self._release_when_slack = True
 
     def release(self) -> None:
-        """Let go at once."""
+        """Release the pelvis at once."""
         self.attached = False
         self.wrench[:] = 0.0
 
     def step(
         self, period: float, position: FloatArray, rotation: FloatArray, twist: FloatArray
     ) -> FloatArray:
-        """Move the winch and pull.
+        """Force and torque on the pelvis, after one step of the winch.
 
         Args:
-            period: In s.
-            position: Of the pelvis. Shape (3,), in m.
-            rotation: Pelvis to world. Shape (9,), row by row.
+            period: Length of the step. In s.
+            position: Position of the pelvis. Shape (3,), in m.
+            rotation: Rotation matrix from pelvis to world. Shape (9,), row by row.
             twist: Linear velocity in the world, angular velocity in the pelvis. Shape (6,).
 
         Returns:

@@ -1,4 +1,4 @@
-"""What the ground is made of: friction, and how far a foot sinks in.
+"""Ground surfaces: friction, and how far a foot sinks in.
 
 Hard ground is MuJoCo's stiff contact. Soft ground is a force law at each end of each foot, made
 of the same contact with another impedance. With MuJoCo's impedance d(r) at a depth r, which
@@ -6,11 +6,11 @@ rises from d0 to d1 over `width`, and the inverse weight w of the foot, the forc
 
     F = s r d^2 / (d1^2 (1 - d) w) + c v d / (d1 (1 - d) w),
 
-and soil of the mass d / ((1 - d) w), some 0.6 kg, moves along. So stiffness rises about
-twelvefold over the depth, and damping dissipates what the foot brings: the ground yields within
-some hundredths of a second, and a foot that rises leaves it at once, since it follows no faster
-than s/c. s is chosen so that a foot which carries the robot's weight, half on each end, sinks
-by `sinking`. Friction is Coulomb's, with an elliptic cone.
+and soil of the mass d / ((1 - d) w), about 0.6 kg, moves with the foot. So stiffness rises about
+twelvefold over the depth, and damping dissipates the foot's energy. The ground yields within
+some hundredths of a second. A rising foot leaves the ground at once, since the ground follows no
+faster than s/c. s is chosen so that a foot which carries the robot's weight, half on each end,
+sinks by `sinking`. Friction is Coulomb friction, with an elliptic cone.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from cassie_gaits.names import LEGS
 from cassie_sim.robot_mjcf import robot_model
 
 GROUND_GROUP = 2
-"""Group of all ground geoms, for rays that shall see nothing else."""
+"""Group of all ground geoms, for rays that shall hit nothing else."""
 
 SLOWEST_PERIOD = 0.001
 """Longest physics step with which the damping of soft ground is stable. In s."""
 
 _HARD_SOLREF = (0.005, 1.0)
 _SOFT_IMPEDANCE = (0.3, 0.7)
-_SOFT_DAMPING = 700.0  # c, in 1/s; explicit, so that c times the period must stay below 1
-_WIDTH = 2.0  # depth at which the impedance is highest, by `sinking`
+_SOFT_DAMPING = 700.0  # c, in 1/s; integrated explicitly, so c times the period must be below 1
+_WIDTH = 2.0  # depth at which the impedance is highest, ratio to `sinking`
 _HARDER_FRICTION = 10.0  # friction regularized less than the soft normal, or feet would creep
 
-_PELVIS = 8  # its bit, see robot_mjcf
+_PELVIS = 8  # contact bit of the pelvis, see robot_mjcf
 _END_BITS = {
     (leg, end): 16 << (2 * i + j)
     for i, leg in enumerate(LEGS)
@@ -49,11 +49,11 @@ _TEXTURE = "ground"
 
 @dataclass(frozen=True)
 class Surface:
-    """What one piece of ground is made of.
+    """Surface of one piece of ground.
 
     Attributes:
         friction: Coulomb friction.
-        sinking: Depth to which a foot sinks that carries the robot's weight; 0 is hard. In m.
+        sinking: Depth to which a foot with the robot's weight sinks; 0 is hard. In m.
         colour: Red, green, blue, opacity.
     """
 
@@ -65,7 +65,7 @@ class Surface:
 def add_plane(
     spec: mujoco.MjSpec, surface: Surface, name: str, quat: Sequence[float] | None = None
 ) -> mujoco.MjsGeom:
-    """An endless plane through the origin; level, or turned by `quat` (w x y z)."""
+    """An infinite plane through the origin; level, or rotated by `quat` (w x y z)."""
     geom = spec.worldbody.add_geom(
         name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1]
     )
@@ -76,8 +76,8 @@ def add_plane(
 
 
 def make_ground(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, surface: Surface) -> None:
-    """Give a geom the contact and the looks of a surface."""
-    # Priority makes the ground's figures count; else the larger friction of two geoms does.
+    """Give a geom the contact and the colour of a surface."""
+    # With priority the ground's values are used; otherwise MuJoCo uses the larger friction.
     geom.priority = 1
     geom.friction = [surface.friction, 0.005, 0.0001]
     geom.condim = 3
@@ -94,17 +94,17 @@ def make_ground(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, surface: Surface) -> 
 
 
 def carry_only(geom: mujoco.MjsGeom, ends: Sequence[str] = ("heel", "toe")) -> None:
-    """Let soft ground carry only these ends of the feet, and the pelvis; legs cut through it.
+    """Let soft ground carry only `ends` of the feet, and the pelvis, but no other part of a leg.
 
-    Without it the lower end of the tarsus, 2 cm above the sole, would hold up a sinking foot.
-    Needs `tell_ends_apart`.
+    Otherwise the lower end of the tarsus, 2 cm above the sole, would hold up a sinking foot.
+    Call `tell_ends_apart` before.
     """
     geom.contype = 0
     geom.conaffinity = _PELVIS | sum(_END_BITS[leg, end] for leg in LEGS for end in ends)
 
 
 def tell_ends_apart(spec: mujoco.MjSpec) -> None:
-    """Give each end of each foot a bit of its own; each leg still meets the other's foot."""
+    """Give each end of each foot its own contact bit; each leg still meets the other's foot."""
     for (leg, end), bit in _END_BITS.items():
         spec.geom(f"{leg}_{end}").contype = bit
     for geom in spec.geoms:
@@ -122,7 +122,7 @@ def soft_contact(sinking: float) -> tuple[list[float], list[float]]:
     """MuJoCo's solref and solimp of ground into which a foot sinks.
 
     Args:
-        sinking: Under half of the robot's weight on each end of one foot. In m.
+        sinking: Depth under half of the robot's weight on each end of one foot. In m.
     """
     low, high = _SOFT_IMPEDANCE
     width = _WIDTH * sinking
@@ -140,7 +140,7 @@ def _inverse_weight() -> float:
 
 
 def add_texture(spec: mujoco.MjSpec) -> None:
-    """The ground's checker pattern, one square a metre; surfaces tint it."""
+    """Add the ground's checker pattern, one square per metre, which surfaces tint."""
     spec.add_texture(
         name=_TEXTURE,
         type=mujoco.mjtTexture.mjTEXTURE_2D,

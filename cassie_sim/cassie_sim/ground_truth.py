@@ -1,4 +1,4 @@
-"""The robot's true pose and twist as a serialized nav_msgs/Odometry, one a control tick."""
+"""The robot's true pose and twist as a serialized nav_msgs/Odometry, one per control tick."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from cassie_sim.plant import Plant
 def write_odometry(
     position: FloatArray, quaternion: FloatArray, twist: FloatArray, figures: FloatArray
 ) -> None:
-    """Pose and twist of a nav_msgs/Odometry, the twist in the body's frame.
+    """Write pose and twist of a nav_msgs/Odometry, with the twist in the body's frame.
 
     Args:
-        position: In the world. Shape (3,), in m.
+        position: Position in the world. Shape (3,), in m.
         quaternion: Body to world, w x y z, of length 1. Shape (4,).
         twist: Linear velocity in the world (m/s), angular in the body (rad/s). Shape (6,).
-        figures: Result: position, orientation x y z w and its 36 covariances, twist and its.
-            Shape (85,); covariances stay as they are.
+        figures: Result: position, orientation x y z w, 36 covariances of the pose, twist, 36
+            covariances of the twist. Shape (85,); covariances are not changed.
     """
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     vx, vy, vz = twist[0], twist[1], twist[2]
@@ -45,7 +45,7 @@ BASE_FRAME = "base_link"
 class OdometryWriter:
     """Serialized odometry of a body in the world frame.
 
-    Twist in the body's frame as Odometry asks, covariances zero.
+    The twist is in the body's frame, as Odometry requires; covariances are zero.
 
     Args:
         frame: Name of the body's frame.
@@ -61,7 +61,7 @@ class OdometryWriter:
 
         Args:
             stamp_ns: Robot time. In ns.
-            position: In the world. Shape (3,), in m.
+            position: Position in the world. Shape (3,), in m.
             quaternion: Body to world, w x y z. Shape (4,).
             twist: Linear velocity in the world (m/s), angular in the body (rad/s). Shape (6,).
         """

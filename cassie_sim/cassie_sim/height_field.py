@@ -8,15 +8,15 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 CELL = 0.05
-"""Distance of the grid's points, unless the grain is finer than two of them. In m."""
+"""Spacing of the grid's points, unless the grain is smaller than twice this value. In m."""
 
 FIELD_HALF_WIDTH = 4.0
-"""To both sides. In m."""
+"""Half of the field's width. In m."""
 
 FIELD_BASE = 1.0
-"""Of ground below the lowest point. In m."""
+"""Thickness of the ground below the lowest point. In m."""
 
-_FADE = 0.5  # the field comes out of level ground, and goes back into it, over this length, in m
+_FADE = 0.5  # length of the transition from and to level ground, at both ends, in m
 
 
 def random_heights(
@@ -24,16 +24,16 @@ def random_heights(
 ) -> FloatArray:
     """Heights over a field; zero at both ends. Shape (across, along), in m.
 
-    White noise through a Gaussian of the width `grain`, scaled to the standard deviation
-    `height` and cut at three times it.
+    This is white noise through a Gaussian filter of the width `grain`, scaled to the standard
+    deviation `height` and clipped at three times `height`.
 
     Args:
-        length: Along the ground. In m.
-        height: Standard deviation. In m.
+        length: Length along the ground. In m.
+        height: Standard deviation of the height. In m.
         grain: Distance over which the height changes. In m.
-        rng: For the noise.
+        rng: Source of the noise.
     """
-    from scipy.ndimage import gaussian_filter  # loads for half a second; few need it
+    from scipy.ndimage import gaussian_filter  # takes half a second to load, and is seldom needed
 
     cell = min(CELL, 0.5 * grain)
     along = round(length / cell) + 1

@@ -1,4 +1,4 @@
-"""What the simulator's loop needs of the outside."""
+"""Interface between the simulator's loop and the other nodes."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
 from cassie_sim.plant import Plant
 
 Report = Callable[[str, str | None], None]
-"""Takes a condition's name and what is wrong, or None when it is over."""
+"""Takes a condition's name and its problem, or None when the problem is over."""
 
 
 class Lane(Protocol):
-    """How the loop reaches the other nodes.
+    """Connection of the loop with the other nodes.
 
     Attributes:
         command: The newest motor command.
-        command_key: Its (episode, seq); (-1, -1) before the first.
+        command_key: (episode, seq) of the newest motor command; (-1, -1) before the first.
         on_operator: Called with each operator command that arrives, the identity of its writer, and
-            what is wrong with it if it cannot be read; it is None then.
+            its problem. If the command cannot be read, None is passed for it.
     """
 
     command: MotorCommand
@@ -27,13 +27,13 @@ class Lane(Protocol):
     on_operator: Callable[[OperatorCommand | None, bytes, str], None]
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
-        """Publish a new sample and what goes with it."""
+        """Publish a new sample and the messages that accompany it."""
 
     def repeat(self) -> None:
         """Publish the last sample and clock again."""
 
     def wait(self, timeout: float) -> None:
-        """Return when something arrives or the loop is wanted, `timeout` s later at the latest."""
+        """Return when a message arrives or the loop is woken, after `timeout` s at the latest."""
 
     def missing(self) -> str:
-        """What does not take part yet, in words."""
+        """Text that names the nodes which do not take part yet."""

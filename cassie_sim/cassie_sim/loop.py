@@ -1,7 +1,7 @@
-"""The simulator's loop: samples out, commands in, and who waits for whom.
+"""The simulator's loop: samples out, commands in, lock-step and pacing.
 
-Knows neither ROS nor a clock of its own: messages travel through a `Lane`, wall time comes
-from the function it is given.
+The loop knows neither ROS nor a clock of its own: messages go through a `Lane`, and wall time
+comes from a function that it is given.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from cassie_sim.power_switch import PowerSwitch
 from cassie_sim.requests import Requests
 from cassie_sim.simulator_config import SimulatorConfig
 
-_BROKEN_TIMEOUT = 0.02  # the chain may need longer than a tick at 2 kHz, so some ticks wait
+_BROKEN_TIMEOUT = 0.02  # at 2 kHz the chain may need longer than a tick, so some ticks wait
 _BROKEN_PERIOD = 0.1
 
 
 class SimulationLoop:
     """Runs a plant tick by tick.
 
-    lockstep: sample k, command k, step; the physics that no command acts on yet is made while
-    command k is computed. realtime: a tick lasts a tick of wall time and takes the newest command
-    that has come.
+    - lockstep: sample k, command k, step. The physics on which no command acts yet is computed in
+      parallel with command k.
+    - realtime: a tick lasts a tick of wall time and uses the newest command that has come.
 
     Attributes:
         plant: The plant; requests may replace it.
         paused: Whether ticks wait for credit.
-        credit: Ticks that may run although paused.
-        credit_spent: Set when they have run.
-        broken: Whether lock-step is given up for want of commands.
-        times_broken: How often that happened.
+        credit: Number of ticks that may run although paused.
+        credit_spent: Event that is set when these ticks have run.
+        broken: Whether lock-step is given up because no commands come.
+        times_broken: How often lock-step was given up.
         timing: Missed and late ticks, while robot time is paced by the wall clock.
     """
 
@@ -91,11 +91,11 @@ class SimulationLoop:
             tick()
 
     def stop(self) -> None:
-        """Let `run` return; call the lane's wake-up after it."""
+        """Let `run` return; wake the lane after this call."""
         self.stopping = True
 
     def allow(self, ticks: int) -> None:
-        """Let some ticks run although paused; `credit_spent` is set when they have."""
+        """Let some ticks run although paused; `credit_spent` is set when they have run."""
         self.credit = ticks
         self.credit_spent.clear()
 
@@ -137,7 +137,7 @@ class SimulationLoop:
             self._advance(command)
 
     def _on_operator(self, command: OperatorCommand | None, writer: bytes, problem: str) -> None:
-        """Take in a command of an operator, or what is wrong with one that cannot be read."""
+        """Take in a command of an operator, or the problem of one that cannot be read."""
         plant, switch, now = self.plant, self.switch, self._clock()
         if command is not None:
             switch.take(command, writer, plant.episode, plant.seq, now)
@@ -146,7 +146,7 @@ class SimulationLoop:
             self._refusals.refuse(problem, now)
 
     def _tell_refusals(self, now: float) -> None:
-        """Report once what is wrong with operators' commands, and once when it is over."""
+        """Report a problem with operators' commands once, and its end once."""
         if not (self._refusals.problem or self._refusals_told):
             return
         told, self._refusals_told = self._refusals_told, bool(self._refusals.look(now))
@@ -154,14 +154,14 @@ class SimulationLoop:
             self._report("operator_command", self._refusals.problem or None)
 
     def _complete(self, sample: Sensors) -> None:
-        """What a sample tells beside the robot's sensors."""
+        """Fill in the fields of a sample that are not of the robot's sensors."""
         sample.operator_lease[...] = self.switch.operators.lease
         if self.config.pacing == "realtime":
             self.timing.write(sample)
 
     def _announce(self) -> int:
         self._serve()
-        self._restart = False  # what a request restarted is announced now
+        self._restart = False  # an episode that a request started is announced now
         plant = self.plant
         seq = plant.seq
         sample = plant.sense()
@@ -173,7 +173,7 @@ class SimulationLoop:
         return seq
 
     def _serve(self) -> None:
-        """Do what other threads ask for, with the plant as it was when the sample was taken."""
+        """Run other threads' requests, with the plant in the state at which it was sampled."""
         if self.requests.pending:
             self.plant.take_back()
             self.requests.run_pending()
@@ -183,7 +183,7 @@ class SimulationLoop:
         return self._restart or self.stopping
 
     def _wait(self, deadline: float) -> None:
-        """Wait for news until `deadline`; an unanswered sample is sent again meanwhile."""
+        """Wait for a message until `deadline`; an unanswered sample is sent again meanwhile."""
         now = self._clock()
         if now - self._announced >= REPEAT_PERIOD:
             self._lane.repeat()
@@ -192,7 +192,7 @@ class SimulationLoop:
         self._serve()
 
     def _hold(self, seq: int) -> None:
-        """Wait while paused, and for the scripted operator where this tick needs it."""
+        """Wait while paused, and for the scripted operator if this tick needs its answer."""
         in_step = not self.broken and self.config.pacing != "realtime"
         if not self.paused and not (in_step and self.switch.awaits(seq)):
             return
@@ -200,7 +200,7 @@ class SimulationLoop:
         while not self._interrupted:
             now = self._clock()
             if self.paused and not self.credit:
-                started = now  # the script has its whole timeout after a pause
+                started = now  # after a pause the script's time-out begins anew
                 self.switch.pause(now)
             elif not (in_step and self.switch.awaits(seq)):
                 break
@@ -214,7 +214,7 @@ class SimulationLoop:
         self._pace.start(self._clock())
 
     def _await_answer(self, seq: int) -> bool:
-        """Wait for the command to sample `seq`; False without one, or when interrupted."""
+        """Whether the command for sample `seq` comes before time-out or interruption."""
         if self.broken or self._interrupted:
             return self._await_in_real_time(seq)
         started = self._clock()
@@ -251,7 +251,7 @@ class SimulationLoop:
         return False
 
     def _wait_until(self, due: float) -> bool:
-        """Take in what arrives; False once `due` is over, after a last look."""
+        """Take in what arrives; False if `due` was over already before this call."""
         left = due - self._clock()
         self._lane.wait(max(0.0, left))
         self._serve()
@@ -267,7 +267,7 @@ class SimulationLoop:
         self._report("lockstep", "lockstep_broken: drives damp, robot time runs on with wall time")
 
     def _advance(self, command: MotorCommand | None) -> None:
-        """One step of the plant; without a command in broken lock-step the drives damp."""
+        """Advance the plant by a step; without a command in broken lock-step the drives damp."""
         plant = self.plant
         plant.power(self.switch.apply(plant.seq))
         if command is None and self.broken:
@@ -287,7 +287,7 @@ class SimulationLoop:
                 self.credit_spent.set()
 
     def _keep_pace(self) -> None:
-        """Wait until the next tick is due; in broken lock-step the wait for answers does."""
+        """Wait until the next tick is due; in broken lock-step the wait for answers does that."""
         if self.broken:
             return
         now = self._clock()

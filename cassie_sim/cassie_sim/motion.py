@@ -1,4 +1,4 @@
-"""Ground that moves by itself: it tilts, or lifts a foot."""
+"""Ground that moves by itself: it tilts, or lifts one foot."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from cassie_sim.ground import tilt
 
 @dataclass(frozen=True)
 class GroundMotion:
-    """A motion of one body of the ground at a constant rate, from a moment on.
+    """A motion of one body of the ground at a constant rate.
 
     Attributes:
-        body: Name of the mocap body that moves, its origin the hinge.
-        start: When it begins. In s.
-        tilt_ahead: Rise ahead in the end. In rad.
-        tilt_left: Rise to the left in the end. In rad.
-        lift: Height in the end. In m.
-        duration: How long it takes; 0 is there from the beginning. In s.
+        body: Name of the mocap body that moves; its origin is the hinge.
+        start: Time at which the motion begins. In s.
+        tilt_ahead: Final rise ahead. In rad.
+        tilt_left: Final rise to the left. In rad.
+        lift: Final height. In m.
+        duration: Duration of the motion; 0: the final state from the beginning. In s.
     """
 
     body: str
@@ -30,13 +30,13 @@ class GroundMotion:
     duration: float
 
     def share(self, time: float) -> float:
-        """How far it has come at a time (s), 0 to 1."""
+        """Share of the motion that is done at a time (s), 0 to 1."""
         if self.duration <= 0.0:
             return 1.0
         return min(1.0, max(0.0, (time - self.start) / self.duration))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, time: float) -> None:
-        """Put the ground where it is at a time (s)."""
+        """Set the pose of the ground at a time (s)."""
         share = self.share(time)
         index = model.body(self.body).mocapid[0]
         data.mocap_pos[index, 2] = model.body(self.body).pos[2] + share * self.lift

@@ -1,4 +1,4 @@
-"""What compiled code needs of C: MuJoCo's functions and structures, and words shared by threads."""
+"""C functions for compiled code: MuJoCo's functions and structures, and words shared by threads."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numba.extending import intrinsic
 
 @intrinsic
 def call(_context: Any, function: Any, first: Any, second: Any) -> Any:
-    """Call the C function of two pointers at an address; all three are integers.
+    """Call a C function of two pointers; `function` is its address, and all three are integers.
 
-    With an address as an argument, unlike a ctypes function, the caller's machine code can be kept.
+    An address is an argument, unlike a ctypes function. So the caller's machine code can be cached.
     """
     signature = types.void(types.intp, types.intp, types.intp)
 
@@ -36,7 +36,7 @@ def _word(builder: Any, address: Any) -> Any:
 
 @intrinsic
 def load(_context: Any, address: Any) -> Any:
-    """The 64-bit integer at an address, as the last `store` of any thread left it."""
+    """The 64-bit integer at an address, as the last `store` of any thread wrote it."""
     signature = types.int64(types.intp)
 
     def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
@@ -47,7 +47,7 @@ def load(_context: Any, address: Any) -> Any:
 
 @intrinsic
 def store(_context: Any, address: Any, value: Any) -> Any:
-    """Write a 64-bit integer; what this thread wrote before is there for who sees it by `load`."""
+    """Write a 64-bit integer; a thread that reads it by `load` sees all earlier writes, too."""
     signature = types.void(types.intp, types.int64)
 
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -64,11 +64,11 @@ def libc_address(name: str) -> int:
 
 def mj_step_address() -> int:
     """Address of the `mj_step` that the `mujoco` package itself calls."""
-    # A symbol is looked up in a library and in those it is linked with.
+    # A symbol is looked up in a library and in the libraries that it is linked with.
     library = ctypes.CDLL(mujoco._functions.__file__)
     return int(ctypes.cast(library.mj_step, ctypes.c_void_p).value or 0)
 
 
 def addresses(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, int]:
-    """Addresses of a model's and its data's C structures; valid as long as these live."""
+    """Addresses of the C structures of a model and its data; valid as long as both exist."""
     return int(model._address), int(data._address)

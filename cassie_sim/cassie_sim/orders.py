@@ -1,4 +1,4 @@
-"""Pushes and gantry moves that come in while the plant runs, checked like those of a file."""
+"""Pushes and gantry moves that are requested while the plant runs, checked as those of a file."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from cassie_sim.gantry import SPEED
 from cassie_sim.plant import Plant
 
 CAUGHT = 0.5
-"""Fastest Segway that somebody takes by its bar: it stops at once. In m/s."""
+"""Largest speed at which the Segway can be taken by its bar: it stops at once. In m/s."""
 
 
 def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> str:
     """Push a body from the next tick on.
 
     Args:
-        plant: What is pushed.
+        plant: Plant whose body is pushed.
         body: Name of the body; empty is the pelvis.
-        force: World axes. Shape (3,), in N.
-        duration: In s.
+        force: Force in world axes. Shape (3,), in N.
+        duration: Duration of the push. In s.
 
     Returns:
-        What happens, in words.
+        Text that says what happens.
 
     Raises:
-        ParameterError, SimulationError: naming the value and what is permitted.
+        ParameterError, SimulationError: naming the value and the permitted values.
     """
     mapping = {"t": 0.0, "body": body or "pelvis", "force": list(force), "duration": duration}
     event = from_mapping(Push, mapping)
@@ -37,14 +37,14 @@ def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> st
 
 
 def hold_bar(plant: Plant, held: bool) -> str:
-    """Have somebody hold the Segway by its bar, or let go of it.
+    """Hold the Segway by its bar, or release it.
 
     Returns:
-        What happens, in words.
+        Text that says what happens.
 
     Raises:
-        SimulationError: if there is no Segway, if it rolls too fast for somebody to take its bar,
-            or if the bar is to be let go while the robot hangs.
+        SimulationError: if there is no Segway, if it is faster than `CAUGHT`, or if the bar is to
+            be released while the robot hangs.
     """
     vehicle = plant.vehicle
     if vehicle is None:
@@ -64,20 +64,20 @@ def hold_bar(plant: Plant, held: bool) -> str:
 
 
 def move_gantry(plant: Plant, action: str, height: float, speed: float) -> str:
-    """Hold the pelvis at a height, lower it and let go there, or let go at once.
+    """Hold the pelvis at a height, lower and then release it, or release it at once.
 
     Args:
-        plant: Whose gantry moves.
+        plant: Plant whose gantry moves.
         action: "hold", "lower" or "release".
-        height: Of the pelvis, for hold and lower. In m.
-        speed: Of the winch; 0 is the default. In m/s.
+        height: Pelvis height to reach, for hold and lower. In m.
+        speed: Speed of the winch; 0 is the default. In m/s.
 
     Returns:
-        What happens, in words.
+        Text that says what happens.
 
     Raises:
-        ParameterError: naming the value and what is permitted.
-        SimulationError: if it is to lower what it does not hold.
+        ParameterError: naming the value and the permitted values.
+        SimulationError: if the action is "lower" and the gantry does not hold the pelvis.
     """
     mapping: dict[str, object] = {"t": 0.0, "action": action}
     if action != "release":

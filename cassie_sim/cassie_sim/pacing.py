@@ -1,20 +1,20 @@
-"""Robot time against wall time. Wall times come in as arguments, in s."""
+"""Pacing of robot time by wall time. Wall times come in as arguments, in s."""
 
 from __future__ import annotations
 
 from cassie_msgs.layout import Sensors
 
 SLACK = 0.1
-"""Delay behind the pace that is caught up; more is forgiven. In s."""
+"""Largest delay behind the pace that is caught up; a larger one is dropped. In s."""
 
 SHORTEST_TICK = 0.5
-"""Share of a tick that an answer has while a delay is caught up: robot time then runs at twice
-wall time at most. Otherwise a simulator that the system woke late would deny its own delay to
-the controller, as ticks without a command."""
+"""Least share of a tick for an answer while a delay is caught up: robot time then runs at twice
+wall time at most. Otherwise a simulator that the system woke late would leave the controller no
+time to answer, and its own delay would count as ticks without a command."""
 
 
 class Pace:
-    """Says when the next tick is due.
+    """Computes when the next tick is due.
 
     Args:
         tick: Length of a control tick in robot time. In s.
@@ -25,7 +25,7 @@ class Pace:
         self._due = 0.0
 
     def start(self, now: float) -> None:
-        """Begin to count now."""
+        """Begin to count at wall time `now`."""
         self._due = now
 
     def next_due(self, now: float, rate: float, least: float = 0.0) -> float:
@@ -33,8 +33,8 @@ class Pace:
 
         Args:
             now: Wall time.
-            rate: Robot time per wall time, at most; 0 is as fast as it goes.
-            least: Share of a tick that is left until then, also while a delay is caught up.
+            rate: Largest ratio of robot time to wall time; 0 is no limit.
+            least: Least share of a tick until the next one is due, while a delay is caught up.
         """
         if rate <= 0.0:
             self._due = now
@@ -46,7 +46,7 @@ class Pace:
 
 
 class RealTimeFactor:
-    """Robot time per wall time over the last second or so."""
+    """Ratio of robot time to wall time over about the last second."""
 
     WINDOW = 1.0
 
@@ -60,7 +60,7 @@ class RealTimeFactor:
         self._robot, self._wall = robot, now
 
     def update(self, robot: float, now: float) -> None:
-        """Take in a robot time and the wall time it was reached."""
+        """Take in a robot time and the wall time at which it was reached."""
         elapsed = now - self._wall
         if robot < self._robot:
             self.start(robot, now)
@@ -70,15 +70,15 @@ class RealTimeFactor:
 
 
 class TickTiming:
-    """Counts control ticks that went wrong while robot time is paced by the wall clock.
+    """Counts missed and late control ticks while robot time is paced by the wall clock.
 
     Args:
         tick: Length of a control tick. In s.
 
     Attributes:
-        missed: Ticks without a new command, counted from the first one that had one.
+        missed: Ticks without a new command, counted from the first tick with one.
         late: Ticks that began more than half a tick late.
-        longest_delay: Of a tick. In s.
+        longest_delay: Longest delay of a tick. In s.
     """
 
     def __init__(self, tick: float) -> None:
@@ -86,13 +86,13 @@ class TickTiming:
         self.restart()
 
     def restart(self) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self.missed = self.late = 0
         self.longest_delay = 0.0
         self._begun = False
 
     def tick(self, delay: float, *, answered: bool) -> None:
-        """Take in a tick: how late it ends, in s, and whether a new command had come."""
+        """Take in the end of a tick: its delay, in s, and whether a new command had come."""
         self._begun = self._begun or answered
         if not self._begun:
             return
@@ -101,7 +101,7 @@ class TickTiming:
         self.longest_delay = max(self.longest_delay, delay)
 
     def write(self, sample: Sensors) -> None:
-        """Fill in what a sample tells of them."""
+        """Fill in the timing fields of a sample."""
         sample.wall_paced[...] = 1
         sample.missed_ticks[...] = self.missed
         sample.late_ticks[...] = self.late

@@ -1,6 +1,6 @@
 """Physics steps of robot and sensors, compiled.
 
-Arrays are changed in place; records are those of drives and sensors, in arrays of shape (1,).
+Arrays are changed in place; the records of drives and sensors are arrays of shape (1,).
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ def physics_steps(
     noise: FloatArray,
     seen: FloatArray,
 ) -> None:
-    """Physics and sensors for some physics steps, with the torques under way.
+    """Compute physics and sensors for some physics steps, with the delayed torques.
 
-    What the drives make of these steps, `drive_steps`, acts only after them.
+    The torques that the drives compute in these steps (`drive_steps`) act only after them.
 
     Args:
         step: Address of MuJoCo's `mj_step`.
-        model, data: Addresses of its model and data.
-        steps: How many; at most as long as a torque takes.
-        qpos, qvel, ctrl: Of `data`.
-        quaternion, imu: In `data`, see `observe`.
-        q_indices, v_indices: Where drives and joints are in `qpos` and `qvel`. Shape (16,).
+        model, data: Addresses of MuJoCo's model and data.
+        steps: Number of steps, at most the delay of a torque.
+        qpos, qvel, ctrl: Arrays of `data`.
+        quaternion, imu: Arrays in `data`, see `observe`.
+        q_indices, v_indices: Indices of drives and joints in `qpos` and `qvel`. Shape (16,).
         drives, pipeline: See `drive_steps`; not changed.
         sensors, attitudes, noise: See `observe`.
-        seen: Result: what the drives measure before each step, position in rad, then velocity in
-            rad/s. Shape (n, 20).
+        seen: Result: measurements of the drives before each step, position in rad, then velocity
+            in rad/s. Shape (n, 20).
     """
     drive, sensor, rows = drives[0], sensors[0], pipeline.shape[0]
     angles, rates = np.empty(16), np.empty(16)

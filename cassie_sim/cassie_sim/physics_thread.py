@@ -1,9 +1,9 @@
-"""Physics in a thread of its own, while another one computes the command.
+"""Physics in its own thread, while another one computes the command.
 
-Handing work from thread to thread through Python takes as long as the physics of a tick. So the
-thread waits in compiled code, without the interpreter, for a word in memory to change; only when
-nothing has come for some milliseconds does it go to sleep. It wants a processor of its own: where
-others take that, whoever waits for it is told.
+To pass work from thread to thread through Python takes as long as the physics of a tick. So the
+thread waits in compiled code, without the interpreter, for a word in memory to change. It goes to
+sleep only after some milliseconds without work. It needs a processor of its own; `finish` tells the
+caller when other processes had taken it.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from cassie_gaits.compiled import compiled
 from cassie_sim.native import call, libc_address, load, store
 from cassie_sim.physics import physics_steps
 
-_STEPS, _AWAKE, _ENDS = 0, 8, 16  # bytes from the first word to those that threads share:
-# physics steps asked for, whether the thread looks at that, whether it is to end
-_LOOKS = 20_000  # at the word until it gives way to others: some hundredths of a millisecond
-_TURNS = 200  # that it gives way until it goes to sleep
-_STALLED = 0.001  # s of waiting, ten times as long as the physics takes
+_STEPS, _AWAKE, _ENDS = 0, 8, 16  # offsets, in bytes, of the words that the threads share:
+# requested physics steps, whether the thread polls that word, whether the thread is to end
+_LOOKS = 20_000  # polls of the word until the thread yields: some hundredths of a millisecond
+_TURNS = 200  # yields of the thread until it goes to sleep
+_STALLED = 0.001  # s of waiting that mean no free processor; ten times the duration of the physics
 
 
 def _serve(words: int, give_way: int, arguments: Any) -> None:
-    """Make physics steps as they are asked for, until none are for a while.
+    """Compute requested physics steps, until there are none for some milliseconds.
 
     Args:
         words: Address of the shared words.
         give_way: Address of `sched_yield`.
-        arguments: Of `physics_steps`, before and after the number of steps.
+        arguments: Arguments of `physics_steps`, before and after the number of steps.
     """
     (step, model, data), arrays = arguments
     looks = 0
@@ -48,7 +48,7 @@ def _serve(words: int, give_way: int, arguments: Any) -> None:
 
 
 def _wait(words: int, give_way: int) -> None:
-    """Return when the steps that were asked for are made."""
+    """Return when the requested steps are computed."""
     looks = 0
     while load(words + _STEPS) > 0:
         looks += 1
@@ -58,7 +58,7 @@ def _wait(words: int, give_way: int) -> None:
 
 @compiled
 def exchange(words: int, set_word: int, value: int, asked_word: int) -> int:
-    """Set a shared word, then tell another one: of two threads that do so one sees the other's."""
+    """Set a shared word, then return another; at least one of two threads sees the other's."""
     store(words + set_word, value)
     asked: int = load(words + asked_word)
     return asked
@@ -68,7 +68,7 @@ serve, wait = compiled(_serve, nogil=True), compiled(_wait, nogil=True)
 
 
 class PhysicsThread:
-    """Makes physics steps beside the thread that asks for them.
+    """Computes physics steps in parallel with the thread that requests them.
 
     Args:
         native, arrays: Arguments of `physics_steps` before and after the number of steps.
@@ -84,12 +84,12 @@ class PhysicsThread:
         self.end = weakref.finalize(self, _end, words, called, thread)
 
     def begin(self, steps: int) -> None:
-        """Ask for physics steps; `finish` before anything else."""
+        """Request physics steps; call `finish` before anything else."""
         if not exchange(self._address, _STEPS, steps, _AWAKE):
             self._called.set()
 
     def finish(self) -> bool:
-        """Wait until they are made; says whether the thread had no processor meanwhile."""
+        """Wait until the steps are computed; returns whether the thread had no free processor."""
         started = time.perf_counter()
         wait(self._address, self._give_way)
         return time.perf_counter() - started > _STALLED
@@ -104,7 +104,7 @@ def _work(words: Any, give_way: int, called: threading.Event, arguments: Any) ->
         serve(address, give_way, arguments)
         if words[2]:
             return
-        if exchange(address, _AWAKE, 0, _STEPS):  # asked for meanwhile
+        if exchange(address, _AWAKE, 0, _STEPS):  # steps were requested meanwhile
             called.set()
 
 

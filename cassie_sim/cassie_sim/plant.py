@@ -3,11 +3,11 @@
 One control tick is `Plant.sense()` followed by `Plant.step(command)`. Everything in between
 (drives, sensor filters, gantry, pushes) runs at the rate of the physics.
 
-A torque acts 3 ms after the drives have set it, so the physics of a tick of 2 ms never waits for
-its command: `Plant.run_ahead()` in between makes it while the command is computed.
+A torque acts 3 ms after the drives have set it, so the physics of a tick of 2 ms never needs the
+command of that tick. `Plant.run_ahead()` computes the physics in parallel with the command.
 
-A tick of Python costs more than its physics, so compiled code (`physics`) makes as many physics
-steps at once as pass without an event.
+A tick of Python costs more than its physics, so compiled code (`physics`) computes all physics
+steps until the next event at once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from cassie_sim.segway_drive import SegwayDrive
 from cassie_sim.sensors import IdealSensors, make_sensors
 
 BATTERY = (72.0, 1.0)
-"""Voltage in V and state of charge, which the simulation keeps."""
+"""Voltage in V and state of charge, both constant in the simulation."""
 
 _SECOND = 1_000_000_000  # in ns
 
@@ -48,11 +48,11 @@ _SECOND = 1_000_000_000  # in ns
 def hand_over(
     drives: Records[DriveNumbers], seq: int, episode: int, stamp: int, samples: RecordArray
 ) -> None:
-    """What belongs to a sample besides what is measured.
+    """Write the fields of a sample that are not measured.
 
     Args:
-        drives: Shape (1,).
-        seq, episode: Of the sample.
+        drives: Record of the drives. Shape (1,).
+        seq, episode: Seq and episode of the sample.
         stamp: Robot time. In ns.
         samples: Result, `Sensors.record`. Shape (1,).
     """
@@ -72,7 +72,7 @@ class Snapshot:
     """State of physics and sensors at one moment.
 
     Args:
-        model, data: Whose physics.
+        model, data: Model and data of the physics.
         robot: Views of `data`.
     """
 
@@ -82,14 +82,14 @@ class Snapshot:
         self._rotation = np.zeros(9)
 
     def take(self, sensors: IdealSensors) -> None:
-        """Keep the present state."""
+        """Store the present state."""
         mujoco.mj_getState(self._model, self._data, self._state, _STATE)
-        self._rotation[:] = self._robot.rotation  # of the last kinematics, which is a step behind
+        self._rotation[:] = self._robot.rotation  # from the last kinematics, which lags by a step
         self._records = sensors.records.copy()
         self._attitudes = sensors.attitudes.copy()
 
     def restore(self, sensors: IdealSensors) -> None:
-        """Go back to the state that was kept."""
+        """Go back to the stored state."""
         mujoco.mj_setState(self._model, self._data, self._state, _STATE)
         self._robot.rotation[:] = self._rotation
         sensors.records[:] = self._records
@@ -104,7 +104,7 @@ STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
 HANGING_HEIGHT = 1.15
 """Pelvis height while hanging from the gantry at the start. In m."""
 
-_ALONE = 1000  # ticks after which a thread that had no processor is tried again
+_ALONE = 1000  # ticks after which a thread that had no free processor is tried again
 
 COMMAND_WATCHDOG = 0.02
 """Robot time without a command after which the drives damp. In s."""
@@ -114,7 +114,7 @@ class Plant:
     """Cassie in a scene.
 
     Attributes:
-        beside: Whether `run_ahead` leaves the physics to a thread of its own.
+        beside: Whether `run_ahead` computes the physics in its own thread.
 
     Args:
         config: Rates and sensor grade.
@@ -122,7 +122,7 @@ class Plant:
         meshes: Whether to load the visual meshes, for pictures.
 
     Raises:
-        SimulationError, ParameterError: naming the setting, its value and what is permitted.
+        SimulationError, ParameterError: naming the setting, its value and the permitted values.
     """
 
     def __init__(
@@ -157,14 +157,14 @@ class Plant:
         self._sample = Sensors()
         self._seen = np.zeros((len(self.drives.pipeline) - 1, 20))
         self._before = Snapshot(self.model, self.data, self._robot)
-        self._in_thread = 0  # physics steps under way there
+        self._in_thread = 0  # physics steps that the thread computes now
         self._thread: PhysicsThread | None = None
-        self._alone = 0  # ticks without it, as there is no processor for it
+        self._alone = 0  # ticks without the thread, as there is no free processor
         self.beside = False
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start pose at time 0, with the same robot and the same noise."""
+        """Go back to the start pose at time 0, with the same robot and the same noise."""
         self._await_thread()
         if self._thread is not None:
             self._thread.end()
@@ -199,7 +199,7 @@ class Plant:
         self.drives.powered = on
 
     def sense(self) -> Sensors:
-        """The sensor sample of this tick. Valid until the next call; call it once a tick."""
+        """The sensor sample of this tick. Valid until the next call; call it once per tick."""
         sample = self._sample
         if not self._written:
             self.sensors.write(sample, again=self._drawn)
@@ -210,11 +210,11 @@ class Plant:
         return sample
 
     def run_ahead(self) -> None:
-        """Make the physics of this tick before its command is there, where nothing else acts on it.
+        """Compute the physics of this tick before its command comes, if no event acts on it.
 
         `step` goes on from there, or begins anew if the power was switched or an event added
-        meanwhile. What the plant shows of its true state is ahead until then; `take_back` first.
-        The result is the same to the last bit.
+        meanwhile. Until `step`, the plant's true state is ahead of the tick: call `take_back`
+        before reading it. The result is the same to the last bit.
         """
         now, steps = self._physics_steps, min(self.substeps, len(self._seen))
         if self.beside and self._alone > 0:
@@ -237,7 +237,7 @@ class Plant:
         self._thread.begin(steps)
 
     def _arrive(self, steps: int) -> None:
-        """The physics is ahead by some steps."""
+        """Take in that the physics is ahead by some steps."""
         self._ahead = steps
         if steps == self.substeps:
             self.sensors.write(self._sample, again=self._drawn)
@@ -251,12 +251,12 @@ class Plant:
             self._arrive(steps)
 
     def _may_go_on(self) -> bool:
-        """Whether nothing has come in between that acts on the steps made ahead."""
+        """Whether no event has come that acts on the steps computed ahead."""
         quiet = self.events.idle(self._physics_steps, self._ahead) and not self.gantry.attached
         return quiet and self.drives.powered == self._powered
 
     def take_back(self) -> None:
-        """Undo `run_ahead`, before anybody looks at the plant or changes it."""
+        """Undo `run_ahead`; call this before the plant is read or changed."""
         self._await_thread()
         if self._ahead:
             self._before.restore(self.sensors)
@@ -265,11 +265,11 @@ class Plant:
             self._written = False
 
     def step(self, command: MotorCommand | None) -> None:
-        """Advance one control tick.
+        """Advance by one control tick.
 
         Args:
-            command: Set-points for this tick. None keeps the last ones, until the watchdog of
-                the drives damps.
+            command: Set-points for this tick. None keeps the last set-points, until the watchdog
+                of the drives damps.
 
         Raises:
             CommandError: if the command is refused; the tick has then run with damped drives.
@@ -311,7 +311,7 @@ class Plant:
         """Give the drives the command that arrives now.
 
         Raises:
-            CommandError: if it is refused; the drives then damp.
+            CommandError: if the command is refused; the drives then damp.
         """
         command = self.events.arrived(self._physics_steps)
         if command is None:
@@ -323,7 +323,7 @@ class Plant:
             raise
 
     def _advance(self, most: int) -> None:
-        """Physics steps up to the next on which something acts from outside, at most `most`."""
+        """Advance the physics until the next external event, by at most `most` steps."""
         steps = self._ahead or self._make_steps(most)
         self._ahead = 0
         drive_steps(self.drives.records, self.drives.pipeline, self._seen, steps)
@@ -359,11 +359,11 @@ class Plant:
         set_drives(self.model, data, drives)
         if self.scenario.start == "gantry":
             self.gantry.hold(data.qpos[:3], HANGING_HEIGHT)
-            # The straps stretch under the weight: begin where they carry it.
+            # The straps stretch under the weight: begin at the height where they carry it.
             self.gantry.height = HANGING_HEIGHT
             return
-        # Standing begins in the harness, soles on the ground, let down within half a second.
-        data.qpos[2] += HANGING_HEIGHT  # clear of whatever the scene has put there
+        # Standing begins in the harness, soles on the ground; the gantry lowers it within 0.5 s.
+        data.qpos[2] += HANGING_HEIGHT  # above all objects of the scene
         mujoco.mj_kinematics(self.model, data)
         data.qpos[2] -= height_over_ground(self.model, data)
         height = float(data.qpos[2])

@@ -1,4 +1,4 @@
-"""Rates and grade of the plant."""
+"""Rates and sensor grade of the plant."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cassie_sim.errors import SimulationError
 
 @dataclass(frozen=True, kw_only=True)
 class PlantConfig:
-    """Rates and grade of the plant.
+    """Rates and sensor grade of the plant.
 
     `control_rate` must divide `physics_rate`.
     """
@@ -21,16 +21,16 @@ class PlantConfig:
     sensors: str = tunable(
         "faithful",
         choices=("faithful", "ideal"),
-        description="Sensors with bits, filters, noise and delay, or the truth",
+        description="Sensors with resolution, filters, noise and delay, or the true values",
         live=False,
     )
 
 
 def check_rates(config: PlantConfig) -> None:
-    """Hold the rates against each other.
+    """Check that the rates are consistent.
 
     Raises:
-        SimulationError, ParameterError: naming the setting, its value and what is permitted.
+        SimulationError, ParameterError: naming the setting, its value and the permitted values.
     """
     check(config)
     if config.physics_rate % config.control_rate:

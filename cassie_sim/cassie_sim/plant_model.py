@@ -1,4 +1,4 @@
-"""The MuJoCo model of a scenario, and where in it the robot's readings are."""
+"""The MuJoCo model of a scenario, and the robot's readings in it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cassie_sim.scenes import scene_spec
 
 FloatArray = npt.NDArray[np.float64]
 
-_PAYLOAD_RADIUS = 0.08  # of the solid ball that gives a payload its inertia, in m
+_PAYLOAD_RADIUS = 0.08  # radius of a solid ball with the payload's inertia, in m
 
 
 def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.MjModel:
@@ -27,7 +27,7 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
         period: Length of a physics step. In s.
 
     Raises:
-        SimulationError, ParameterError: naming the setting, its value and what is permitted.
+        SimulationError, ParameterError: naming the setting, its value and the permitted values.
     """
     spec = scene_spec(scenario.scene, scenario.scene_parameters, meshes=meshes)
     spec.option.timestep = period
@@ -52,7 +52,7 @@ def compile_model(scenario: Scenario, *, meshes: bool, period: float) -> mujoco.
 
 
 def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
-    """A body without shape, fixed to the pelvis."""
+    """Add the payload as a body without shape, fixed to the pelvis."""
     place = np.add(robot.PELVIS.com, (payload.x, payload.y, payload.z))
     body = spec.body("pelvis").add_body(name="payload", pos=place)
     body.explicitinertial = True
@@ -60,7 +60,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
 
 
 def _weigh_payload(model: mujoco.MjModel, payload: Payload) -> None:
-    """Give the load its own mass again: what a seed draws is the mass of the robot's links."""
+    """Set the load's own mass again: the factors on mass are for the robot's links only."""
     body = model.body("payload").id
     model.body_mass[body] = payload.mass
     model.body_inertia[body] = _ball_inertia(payload)
@@ -83,18 +83,19 @@ def _scale(model: mujoco.MjModel, scenario: Scenario) -> None:
 
 
 class Readings:
-    """Views of the true state, and what the sensors are told of it.
+    """Views of the true state, and of the part that the sensors measure.
 
     Attributes:
         qpos, qvel: MuJoCo's coordinates and their rates.
-        q_indices, v_indices: Where in them drives, then shin, tarsus, toe of both legs are.
-            Shape (16,).
-        position: Of the pelvis. Shape (3,), in m.
+        q_indices, v_indices: Indices in `qpos` and `qvel` of drives, then of shin, tarsus, toe of
+            both legs. Shape (16,).
+        position: Position of the pelvis. Shape (3,), in m.
         quaternion: Pelvis to world, w x y z. Shape (4,).
-        rotation: The same as a matrix, row by row, as of the last kinematics. Shape (9,).
+        rotation: Rotation matrix from pelvis to world, row by row, as of the last kinematics. Shape
+            (9,).
         twist: Linear velocity in the world, angular velocity in the pelvis. Shape (6,).
         wrench: External force and torque on the pelvis, to be set. Shape (6,), world axes.
-        torques: Of the drives, to be set. Shape (10,), in Nm.
+        torques: Torques of the drives, to be set. Shape (10,), in Nm.
         imu: Angular velocity and specific force, pelvis frame. Shape (6,), in rad/s and m/s^2.
     """
 
@@ -111,7 +112,7 @@ class Readings:
         self.twist: FloatArray = data.qvel[:6]
         self.wrench: FloatArray = data.xfrc_applied[pelvis]
         self.torques: FloatArray = data.ctrl
-        imu = model.sensor("gyro").adr[0]  # the accelerometer follows it
+        imu = model.sensor("gyro").adr[0]  # the accelerometer follows the gyro
         self.imu: FloatArray = data.sensordata[imu : imu + 6]
 
     def measured(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

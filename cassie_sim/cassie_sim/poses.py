@@ -1,4 +1,4 @@
-"""Poses of the MuJoCo model whose loops are closed."""
+"""Poses of the MuJoCo model with closed kinematic loops."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def set_drives(
     *,
     springs: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Put the legs into a pose with closed loops; the pelvis stays as it is.
+    """Put the legs into a pose with closed loops; the pelvis is not moved.
 
     Args:
         model: Robot, alone or in a scene.
-        data: Its `qpos` is changed, velocities are not.
+        data: State of the model; `qpos` is changed, velocities are not.
         drives: Drive positions, left then right. Shape (10,), in rad.
         springs: Deflections of shin and heel spring of both legs. In rad.
 
     Raises:
-        SimulationError: if a drive position is not finite, or no pose closes the loops to a
+        SimulationError: if a drive position is not finite, or no pose closes the loops within a
             micrometre.
     """
     if not np.isfinite(drives).all():
@@ -50,13 +50,13 @@ def set_drives(
         data.qpos[_address(model, f"{leg}_foot_crank")] = toe
         data.qpos[_address(model, f"{leg}_plantar_rod")] = -toe
         ball = _address(model, f"{leg}_achilles_rod")
-        # From elsewhere the loop may close with the tarsus folded the wrong way.
+        # From another start the loop may close with the tarsus folded the wrong way.
         data.qpos[ball : ball + 4] = achilles_turn(leg, knee, 0.0, NEUTRAL_TARSUS - knee)
     _close_loops(model, data)
 
 
 def _close_loops(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Newton's method on the pins over the joints that nothing drives, springs held."""
+    """Close the loops by Newton's method: move the undriven joints, with springs fixed."""
     free = _passive_dofs(model)
     step = np.zeros(model.nv)
     for _ in range(40):
@@ -67,7 +67,7 @@ def _close_loops(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             return
         step[:] = 0.0
         change = np.linalg.lstsq(jacobian[:, free], -error, rcond=None)[0]
-        # The ball joint's spin about the rod is free; large steps only occur far from the loop.
+        # The ball joint's spin about the rod is free; large steps occur only far from the solution.
         step[free] = change * min(1.0, 0.5 / max(1e-12, float(np.abs(change).max())))
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
     if np.abs(error).max() > 1e-6:
@@ -118,9 +118,9 @@ def lowest_sole(model: mujoco.MjModel, data: mujoco.MjData) -> float:
 
 
 def height_over_ground(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """How far the robot can sink until a sole touches the ground straight below it. In m.
+    """Distance by which the robot can sink until a sole touches the ground below it. In m.
 
-    Needs kinematics, with all soles above the ground. Infinite if there is none below.
+    Compute the kinematics before, with all soles above the ground. Infinite without ground below.
     """
     group = np.zeros(mujoco.mjNGROUP, np.uint8)
     group[GROUND_GROUP] = 1

@@ -1,4 +1,4 @@
-"""Which way the drives' power switch stands, by the operators' commands."""
+"""State of the drives' power switch, by the operators' commands."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from cassie_msgs.schedule import PERIOD_TICKS, SCRIPT_GONE, SCRIPT_TIMEOUT, effe
 class PowerSwitch:
     """Switches at once for a person, at `effective_seq` for a script.
 
-    A script answers state k with what holds from tick k + `PERIOD_TICKS` on. The simulator waits
-    for that answer where it needs it, so that the tick at which the switch moves does not depend on
-    the machine. A script that stays silent for its time-out counts as lost: nothing waits for it
-    until it is heard again. The first writer of scripted commands is the script, until it is lost.
+    A script answers state k with a command that is valid from tick k + `PERIOD_TICKS` on. The
+    simulator waits for that answer where it needs it, so that the tick at which the switch moves
+    does not depend on the machine. A script that does not answer within its time-out counts as
+    lost: the simulator does not wait for it until its next message. The first writer of scripted
+    commands is the script, until it is gone for `SCRIPT_GONE`.
 
     Args:
         scripted: Whether a script is expected; then persons can only stop the robot.
-        start_timeout: Wall time that the script has for its first answer. In s.
+        start_timeout: Time-out for the script's first answer, in wall time. In s.
 
     Attributes:
-        operators: Who speaks and who holds the lease.
+        operators: The operators and the lease.
         lost: Whether the script does not answer.
-        refused: Why the newest command does not count; empty if it does.
+        refused: Why the newest command was refused; empty if it was not.
     """
 
     def __init__(self, *, scripted: bool, start_timeout: float) -> None:
@@ -42,7 +43,7 @@ class PowerSwitch:
         return self.operators.power
 
     def reset(self) -> None:
-        """A new episode: power off, nothing planned."""
+        """Begin a new episode: power off, nothing planned."""
         self._planned.clear()
         self._wanted = False
         self.operators.reset()
@@ -53,8 +54,8 @@ class PowerSwitch:
         """Take in a command of an operator.
 
         Args:
-            command: What came.
-            writer: Identity of who wrote it.
+            command: The received command.
+            writer: Identity of the command's writer.
             episode: Present episode.
             tick: Present control tick.
             now: Wall time. In s.
@@ -69,8 +70,8 @@ class PowerSwitch:
             self.refused = "another script plays already"
         elif int(command.episode) == episode:
             effective = int(command.effective_seq)
-            # An answer that comes late still holds, from then on; the latest is one to the state
-            # just sent.
+            # A late answer is still valid, from its arrival on. The newest possible answer is for
+            # the state just sent.
             self.refused = outside("effective_seq", effective, 0, effective_seq(tick))
             if not self.refused:
                 self._planned[effective] = bool(command.power)
@@ -78,34 +79,34 @@ class PowerSwitch:
                 self.lost = False
 
     def _other_plays(self, writer: bytes, now: float) -> bool:
-        """Whether a script other than this one plays; it does until it is gone."""
+        """Whether a script other than `writer` runs, that is, was heard within `SCRIPT_GONE`."""
         return self._script not in (b"", writer) and now - self._heard <= SCRIPT_GONE
 
     def awaits(self, tick: int) -> bool:
         """Whether this tick may not run before the script has answered."""
         if not self._scripted or self.lost or tick % PERIOD_TICKS:
             return False
-        # At the start the script proves that it takes part, before robot time passes.
+        # At the start the script must answer before robot time passes.
         return (tick or PERIOD_TICKS) not in self._planned
 
     @property
     def timeout(self) -> float:
-        """How long to wait for the script. In s."""
+        """Time-out for the script's answer. In s."""
         return SCRIPT_TIMEOUT if self._script else self._start_patience
 
     def pause(self, now: float) -> None:
-        """Robot time stands still: a script that plays has nothing to answer."""
+        """Take in that robot time is paused: the script has nothing to answer."""
         self._heard = now
 
     def give_up(self) -> None:
-        """Wait no longer: the script did not answer within its timeout."""
+        """Take in that the script did not answer within its time-out."""
         self.lost = True
 
     def apply(self, tick: int) -> bool:
         """Position of the switch in this tick."""
         if self._planned:
             self._wanted = self._planned.pop(tick, self._wanted)
-            if self._planned and min(self._planned) < tick:  # came too late: holds from now on
+            if self._planned and min(self._planned) < tick:  # came too late: valid from now on
                 self._wanted = self._planned.pop(min(self._planned))
         if self._scripted:
             return self.operators.script(self._wanted)

@@ -1,10 +1,10 @@
-"""A course of all grounds without end: tiles that are laid ahead of the robot, one after another.
+"""An endless course of all grounds: tiles that are laid ahead of the robot, one after another.
 
-Each kind of ground is one tile: a body of the model that can be put anywhere. A seed gives the
-order of the tiles, their rise, the steps between them, which ones lie the other way round and how
-far they lie aside. Only the tiles around the robot are in place, so a physics step costs the same
-after any distance. They lie in the direction in which the robot started, and each is laid across
-the way that the robot takes.
+Each kind of ground is one tile: a body of the model that can be moved. A seed determines the
+order of the tiles, their rise, the steps between them, which tiles are reversed and their sideways
+offsets. Only the tiles around the robot are in place, so a physics step costs the same after any
+distance. The course runs in the direction in which the robot started; each tile is shifted sideways
+onto the path that the robot takes.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ GROUND = 4.0
 """Length of each kind of ground. In m."""
 
 MARGIN = 0.5
-"""Of concrete before and behind it. In m."""
+"""Length of concrete before and behind each kind of ground. In m."""
 
 BACK, AHEAD = 1, 2
-"""Tiles in place behind and ahead of the one the robot is on."""
+"""Tiles in place behind and ahead of the tile that the robot is on."""
 
-_SIDE = 0.5  # a tile lies up to this far aside, so that its bumps are met elsewhere, in m
-_HIGH = 1.0  # beyond this height of the ground the course goes back, in m
-_STEP_SHARE, _RISE_SHARE = 0.3, 0.5  # of the tiles
+_SIDE = 0.5  # largest sideways offset of a tile, so that its bumps are met at other places, in m
+_HIGH = 1.0  # height of the ground, up or down, beyond which the course returns to level, in m
+_STEP_SHARE, _RISE_SHARE = 0.3, 0.5  # share of tiles with a step, and with a rise
 _PARKED = (0.0, 0.0, -500.0)
-_MOST_TURN = 1.0  # tangent of the greatest angle between the course and the robot's way
-_SHORTEST_WAY = 1.0  # over which the robot's way is taken, in m
+_MOST_TURN = 1.0  # tangent of the greatest angle between the course and the robot's path
+_SHORTEST_WAY = 1.0  # shortest distance over which the slope of the robot's path is taken, in m
 
 
 @dataclass(frozen=True, kw_only=True)
 class RandomCourse:
-    """Tiles of all grounds in the order that a seed draws, without end. 0 leaves a kind out."""
+    """Endless tiles of all grounds in random order. 0 leaves a kind out."""
 
-    seed: int = tunable(1, "", 0, 2**31, "Of the course and of what is placed at random")
-    start: float = tunable(2.0, "m", 0.5, 50.0, "Level concrete at the beginning")
+    seed: int = tunable(1, "", 0, 2**31, "Seed of the course and of random bumps and heights")
+    start: float = tunable(2.0, "m", 0.5, 50.0, "Length of level concrete at the beginning")
     rise_deg: float = tunable(4.0, "deg", 0.0, 20.0, "Steepest rise, up or down")
     step: float = tunable(0.03, "m", 0.0, 0.2, "Largest step between two tiles, up or down")
-    riser: float = tunable(0.03, "m", 0.0, 0.17, "Of stairs of five steps")
-    tread: float = tunable(0.4, "m", 0.2, 0.8, "Of these stairs")
+    riser: float = tunable(0.03, "m", 0.0, 0.17, "Riser of stairs with five steps")
+    tread: float = tunable(0.4, "m", 0.2, 0.8, "Tread of stairs with five steps")
     rough: float = tunable(0.01, "m", 0.0, 0.06, "Standard deviation of rough ground's height")
     sinking: float = tunable(0.02, "m", 0.0, 0.06, "Depth to which a foot sinks in sand")
-    uneven: float = tunable(0.01, "m", 0.0, 0.05, "Bumps and hollows of grass")
-    friction: float = tunable(0.3, "", 0.05, 1.0, "Of the waxed tile")
+    uneven: float = tunable(0.01, "m", 0.0, 0.05, "Height of bumps and depth of hollows of grass")
+    friction: float = tunable(0.3, "", 0.05, 1.0, "Coulomb friction of the waxed tile")
 
 
 def course_tiles(settings: RandomCourse) -> dict[str, list[Stretch]]:
-    """Each kind of tile as stretches, concrete at both ends."""
+    """Stretches of each kind of tile, with concrete at both ends."""
     tiles = {
         "concrete": [Stretch(length=GROUND + 2.0 * MARGIN)],
         "grass": _between("grass", uneven=settings.uneven),
@@ -84,7 +84,7 @@ def _between(surface: str, **figures: Any) -> list[Stretch]:
 
 
 def add_course(spec: mujoco.MjSpec, settings: RandomCourse) -> None:
-    """The level ground at the start, and the tiles, out of sight until they are laid."""
+    """Add the level ground at the start, and the tiles, which are out of sight until laid."""
     add_stretches(spec, (Stretch(length=settings.start),), 0)
     tell_ends_apart(spec)
     rng = np.random.default_rng(settings.seed)
@@ -102,12 +102,12 @@ class Tile:
     """A tile of the course.
 
     Attributes:
-        kind: Which ground.
-        begin: Where it begins, along the course. In m.
-        end: Where it ends. In m.
-        pos: Of its body, x and z. In m.
-        quat: Of its body, w x y z.
-        aside: How far it lies to the left of the robot's way. In m.
+        kind: Kind of ground.
+        begin: Beginning of the tile along the course. In m.
+        end: End of the tile along the course. In m.
+        pos: Position of the tile's body, x and z. In m.
+        quat: Orientation of the tile's body, w x y z.
+        aside: Offset of the tile to the left of the robot's path. In m.
     """
 
     kind: str
@@ -119,10 +119,10 @@ class Tile:
 
 
 class TileOrder:
-    """The tiles of a course one after another, as its seed draws them.
+    """Random sequence of the tiles of a course, determined by its seed.
 
     Args:
-        settings: Of the course.
+        settings: Settings of the course.
     """
 
     def __init__(self, settings: RandomCourse) -> None:
@@ -150,7 +150,7 @@ class TileOrder:
         return self._place(kind, math.radians(0.0 if climb else rise), float(step), turned, aside)
 
     def _place(self, kind: str, rise: float, step: float, turned: bool, aside: float) -> Tile:
-        """Put a tile behind the last one; a turned one begins with its end."""
+        """Put a tile behind the last one; a reversed tile begins with its end."""
         length, climb = self._sizes[kind]
         begin, z = self._x, self._z + step
         gain = -climb if turned else climb
@@ -165,10 +165,10 @@ class TileOrder:
 
 
 class CourseMotion:
-    """Lays the tiles around the robot, once a control tick.
+    """Lays the tiles around the robot, once per control tick.
 
     Args:
-        settings: Of the course.
+        settings: Settings of the course.
     """
 
     def __init__(self, settings: RandomCourse) -> None:
@@ -179,13 +179,13 @@ class CourseMotion:
     def _reset(self) -> None:
         self._order = TileOrder(self._settings)
         self._tiles: list[Tile] = []
-        self._across: list[float] = []  # where each tile lies to the left of the course, in m
+        self._across: list[float] = []  # offset of each tile to the left of the course, in m
         self._on = -1  # index of the tile that the robot is on; -1 before the first
-        self._on_from, self._on_to = math.inf, -math.inf  # where it begins and ends, in m
-        self._way = (0.0, 0.0, 0.0)  # a place (m) on the robot's way, its slope to the left
+        self._on_from, self._on_to = math.inf, -math.inf  # begin and end of that tile, in m
+        self._way = (0.0, 0.0, 0.0)  # a point (m) on the robot's path, slope to the left
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData, time: float) -> None:
-        """Lay what is missing around the robot, and take away what it has left behind.
+        """Lay the missing tiles around the robot, and remove those that it has left behind.
 
         Args:
             model, data: The world.
@@ -200,7 +200,7 @@ class CourseMotion:
             self._lay(model, data)
 
     def _find_way(self, x: float, y: float) -> None:
-        """Which way the robot goes, from where it was when tiles were last laid."""
+        """Estimate the robot's path, from its position when tiles were last laid."""
         x0, y0, slope = self._way
         if abs(x - x0) > _SHORTEST_WAY:
             slope = min(_MOST_TURN, max(-_MOST_TURN, (y - y0) / (x - x0)))

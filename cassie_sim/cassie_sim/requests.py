@@ -1,4 +1,4 @@
-"""Work that other threads hand to the loop, done between ticks."""
+"""Requests of other threads, which the loop runs between ticks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Requests:
-    """A queue of calls. `call` from any thread, `run_pending` from the loop's."""
+    """A queue of calls: `call` is for any thread, `run_pending` for the loop's thread."""
 
     def __init__(self) -> None:
         self._queue: deque[Callable[[], None]] = deque()
@@ -19,7 +19,7 @@ class Requests:
         """Called after each new request, to end a wait of the loop."""
 
     def call(self, function: Callable[[], T]) -> Future[T]:
-        """Have `function` called by the loop; its result or error comes in the future."""
+        """Future with the result or error of `function`, which the loop calls."""
         future: Future[T] = Future()
 
         def run() -> None:
@@ -34,11 +34,11 @@ class Requests:
 
     @property
     def pending(self) -> bool:
-        """Whether something is asked for."""
+        """Whether there are requests in the queue."""
         return bool(self._queue)
 
     def run_pending(self) -> None:
-        """Do what was asked for."""
+        """Run the requests in the queue."""
         while self._queue:
             self._queue.popleft()()
 

@@ -1,9 +1,9 @@
 """The MuJoCo model of Cassie, made from the numbers in `cassie_gaits.robot`.
 
-20 coordinates of the paper plus what closes the loops: each leg keeps its achilles rod, heel
-spring, foot crank and plantar rod as bodies, and the rods' far ends are pinned by stiff
-equality constraints. Leaf springs are joint springs. Drives are plain joint torques here; gear,
-torque-speed bound and delay are in `cassie_sim.drives`.
+The model has the 20 coordinates of the paper, plus the bodies that close the loops: achilles rod,
+heel spring, foot crank and plantar rod of each leg. Stiff equality constraints pin the rods' far
+ends. Leaf springs are joint springs. Drives are plain joint torques here; gear, torque-speed
+limit and delay are in `cassie_sim.drives`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 PHYSICS_PERIOD = 0.0005
 """Length of a physics step. In s."""
 
-# Softer closures let the pins separate by millimetres and swallow half of the heel spring's
+# With softer constraints the pins separate by millimetres, which takes half of the heel spring's
 # deflection.
 _LOOP_SOLREF = (0.002, 1.0)
 _LOOP_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
@@ -37,7 +37,7 @@ _IS = {"left": _LEFT, "right": _RIGHT, "pelvis": _TORSO}
 BODY_COLOUR = (0.92, 0.55, 0.16, 1.0)
 SHAPE_COLOUR = (0.35, 0.40, 0.46, 1.0)
 COLOURED = ("pelvis", "hip_pitch", "shin")
-"""Links that wear the body's colour; the others have that of shapes."""
+"""Links with the body's colour; the others have the colour of shapes."""
 
 
 def mesh_folder() -> Path | None:
@@ -55,7 +55,7 @@ def robot_spec(*, meshes: bool = False, gravity: float = robot.GRAVITY) -> mujoc
 
     Args:
         meshes: Add the visual meshes. They make compiling slow and change no physics.
-        gravity: In m/s^2.
+        gravity: Gravity. In m/s^2.
 
     Returns:
         An editable model; scenes add ground and obstacles to it.
@@ -69,13 +69,13 @@ def robot_spec(*, meshes: bool = False, gravity: float = robot.GRAVITY) -> mujoc
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.iterations = 30
-    # One robot is one island: looking for more costs time and finds none.
+    # One robot is one island: a search for further islands costs time and finds none.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     folder = mesh_folder() if meshes else None
     pelvis = _add_body(spec, spec.worldbody, robot.PELVIS, "pelvis", folder)
     pelvis.add_freejoint(name="pelvis")
     pelvis.add_site(name="imu", pos=robot.IMU_POSITION, size=[0.01, 0.01, 0.01])
-    # The pelvis is a ball to the ground, its mesh is for looks.
+    # For contacts with the ground the pelvis is a ball; its mesh is only drawn.
     _add_shape(pelvis, "pelvis", folder is None, sphere=robot.PELVIS_BALL)
     for leg in LEGS:
         _add_leg(spec, pelvis, leg, folder)
@@ -167,7 +167,7 @@ def _add_joint(body: mujoco.MjsBody, link: robot.Link, leg: str) -> None:
 
 
 def as_field(present: npt.ArrayLike, value: float) -> float | FloatArray:
-    """The value in the shape that this version of MuJoCo gives the field (scalar or polynomial)."""
+    """The value in the shape of the field in this version of MuJoCo (scalar or polynomial)."""
     if np.ndim(present) == 0:
         return value
     field: FloatArray = np.zeros(np.shape(present))

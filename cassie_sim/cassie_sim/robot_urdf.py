@@ -1,7 +1,7 @@
 """A URDF of Cassie for ROS tools, made from `cassie_gaits.robot`.
 
-All links are there with their masses, meshes, colours and the collision shapes of the simulation. A
-URDF is a tree: rods are held at one end only. They, the heel springs and the foot cranks have no
+It has all links with their masses, meshes, colours and the collision shapes of the simulation. A
+URDF is a tree, so rods are attached at one end only. Rods, heel springs and foot cranks have no
 encoder; their frames on /tf are those of `cassie_gaits.link_frames`.
 """
 
@@ -24,7 +24,7 @@ Shape = tuple[dict[str, str], str, dict[str, str]]
 """Origin, and tag and attributes of a geometry."""
 
 _COLOURS = {"body": BODY_COLOUR, "parts": SHAPE_COLOUR}
-_IMU_SIZE = (0.036, 0.033, 0.009)  # of the VN-100, in m
+_IMU_SIZE = (0.036, 0.033, 0.009)  # size of the VN-100, in m
 _SPOT_RADIUS = 0.03
 
 
@@ -32,8 +32,8 @@ def robot_urdf(meshes: str | None = None) -> str:
     """The robot as URDF text.
 
     Args:
-        meshes: URI of the folder of the meshes, as package://cassie_sim/meshes; None shows
-            collision shapes instead, and a spot where a link has none.
+        meshes: URI of the folder of the meshes, such as package://cassie_sim/meshes; None shows
+            collision shapes instead, and a small sphere for a link without one.
     """
     root = Element("robot", name="cassie")
     for name, colour in _COLOURS.items():
@@ -77,7 +77,7 @@ def _add_link(
 
 
 def _add_imu(root: Element, frame: LinkFrame) -> None:
-    """Its frame; its mass is the pelvis's."""
+    """Add the frame of the IMU, whose mass is part of the pelvis."""
     element = SubElement(root, "link", name=frame.name)
     visual = _add_shape(element, "visual", (_origin(), "box", {"size": _text(_IMU_SIZE)}))
     SubElement(visual, "material", name="parts")
@@ -124,7 +124,7 @@ def _sphere(radius: float, centre: Iterable[float]) -> Shape:
 
 
 def _capsule(radius: float, start: robot.Vector, end: robot.Vector) -> list[Shape]:
-    """A cylinder from start to end, whose own axis is z, and a sphere at each."""
+    """A cylinder from start to end, with its axis along z, and a sphere at each end."""
     a, b = np.array(start), np.array(end)
     length = float(np.linalg.norm(b - a))
     z_axis = (b - a) / length

@@ -43,10 +43,10 @@ from cassie_sim.stretches import COLOURS, SURFACES, Stretch, add_stretches, chec
 SoftT = TypeVar("SoftT", Sand, Stretch)
 
 FAR = 100.0
-"""Length of ground that goes on and on. In m."""
+"""Length of practically endless ground. In m."""
 
 SHOE_WIDTH = 0.12
-"""Of the soles of shoes. In m."""
+"""Width of the soles of shoes. In m."""
 
 _MOVING = "moving_ground"
 _BLOCK_SIZE = (0.25, 0.11, 0.15)  # half lengths, in m
@@ -55,11 +55,11 @@ _PILLAR_HEIGHT = 2.5
 
 
 def read_scene(name: str, parameters: Mapping[str, object]) -> Any:
-    """The parameters of a scene, complete.
+    """All parameters of a scene.
 
     Args:
         name: One of `SCENES`.
-        parameters: Values by name; what is left out keeps its default.
+        parameters: Values by name; a missing one has its default.
 
     Raises:
         SimulationError: if there is no such scene; the message names the nearest one.
@@ -78,8 +78,8 @@ def scene_spec(
 
     Args:
         name: One of `SCENES`.
-        parameters: Values by name; what is left out keeps its default.
-        meshes: Whether the robot carries its visual meshes.
+        parameters: Values by name; a missing one has its default.
+        meshes: Whether the robot has its visual meshes.
 
     Raises:
         SimulationError: if there is no such scene; the message names the nearest one.
@@ -125,7 +125,7 @@ def _waxed_floor(spec: mujoco.MjSpec, settings: WaxedFloor) -> None:
 
 def _slope(spec: mujoco.MjSpec, settings: Slope) -> None:
     if settings.side_deg != 0.0:
-        # Ground that rises to the side does so from the start: there is no level part to leave.
+        # Ground that rises to the side does so everywhere, without a level part at the start.
         quat = tilt(math.radians(settings.rise_deg), math.radians(settings.side_deg))
         add_plane(spec, Surface(settings.friction), "slope", quat)
         return
@@ -160,7 +160,10 @@ def _add_ahead(
     surface: str,
     names: tuple[str, ...],
 ) -> None:
-    """Concrete up to `start`, then the surface for 30 m, then the same without anything on it."""
+    """Add concrete up to `start`, then the surface for 30 m, then the bare surface.
+
+    The last part has no bumps, branches or random heights.
+    """
     figures = {name: getattr(settings, name) for name in names}
     ground = replace_checked(SURFACES[surface], rise_deg=settings.rise_deg, length=30.0, **figures)
     add_stretches(spec, (Stretch(length=settings.start), ground), settings.seed)
@@ -247,7 +250,7 @@ def _add_box(
     size: tuple[float, float, float],
     surface: Surface,
 ) -> None:
-    """A box whose upper face holds the origin of its body."""
+    """Add a box whose upper face contains the origin of its body."""
     geom = body.add_geom(
         name=f"{body.name}_box",
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -258,7 +261,7 @@ def _add_box(
 
 
 def _put_on_shoes(spec: mujoco.MjSpec) -> None:
-    """Give both ends of each foot the width of a shoe: cylinders with round ends across it."""
+    """Give both ends of each foot the width of a shoe: capsules across the foot."""
     for leg in LEGS:
         for end in ("heel", "toe"):
             geom = spec.geom(f"{leg}_{end}")
@@ -267,7 +270,7 @@ def _put_on_shoes(spec: mujoco.MjSpec) -> None:
 
 
 def _carried_by_shoes(ground: SoftT) -> SoftT:
-    """The same ground under shoes: sinking goes with pressure, so with the width of the sole."""
+    """The ground under shoes: sinking depends on pressure, so on the width of the sole."""
     share = 2.0 * robot.SOLE_RADIUS / SHOE_WIDTH
     figures = {"sinking": share * ground.sinking, "heel_dig": share * ground.heel_dig}
     return replace_checked(ground, **figures)
@@ -284,7 +287,7 @@ def _add_lights_and_camera(spec: mujoco.MjSpec) -> None:
         width=128,
         height=128,
     )
-    # Light and camera go along with the pelvis, or shadows would stay behind.
+    # Light and camera move with the pelvis; otherwise the shadows would stay at the start.
     pelvis = spec.body("pelvis")
     pelvis.add_light(
         pos=[-0.5, -0.8, 3.0],

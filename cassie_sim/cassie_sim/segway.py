@@ -1,17 +1,17 @@
 """A Segway miniPRO under the robot: two wheels, platform, steering bar.
 
-Its figures, where they come from, and how far they may be off:
+Its data, their sources, and their uncertainty:
 
 | figure | value | source, uncertainty |
 |---|---|---|
-| mass | 12.8 kg | as the maker gives it (28 lb); the sheet itself was not at hand |
+| mass | 12.8 kg | as the maker gives it (28 lb); the data sheet itself was not available |
 | hub motors | 2.9 kg each | estimate for 10 in hub wheels with tyre, 0.5 kg either way |
-| tyres | 10.5 in, 0.13 m under load | as given: 0.1334 m unloaded; 2 to 5 mm of deflection |
-| track | 0.485 m | width of 0.546 m as given, less a tyre's (2.1 to 2.5 in) |
+| tyres | 10.5 in, radius 0.13 m under load | as given: 0.1334 m unloaded; 2 to 5 mm deflection |
+| track | 0.485 m | width of 0.546 m as given, less a tyre's width (2.1 to 2.5 in) |
 | platform | 0.015 m above the axle | photographs; 10 mm either way |
-| inertia | that of a box of 0.26 x 0.42 x 0.09 m | length as given; 30 % |
+| inertia | box of 0.26 x 0.42 x 0.09 m | length as given; 30 % |
 | power | 400 W each | as given: 800 W in all |
-| torque | 30 Nm each | 100 kg on its slope of 15 degrees ask for 19 Nm; 20 to 40 Nm |
+| torque | 30 Nm each | 100 kg on its rated slope of 15 degrees need 19 Nm; 20 to 40 Nm |
 | no-load speed | 53 rad/s | it rolls backward at 25 km/h (electricunicycle.org, topic 7293) |
 | bar | pads 0.42 m above the axle | 0.6 to 0.87 m in all as given, set to the knees |
 | steering | by the knees, at a centre arm | teardown of fictiv.com; Boston Globe, 29 June 2016 |
@@ -19,10 +19,11 @@ Its figures, where they come from, and how far they may be off:
 | pivot | 60 Nm/rad, 3 Nms/rad | estimate: some 30 N at the pads for 12 degrees; half to double |
 | pads | 0.19 m apart | set to Cassie's legs, as to any rider's |
 | rolling resistance | 0.015 | engineeringtoolbox.com: 0.01 to 0.02; see `segway_ground` |
-| air | none | 3 N at 4 m/s, less than the rolling resistance is uncertain |
+| air | none | 3 N at 4 m/s, less than the uncertainty of the rolling resistance |
 
-`segway_drive` has its own control, which is hidden from the robot: nothing of it is on the control
-lane. The figures are frozen: the robot is tuned to them, not they to the robot.
+`segway_drive` has the vehicle's own control, which is hidden from the robot: none of its signals is
+on the control lane. These data are fixed: the robot is tuned to them, they are not tuned to the
+robot.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from cassie_sim.ground import GROUND_GROUP
 from cassie_sim.robot_mjcf import as_field
 
 MASS = 12.8
-"""Of the whole vehicle. In kg."""
+"""Mass of the whole vehicle. In kg."""
 
 WHEEL_RADIUS = 0.13
-"""Of a tyre under load. In m."""
+"""Radius of a tyre under load. In m."""
 
 PLATFORM = WHEEL_RADIUS + 0.015
 """Height of the upper face of the platform. In m."""
@@ -46,9 +47,9 @@ TRACK = 0.485
 
 _WHEEL_MASS, _BAR_MASS = 2.9, 0.8
 _BAR_STIFFNESS, _BAR_DAMPING = 60.0, 3.0  # Nm/rad, Nms/rad
-_BAR_HEIGHT, _BAR_RANGE = 0.42, 0.35  # of the knee pads' middle above the axle, in m; in rad
-_PADS, _PAD_RADIUS = 0.095, 0.02  # outer half width and roundness, in m
-_HARDER_FRICTION = 10.0  # or the feet would creep over the platform in a turn
+_BAR_HEIGHT, _BAR_RANGE = 0.42, 0.35  # knee pads' middle above the axle, in m; in rad
+_PADS, _PAD_RADIUS = 0.095, 0.02  # outer half width and radius, in m
+_HARDER_FRICTION = 10.0  # otherwise the feet would creep over the platform in a turn
 _RED, _DARK = (0.75, 0.1, 0.1, 1.0), (0.12, 0.12, 0.13, 1.0)
 
 
@@ -104,7 +105,7 @@ def _add_wheel(chassis: mujoco.MjsBody, name: str, side: float) -> None:
         condim=3,
         rgba=(0.05, 0.05, 0.05, 1.0),
     )
-    wheel.add_geom(  # what lets one see it turn
+    wheel.add_geom(  # makes the rotation visible
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[0.085, 0.0315, 0.012],
         mass=0.0,

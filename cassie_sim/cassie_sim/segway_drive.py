@@ -13,43 +13,43 @@ from cassie_sim.segway import MASS, WHEEL_RADIUS
 from cassie_sim.segway_ground import WAYS
 
 PITCH_GAIN, PITCH_DAMPING = 700.0, 60.0
-"""Of both motors together under a rider of 60 kg. In Nm/rad and Nms/rad."""
+"""Gains of both motors together under a rider of 60 kg. In Nm/rad and Nms/rad."""
 
-_TORQUE, _POWER, _NO_LOAD = 30.0, 400.0, 53.0  # of one motor: Nm, W, rad/s
-_LAG = 0.01  # s, of sensor filter and motors
-_CREEP = 0.2  # rad/s of a wheel, from which rolling resistance is there
+_TORQUE, _POWER, _NO_LOAD = 30.0, 400.0, 53.0  # limits of one motor: Nm, W, rad/s
+_LAG = 0.01  # s, time constant of sensor filter and motors
+_CREEP = 0.2  # rad/s of a wheel, scale at which rolling resistance saturates
 _LIMITER = 15.0 / 3.6  # m/s from which the platform leans back
-_LEAN_BACK = 0.08  # rad by m/s beyond it
-_STEERING = 15.0  # rad/s of yaw by rad of the bar, at rest
-_YAW_GAIN = 25.0  # Nm by rad/s of yaw rate error, both wheels
-_RATED = 60.0 * robot.GRAVITY  # N, a rider in the middle of the rated range of 40 to 100 kg
-_HAND = (3000.0, 300.0, 600.0, 40.0)  # N/m, Ns/m, Nm/rad, Nms/rad of who holds the bar
+_LEAN_BACK = 0.08  # rad per m/s beyond `_LIMITER`
+_STEERING = 15.0  # rad/s of yaw per rad of the bar, at rest
+_YAW_GAIN = 25.0  # Nm per rad/s of yaw rate error, both wheels
+_RATED = 60.0 * robot.GRAVITY  # N, a rider within the rated range of 40 to 100 kg
+_HAND = (3000.0, 300.0, 600.0, 40.0)  # N/m, Ns/m, Nm/rad, Nms/rad of the person at the bar
 
 
 class SegwayDrive:
-    """The vehicle's own control, once a control tick.
+    """The vehicle's own control, once per control tick.
 
     Both wheels:  T = (kp (pitch - lean) + kd pitch rate) (load / 60 kg)^(1/2) / softness,
     one against the other:  25 Nm per rad/s of (15 bar angle / (1 + speed / 2) - yaw rate),
 
-    through a first-order lag of 10 ms and no more than the motors have at the wheels' speed:
+    through a first-order lag of 10 ms, with the torque limit of a motor at its wheel's speed w:
     min(30 Nm, 400 W / w, 60 Nm (1 - w / 53 rad/s)). From 15 km/h on the platform leans back by
-    0.08 rad for each m/s, so that its rider's weight brakes near 16 km/h. It knows its pitch and
-    rates from its own IMU, its speed from the wheels, the load from its pads.
+    0.08 rad for each m/s, so that the rider's weight brakes near 16 km/h. The vehicle measures
+    pitch and rates by its own IMU, speed by the wheels, and load by its pads.
 
-    The maker says nothing about this control. What is known: riders of 40 to 100 kg, 16 km/h kept
-    by leaning back, steering that answers to small pushes of the knee (press reviews of 2016).
-    kp, kd: a rider of 75 kg who leans out by 5 cm tilts it by 3 degrees; half to double, which is
-    the range of the scene's `softness`. Steering: 5 cm at the knees, 7 degrees, are 1.8 rad/s at
-    rest; half to double. Lag: 5 to 20 ms.
+    The maker publishes nothing about this control. Known facts: riders of 40 to 100 kg, 16 km/h
+    held by leaning back, steering that reacts to small pushes of the knee (press reviews of 2016).
+    kp, kd: a rider of 75 kg who leans out by 5 cm tilts the vehicle by 3 degrees; uncertain from
+    half to double, which the scene's `softness` covers. Steering: 5 cm at the knees, 7 degrees,
+    give 1.8 rad/s at rest; half to double. Lag: 5 to 20 ms.
 
-    The ground's rolling resistance acts on the wheels here, too.
+    The ground's rolling resistance on the wheels is applied here, too.
 
-    Somebody holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on; once
-    told to hold it or let go, by `hold_bar`, as told.
+    A person holds the vehicle by the bar until `let_go` of the scene, and from `take_hold` on.
+    After a call of `hold_bar`, that call decides instead.
 
     Args:
-        settings: Of the scene.
+        settings: Settings of the scene.
     """
 
     def __init__(self, settings: Segway) -> None:
@@ -64,15 +64,15 @@ class SegwayDrive:
         self._held = True
         self._told: bool | None = None
         self.torques = [0.0, 0.0]
-        """Of the left and the right motor. In Nm."""
+        """Torques of the left and the right motor. In Nm."""
 
     def hold_bar(self, held: bool) -> None:
-        """Have somebody take the bar, or let go of it, from now on in this episode."""
+        """Have the bar held, or released, from now on in this episode."""
         self._told = held
 
     @staticmethod
     def speed(data: mujoco.MjData) -> float:
-        """Over the ground. In m/s."""
+        """Speed over the ground. In m/s."""
         vx, vy = data.joint("segway").qvel[:2].tolist()
         return math.hypot(vx, vy)
 
@@ -107,14 +107,14 @@ class SegwayDrive:
             most = strongest(abs(turning[i]))
             self.torques[i] = max(-most, min(most, self.torques[i]))
             data.qfrc_applied[wheels[i]] = self.torques[i]
-            # Of the ground on the tyre: a torque from outside, as the motors' are between bodies.
+            # The ground's torque on the tyre is external; the motors' torques act between bodies.
             resists = self._rolling * math.tanh((turning[i] + pitch_rate) / _CREEP)
             data.xfrc_applied[bodies[i], 3:] = -resists * matrix[:, 1]
 
     def _hold(
         self, data: mujoco.MjData, dofs: int, pitch: float, heading: float, time: float
     ) -> None:
-        """Somebody holds the bar, where it is when it is taken."""
+        """Apply the force of a person who holds the bar at the place where it was taken."""
         force = data.qfrc_applied[dofs : dofs + 6]
         force[:] = 0.0
         x, y = data.joint("segway").qpos[:2].tolist()
@@ -135,7 +135,7 @@ class SegwayDrive:
 
     @staticmethod
     def _load(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Force of whatever stands on the platform. In N."""
+        """Normal force on the platform. In N."""
         platform, wrench, total = model.geom("segway_platform").id, np.zeros(6), 0.0
         for index in range(data.ncon):
             if platform in data.contact[index].geom:
@@ -145,5 +145,5 @@ class SegwayDrive:
 
 
 def strongest(turning: float) -> float:
-    """Most torque of one motor at a speed of its wheel. In Nm and rad/s."""
+    """Largest torque of one motor, in Nm, at a speed of its wheel, in rad/s."""
     return max(0.0, min(_TORQUE, _POWER / max(1.0, turning), 60.0 * (1.0 - turning / _NO_LOAD)))

@@ -1,4 +1,4 @@
-"""What a Segway rides on: rolling resistance and bumps."""
+"""Ground under a Segway: rolling resistance and bumps."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Way:
-    """A kind of way.
+    """A kind of road surface.
 
     Attributes:
-        rolling: Rolling resistance over weight.
+        rolling: Ratio of rolling resistance to weight.
         height: Standard deviation of the height. In m.
         grain: Distance over which the height changes. In m.
         colour: Name in `stretches.COLOURS`.
@@ -39,21 +39,21 @@ WAYS = {
 }
 """Rolling resistance of pneumatic tyres: 0.01 on new to 0.02 on worn concrete, 0.04 to 0.08 on
 medium hard soil (engineeringtoolbox.com, "Rolling Friction and Resistance"; J. Carvill, Mechanical
-Engineer's Data Handbook). Heights are estimates: joints of slabs, and a mown lawn. On waves of 1 to
-2 m, which shake a rider at 4 m/s by 2 to 4 Hz, the lawn has the power spectral density of class D
-of ISO 8608 (1024e-6 m^3 at 0.1 cycles/m, by the wave length squared); on longer and shorter ones
-it is smoother than that."""
+Engineer's Data Handbook). Heights are estimates: joints of slabs, and a mown lawn. At wavelengths
+of 1 to 2 m, which shake a rider at 4 m/s with 2 to 4 Hz, the lawn has the power spectral density of
+class D of ISO 8608 (1024e-6 m^3 at 0.1 cycles/m, proportional to the wavelength squared). At longer
+and shorter wavelengths the lawn is smoother than that."""
 
 _CELL = 0.1
 _HALF_WIDTH = 4.0
 _START = 1.0  # m ahead of the start, where the bumps begin
-_FADE = 2.0  # m over which they come out of the level ground
+_FADE = 2.0  # m over which the bumps grow from level ground
 _BASE = 0.5
 
 
 def heights(settings: Segway, way: Way) -> FloatArray:
-    """Heights above level ground, which the field's edges meet. Shape (across, along), in m."""
-    from scipy.ndimage import gaussian_filter  # loads for half a second; few need it
+    """Heights above level ground; zero at the field's edges. Shape (across, along), in m."""
+    from scipy.ndimage import gaussian_filter  # takes half a second to load, and is seldom needed
 
     along = round(settings.length / _CELL) + 1
     across = round(2.0 * _HALF_WIDTH / _CELL) + 1
@@ -71,7 +71,7 @@ def heights(settings: Segway, way: Way) -> FloatArray:
 
 
 def add_bumps(spec: mujoco.MjSpec, settings: Segway, way: Way) -> None:
-    """Lay the uneven ground ahead of the start."""
+    """Add the uneven ground ahead of the start."""
     field = heights(settings, way)
     top = float(field.max())
     spec.add_hfield(

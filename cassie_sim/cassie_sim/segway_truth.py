@@ -1,6 +1,6 @@
-"""What a Segway truly does, and what its own IMU feels, as serialized messages for bags.
+"""A Segway's true motion, and the readings of its own IMU, as serialized messages for bags.
 
-Nothing on the control lane reads them: the robot does not know what it stands on.
+No node on the control lane reads them: the robot does not know the ground under its feet.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _ANGULAR, _FORCE = (slice(first, first + count) for first, count in IMU.fields.v
 class SegwayTruth:
     """Messages of the Segway in a plant, if there is one.
 
-    Pose and twist of its chassis, whose origin is on the axle's middle; and angular velocity and
-    specific force there, without noise. The IMU gives no orientation.
+    They give pose and twist of its chassis, whose origin is the middle of the axle, and angular
+    velocity and specific force there, without noise. The IMU gives no orientation.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class SegwayTruth:
             self._force = int(model.sensor("segway_accelerometer").adr[0])
 
     def messages(self, plant: Plant) -> list[tuple[str, bytes]]:
-        """Topic and message of each that is due on the plant's present tick."""
+        """Topic and bytes of each message that is due at the plant's present tick."""
         if plant.model is not self._model:
             self._look(plant.model)
         if not self._is_there or plant.seq % max(1, round(1e9 / (RATE * plant.tick_ns))):

@@ -1,8 +1,8 @@
-"""What the robot measures: drive and joint encoders with their velocity filters, and the IMU.
+"""The robot's sensors: drive and joint encoders with their velocity filters, and the IMU.
 
-Two grades. `IdealSensors` reports the truth; `FaithfulSensors` counts, truncates, filters,
-delays and adds noise like the parts on the robot. Both are told every physics step what the
-model does (`observe`), and write a `Sensors` sample at each control tick (`write`).
+There are two grades. `IdealSensors` reports the true values; `FaithfulSensors` counts, truncates,
+filters, delays and adds noise like the parts on the robot. Both get the true state at every physics
+step (`observe`), and write a `Sensors` sample at each control tick (`write`).
 """
 
 from __future__ import annotations
@@ -27,23 +27,24 @@ class SensorNumbers(Record):
     """Encoders, their filters and the IMU, see `IdealSensors`.
 
     Attributes:
-        position, velocity: Of the drives as measured. In rad and rad/s.
-        joints, joint_rates: Shin, tarsus and toe of both legs as measured. In rad and rad/s.
-        imu: Sums since the last sample. In rad/s and m/s^2.
-        count: Of what is in these sums.
-        faithful: 1 where the encoders count; 0: the truth.
-        counts_per_rad, joint_counts_per_rad: Of the encoders.
+        position, velocity: Measurements of the drives. In rad and rad/s.
+        joints, joint_rates: Measurements of shin, tarsus and toe of both legs. In rad and rad/s.
+        imu: Sums of the IMU's readings since the last sample. In rad/s and m/s^2.
+        count: Number of readings in these sums.
+        faithful: 1: encoders count; 0: the true values.
+        counts_per_rad, joint_counts_per_rad: Resolutions of the encoders.
         taps: Velocity filter of the drives, newest first. In 1/s.
-        counts: Ring of the last counts, of which `newest` is the newest row.
+        counts: Ring buffer of the last counts, of which `newest` is the newest row.
         b, a: Velocity filter of the joints: feed-forward in 1/s, feedback after the leading 1.
         joint_x, joint_y: Last readings and velocities, newest first. In rad and rad/s.
-        noise_row: Of the joints' noise to add next.
-        attitude_row: Of the newest attitude.
-        attitude_bias, wander: Roll and pitch error: constant, and slow. In rad.
-        wander_decay, wander_sigma: Of the slow one from sample to sample, and what comes to it.
-        yaw_drift: In rad/s.
-        time: Since the start. In s.
-        period: Between samples. In s.
+        noise_row: Row of the joints' noise to add next.
+        attitude_row: Row of the newest attitude.
+        attitude_bias, wander: Roll and pitch error: constant part, and slow part. In rad.
+        wander_decay, wander_sigma: Decay of the slow part from sample to sample, and standard
+            deviation of the noise added to it.
+        yaw_drift: Drift of the yaw. In rad/s.
+        time: Time since the start. In s.
+        period: Time between samples. In s.
         imu_sigma, imu_bias: Noise and bias of a sample. In rad/s and m/s^2.
     """
 
@@ -78,7 +79,7 @@ class SensorNumbers(Record):
 
 @compiled
 def _count_drives(sensor: SensorNumbers, position: FloatArray) -> None:
-    """Encoders of the drives: count, truncate toward zero, filter the velocity."""
+    """Read the drives' encoders: count, truncate toward zero, filter the velocity."""
     newest = sensor.newest + 1 if sensor.newest + 1 < sensor.taps.shape[0] else 0
     for i in range(10):
         per_rad = sensor.counts_per_rad[i]
@@ -95,7 +96,7 @@ def _count_drives(sensor: SensorNumbers, position: FloatArray) -> None:
 
 @compiled
 def _count_joints(sensor: SensorNumbers, joints: FloatArray, noise: FloatArray) -> None:
-    """Encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter."""
+    """Read the encoders of shin, tarsus and toe: noise, counts, truncation, velocity filter."""
     x, y, a, b = sensor.joint_x, sensor.joint_y, sensor.a, sensor.b
     for i in range(6):
         per_rad = sensor.joint_counts_per_rad[i]
@@ -124,11 +125,11 @@ def observe(
     """Take in one physics step.
 
     Args:
-        sensors: Changed in place. Shape (1,).
-        attitudes: Ring of the last orientations, w x y z. Shape (delay + 1, 4).
-        noise: To add to the joints, one row a physics step. Shape (n, 6), in rad.
-        angles: Of drives, then of shin, tarsus and toe. Shape (16,), in rad.
-        rates: Theirs. Shape (16,), in rad/s.
+        sensors: Sensors, changed in place. Shape (1,).
+        attitudes: Ring buffer of the last orientations, w x y z. Shape (delay + 1, 4).
+        noise: Noise to add to the joints, one row per physics step. Shape (n, 6), in rad.
+        angles: Angles of drives, then of shin, tarsus and toe. Shape (16,), in rad.
+        rates: Rates of these angles. Shape (16,), in rad/s.
         quaternion: Pelvis to world, w x y z. Shape (4,).
         imu: Angular velocity and specific force, pelvis frame. Shape (6,), rad/s and m/s^2.
     """
@@ -154,11 +155,11 @@ def observe(
 def write_sample(
     sensors: Records[SensorNumbers], attitudes: FloatArray, noise: FloatArray, samples: RecordArray
 ) -> None:
-    """The measured fields of a sample; begins the next interval of the IMU's means.
+    """Write the measured fields of a sample, and begin the next interval of the IMU's means.
 
     Args:
         sensors, attitudes: See `observe`.
-        noise: Standard normal: angular velocity, acceleration, roll, pitch. Shape (8,).
+        noise: Standard normal noise: angular velocity, acceleration, roll, pitch. Shape (8,).
         samples: Result, `Sensors.record`. Shape (1,).
     """
     sensor, sample = sensors[0], samples[0]
@@ -181,7 +182,7 @@ def write_sample(
 def _write_attitude(
     sensor: SensorNumbers, quaternion: FloatArray, noise: FloatArray, orientation: FloatArray
 ) -> None:
-    """Orientation x y z w with the errors of the attitude filter; without any, the truth."""
+    """Write the orientation x y z w, with the errors of the attitude filter if `faithful`."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     if sensor.faithful:
         sensor.time += sensor.period
@@ -191,7 +192,7 @@ def _write_attitude(
         roll = 0.5 * (sensor.attitude_bias[0] + sensor.wander[0])
         pitch = 0.5 * (sensor.attitude_bias[1] + sensor.wander[1])
         yaw = 0.5 * sensor.yaw_drift * sensor.time
-        # Tilt errors act in the pelvis frame (right), the yaw error in the world (left).
+        # Tilt errors act in the pelvis frame (right product), the yaw error in the world (left).
         w, x, y, z = (
             w - x * roll - y * pitch,
             x + w * roll - z * pitch,
@@ -204,14 +205,14 @@ def _write_attitude(
     orientation[0], orientation[1], orientation[2], orientation[3] = x, y, z, w
 
 
-# Velocity filter of the drives, on encoder counts; of the joints: y = b x - a y.
+# Velocity filter of the drives, on encoder counts, and of the joints: y = b x - a y.
 _FIR = np.array(robot.DRIVE_VELOCITY_FILTER)
 _IIR_B, _IIR_A = (np.array(taps) for taps in robot.JOINT_VELOCITY_FILTER)
-# Noise is drawn for so many physics steps at a time.
+# Number of physics steps for which noise is drawn at once.
 _NOISE_BLOCK = 64
 
 JOINT_NOISE = 2e-4
-"""Standard deviation of the shin and tarsus encoders. In rad."""
+"""Standard deviation of the noise of shin and tarsus encoders. In rad."""
 
 
 @dataclass(frozen=True)
@@ -220,14 +221,14 @@ class ImuErrors:
 
     Attributes:
         attitude_bias: Constant roll and pitch error. In rad.
-        gyro_bias: Constant. Shape (3,), in rad/s.
-        accelerometer_bias: Constant. Shape (3,), in m/s^2.
-        yaw_drift: In rad/s.
+        gyro_bias: Constant gyro error. Shape (3,), in rad/s.
+        accelerometer_bias: Constant accelerometer error. Shape (3,), in m/s^2.
+        yaw_drift: Drift of the yaw. In rad/s.
         wander: Standard deviation of the slow roll and pitch error. In rad.
-        wander_time: Its correlation time. In s.
-        gyro_noise: Density. In rad/s/sqrt(Hz).
-        accelerometer_noise: Density. In m/s^2/sqrt(Hz).
-        delay: Of the attitude. In s.
+        wander_time: Correlation time of the slow roll and pitch error. In s.
+        gyro_noise: Noise density of the gyro. In rad/s/sqrt(Hz).
+        accelerometer_noise: Noise density of the accelerometer. In m/s^2/sqrt(Hz).
+        delay: Latency of the attitude. In s.
     """
 
     attitude_bias: tuple[float, float] = (0.0, 0.0)
@@ -242,14 +243,14 @@ class ImuErrors:
 
 
 class IdealSensors:
-    """The truth, with the IMU's rates as means since the last sample.
+    """The true values, with the IMU's readings as means since the last sample.
 
     Attributes:
-        records: All its numbers, `SensorNumbers`. Shape (1,).
-        attitudes: Ring of the last orientations. Shape (delay + 1, 4).
-        noise: Of the joints in the next physics steps. Shape (n, 6), in rad.
-        position: Of the drives as measured. Shape (10,), in rad.
-        velocity: Theirs as measured. Shape (10,), in rad/s.
+        records: All numbers of the sensors, `SensorNumbers`. Shape (1,).
+        attitudes: Ring buffer of the last orientations. Shape (delay + 1, 4).
+        noise: Noise of the joints in the next physics steps. Shape (n, 6), in rad.
+        position: Measured positions of the drives. Shape (10,), in rad.
+        velocity: Measured velocities of the drives. Shape (10,), in rad/s.
     """
 
     def __init__(self) -> None:
@@ -275,8 +276,8 @@ class IdealSensors:
         """Take in one physics step.
 
         Args:
-            angles: Of the drives, then of shin, tarsus, toe of both legs. Shape (16,), in rad.
-            rates: Theirs. Shape (16,), in rad/s.
+            angles: Angles of drives, then of shin, tarsus, toe of both legs. Shape (16,), in rad.
+            rates: Rates of these angles. Shape (16,), in rad/s.
             quaternion: Pelvis to world, w x y z. Shape (4,).
             imu: Angular velocity and specific force, pelvis frame. Shape (6,), rad/s and m/s^2.
         """
@@ -284,14 +285,14 @@ class IdealSensors:
         observe(self.records, self.attitudes, self.noise, angles, rates, quaternion, imu)
 
     def prepare(self, steps: int) -> None:
-        """Have the noise of the next physics steps ready, 64 at most."""
+        """Draw the noise of the next physics steps, 64 at most."""
 
     def write(self, sample: Sensors, *, again: bool = False) -> None:
         """Fill in the measured fields of a sample and begin the next interval.
 
         Args:
             sample: Result.
-            again: With the same noise as last time.
+            again: Whether to use the same noise as in the last call.
         """
         write_sample(self.records, self.attitudes, self._sample_noise, sample.record)
 
@@ -303,8 +304,8 @@ class FaithfulSensors(IdealSensors):
 
     Args:
         control_period: Time between samples. In s.
-        physics_period: In s.
-        errors: Of the IMU.
+        physics_period: Length of a physics step. In s.
+        errors: Errors of the IMU.
         rng: Source of the noise.
     """
 
@@ -346,7 +347,7 @@ class FaithfulSensors(IdealSensors):
     def reset(
         self, angles: FloatArray, rates: FloatArray, quaternion: FloatArray, imu: FloatArray
     ) -> None:
-        """Begin at rest: the filters are as after a long stillness."""
+        """Begin at rest: the filters are in their steady state."""
         numbers = self._numbers
         numbers.counts[:] = np.trunc(angles[:10] * numbers.counts_per_rad)
         numbers.joint_x[:], numbers.joint_y[:] = angles[10:], 0.0
@@ -383,7 +384,7 @@ def make_sensors(
         grade: "ideal" or "faithful".
         draw: Errors of the IMU and the seed of the noise.
         control_period: Time between samples. In s.
-        physics_period: In s.
+        physics_period: Length of a physics step. In s.
     """
     if grade == "ideal":
         return IdealSensors()

@@ -1,4 +1,4 @@
-"""What can be set on the simulator node, and the scenario that follows from it."""
+"""Parameters of the simulator node, and the scenario that they define."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ class SimulatorConfig(PlantConfig):
     start: str = tunable(
         "gantry", choices=STARTS, description="Pose at the start of an episode", live=False
     )
-    seed: int = tunable(0, "", 0, None, "Robot and noise drawn; 0 is the nominal robot", live=False)
+    seed: int = tunable(0, "", 0, None, "Seed of robot and noise; 0: nominal robot", live=False)
     scenario: str = tunable(
         "",
-        description="YAML file with scene, start, draw and events, in place of the four above",
+        description="YAML file with scene, start, draw and events, instead of `scene`, "
+        "`scene_parameters`, `start` and `seed`",
         live=False,
     )
     pacing: str = tunable(
         "lockstep",
         choices=PACINGS,
-        description="Who sets the pace: the commands (lockstep) or the wall clock",
+        description="What sets the pace: the commands (lockstep) or the wall clock (realtime)",
         live=False,
     )
     max_rate: float = tunable(
@@ -47,25 +48,25 @@ class SimulatorConfig(PlantConfig):
         "",
         0.0,
         1000.0,
-        "Robot time per wall time, at most; 0 is as fast as it goes (realtime: at most 1)",
+        "Largest ratio of robot time to wall time; 0 is no limit (realtime: at most 1)",
     )
     keep_awake: bool = tunable(
         True,
-        description="Keep processors from sleeping in realtime, and while robot time runs as "
-        "fast as it goes, where the system permits",
+        description="Keep processors from sleeping in realtime, and while robot time runs "
+        "without a limit, if the system permits",
     )
     command_timeout: float = tunable(
         5.0, "s", 0.1, 1e6, "Wall time without a command after which the drives damp"
     )
     start_timeout: float = tunable(
-        10.0, "s", 0.0, 1e6, "Wall time in which the other nodes may join at the start", live=False
+        10.0, "s", 0.0, 1e6, "Wall time for the other nodes to join at the start", live=False
     )
     paused: bool = tunable(False, description="Begin paused, at tick 0", live=False)
     scripted_operator: bool = tunable(
         False, description="The operator is a script that answers every 10th state", live=False
     )
     headless: bool = tunable(True, description="Run without a window", live=False)
-    video: str = tunable("", description="File to film into (.mp4 or .gif)", live=False)
+    video: str = tunable("", description="File of the film (.mp4 or .gif)", live=False)
     video_fps: float = tunable(25.0, "Hz", 1.0, 100.0, "Pictures per robot second", live=False)
     duration: float = tunable(
         0.0, "s", 0.0, 1e9, "Robot time after which the simulator ends; 0 is never", live=False
@@ -73,12 +74,12 @@ class SimulatorConfig(PlantConfig):
 
     @property
     def hurries(self) -> bool:
-        """Whether processors are to stay awake: a tick waits for each message's way."""
+        """Whether processors are to stay awake, as each tick waits for messages."""
         return self.keep_awake and (self.max_rate == 0.0 or self.pacing == "realtime")
 
 
 def scenario_of(config: SimulatorConfig) -> Scenario:
-    """The scenario that the parameters ask for.
+    """The scenario that the parameters define.
 
     Raises:
         ParameterError: if a file cannot be read, a key is unknown or a value does not fit.

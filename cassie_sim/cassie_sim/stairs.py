@@ -15,22 +15,22 @@ WAYS = ("up", "down", "up_and_down", "down_and_up")
 
 @dataclass(frozen=True, kw_only=True)
 class Stairs:
-    """Level ground, then flights of stairs that nobody announces."""
+    """Level ground, then flights of stairs that are unknown to the robot."""
 
     friction: float = tunable(1.0, "", 0.05, 3.0, "Coulomb friction of the ground")
     riser: float = tunable(0.1, "m", 0.0, 0.25, "Height of each step")
     tread: float = tunable(0.3, "m", 0.2, 2.0, "Depth of each step")
-    number: int = tunable(5, "", 1, 50, "Risers of a flight")
+    number: int = tunable(5, "", 1, 50, "Number of risers in a flight")
     way: str = tunable(
-        "up_and_down", choices=WAYS, description="Of the flights; with two words in turn"
+        "up_and_down", choices=WAYS, description="Direction of the flights, possibly alternating"
     )
-    flights: int = tunable(2, "", 1, 50, "Flights one behind the other")
-    landing: float = tunable(1.5, "m", 0.2, 20.0, "Level ground between two flights")
-    start: float = tunable(1.5, "m", 0.3, 50.0, "Distance ahead of the first riser")
+    flights: int = tunable(2, "", 1, 50, "Number of flights")
+    landing: float = tunable(1.5, "m", 0.2, 20.0, "Length of level ground between two flights")
+    start: float = tunable(1.5, "m", 0.3, 50.0, "Distance ahead at which the first riser is")
 
 
 def stairs_stretches(settings: Stairs) -> list[Stretch]:
-    """The ground from the start on, as stretches: each riser is the step before its tread."""
+    """The ground from the start on, as stretches: each riser is the step of its tread's stretch."""
     stretches = [Stretch(length=settings.start, friction=settings.friction)]
     words = settings.way.split("_and_")
     for flight in range(settings.flights):
@@ -45,7 +45,7 @@ def flight_stretches(settings: Stairs, rise: float, landing: float) -> list[Stre
 
     Args:
         settings: Treads, number and friction.
-        rise: Of each step; negative goes down. In m.
+        rise: Height of each step; negative goes down. In m.
         landing: Length of the landing. In m.
     """
     lengths = [settings.tread] * (settings.number - 1) + [landing]

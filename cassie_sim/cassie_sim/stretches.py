@@ -30,10 +30,10 @@ BEHIND = 30.0
 
 _HALF_WIDTH = 20.0
 _THICKNESS = 1.0
-_OVERLAP = 0.3  # a foot deep in soft ground must not find the side of its box
-_BELOW = 0.001  # by how much level soft ground lies lower than hard ground
-_BOTTOM = 2.5  # depth of hard ground below soft ground, by its sinking
-_COVERED = 1.5  # bumps and branches lie this far to both sides, in m
+_OVERLAP = 0.3  # m; a foot deep in soft ground must not touch the side of the ground's box
+_BELOW = 0.001  # m by which level soft ground lies lower than hard ground
+_BOTTOM = 2.5  # depth of hard ground below soft ground, ratio to the sinking
+_COVERED = 1.5  # bumps and branches lie up to this distance to both sides, in m
 _BUMP_RADIUS = (0.15, 0.35)
 _BUMPS_PER_AREA = 6.0
 _BRANCH_LENGTH = (0.4, 1.4)
@@ -43,23 +43,23 @@ _WOOD = (0.36, 0.25, 0.16, 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """A stretch of ground. Its surface gives what is not said."""
+    """A stretch of ground. Its surface gives the values that are missing."""
 
-    surface: str = tunable("concrete", description="What it is made of")
-    length: float = tunable(5.0, "m", 0.1, 200.0, "Along the ground")
+    surface: str = tunable("concrete", description="Surface of the stretch")
+    length: float = tunable(5.0, "m", 0.1, 200.0, "Length along the ground")
     rise_deg: float = tunable(0.0, "deg", -30.0, 30.0, "Rise ahead; negative goes down")
-    step: float = tunable(0.0, "m", -0.3, 0.3, "Step at its beginning; negative goes down")
+    step: float = tunable(0.0, "m", -0.3, 0.3, "Step at the beginning; negative goes down")
     friction: float = tunable(1.0, "", 0.05, 3.0, "Coulomb friction")
     sinking: float = tunable(0.0, "m", 0.0, 0.15, "Depth to which a foot with the weight sinks")
-    heel_dig: float = tunable(0.0, "m", 0.0, 0.3, "How much deeper its heel does")
-    uneven: float = tunable(0.0, "m", 0.0, 0.05, "Bumps up and hollows down by this much")
+    heel_dig: float = tunable(0.0, "m", 0.0, 0.3, "Additional depth to which the heel sinks")
+    uneven: float = tunable(0.0, "m", 0.0, 0.05, "Height of bumps and depth of hollows")
     rough: float = tunable(
         0.0, "m", 0.0, 0.15, "Standard deviation of random height, of hard ground"
     )
     grain: float = tunable(0.4, "m", 0.02, 5.0, "Distance over which the random height changes")
-    branches: float = tunable(0.0, "1/m", 0.0, 20.0, "Branches across the way on each metre")
-    branch_low: float = tunable(0.02, "m", 0.005, 0.1, "Thinnest branch")
-    branch_high: float = tunable(0.04, "m", 0.005, 0.1, "Thickest branch")
+    branches: float = tunable(0.0, "1/m", 0.0, 20.0, "Number of branches across the path per metre")
+    branch_low: float = tunable(0.02, "m", 0.005, 0.1, "Diameter of the thinnest branch")
+    branch_high: float = tunable(0.04, "m", 0.005, 0.1, "Diameter of the thickest branch")
 
 
 SURFACES: Mapping[str, Stretch] = {
@@ -71,7 +71,7 @@ SURFACES: Mapping[str, Stretch] = {
     "burn": Stretch(surface="burn", friction=0.7, sinking=0.01, uneven=0.01, branches=3.0),
     "gravel": Stretch(surface="gravel", friction=0.6, rough=0.008, grain=0.06),
 }
-"""What each surface is unless a stretch says otherwise."""
+"""Default values of a stretch by its surface."""
 
 COLOURS = {
     "concrete": (1.0, 1.0, 1.0, 1.0),
@@ -88,14 +88,14 @@ def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
     """A stretch from a mapping as YAML gives it.
 
     Raises:
-        ParameterError: naming the key, its value and what is permitted.
+        ParameterError: naming the key, its value and the permitted values.
     """
     name = mapping.get("surface", "concrete")
     if not isinstance(name, str) or name not in SURFACES:
         raise ParameterError(f"{where}: {unknown_name(str(name), SURFACES, 'surface')}")
     try:
         given = dataclasses.asdict(from_mapping(Stretch, mapping))
-        for key in mapping:  # an empty mapping under it gets past `from_mapping`
+        for key in mapping:  # `from_mapping` accepts an unknown key with an empty mapping
             if key not in given:
                 raise ParameterError(unknown_name(str(key), given, "parameter"))
         stretch = replace_checked(SURFACES[name], **{key: given[key] for key in mapping})
@@ -106,10 +106,10 @@ def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
 
 
 def check_branches(low: float, high: float, where: str) -> None:
-    """Hold that the thinnest branch is not thicker than the thickest. In m.
+    """Check that the thinnest branch is not thicker than the thickest. In m.
 
     Raises:
-        ParameterError: naming both.
+        ParameterError: naming both diameters.
     """
     if low > high:
         raise ParameterError(f"{where}: branch_low = {low:g} m is above branch_high = {high:g} m")
@@ -117,12 +117,12 @@ def check_branches(low: float, high: float, where: str) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """Where ground is built.
+    """Place where ground is built.
 
     Attributes:
         spec: The world.
-        body: That carries the ground; its origin is where the first stretch begins.
-        prefix: Of the names of its geoms.
+        body: Body that carries the ground; the first stretch begins at its origin.
+        prefix: Prefix of the names of the ground's geoms.
     """
 
     spec: mujoco.MjSpec
@@ -131,12 +131,12 @@ class Site:
 
 
 def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) -> None:
-    """Lay stretches one behind the other; the first begins behind the robot, level with it.
+    """Lay consecutive stretches; the first begins behind the robot, level with its start.
 
     Args:
-        spec: Gets the ground.
-        stretches: From the start on. The first one's length counts from the robot.
-        seed: Of bumps, branches and random heights.
+        spec: World to which the ground is added.
+        stretches: Stretches from the start on. The first one's length counts from the robot.
+        seed: Seed of bumps, branches and random heights.
     """
     if any(stretch.sinking > 0.0 for stretch in stretches):
         tell_ends_apart(spec)
@@ -144,12 +144,12 @@ def add_stretches(spec: mujoco.MjSpec, stretches: Sequence[Stretch], seed: int) 
 
 
 def lay(site: Site, stretches: Sequence[Stretch], rng: np.random.Generator, behind: float) -> None:
-    """Lay stretches one behind the other from the origin of a body on.
+    """Lay consecutive stretches from the origin of a body on.
 
     Args:
-        site: Where. With soft ground it needs `tell_ends_apart`.
-        stretches: From the origin on.
-        rng: For bumps, branches and random heights.
+        site: Place of the ground. With soft ground it needs `tell_ends_apart`.
+        stretches: Stretches from the origin on.
+        rng: Random numbers for bumps, branches and random heights.
         behind: How far the first stretch reaches behind the origin. In m.
     """
     x = z = 0.0
@@ -193,19 +193,19 @@ class _Frame:
 
     @property
     def quat(self) -> list[float]:
-        """Its rotation, w x y z."""
+        """Rotation of the stretch, w x y z."""
         return tilt(self.rise, 0.0)
 
 
 def _overlap_before(previous: Stretch, stretch: Stretch) -> float:
-    """How far a box may reach under the one before it without coming out of it. In m."""
+    """How far a box may reach below the previous box without coming out of that box. In m."""
     if stretch.sinking == 0.0 or stretch.step > 0.0:
         return 0.0
     return _OVERLAP if stretch.rise_deg >= previous.rise_deg else 0.1 * _OVERLAP
 
 
 def _overlap_after(stretch: Stretch, following: Stretch | None) -> float:
-    """How far it may reach under the one behind it. In m."""
+    """How far a box may reach below the following box. In m."""
     if following is None or stretch.sinking == 0.0 or following.step < 0.0:
         return 0.0
     return _OVERLAP if following.rise_deg >= stretch.rise_deg else 0.1 * _OVERLAP
@@ -222,7 +222,7 @@ def _add_box(
 ) -> None:
     half = 0.5 * (before + stretch.length + after)
 
-    # Soft ground reaches below its neighbours: at their height the two would be drawn as one.
+    # Soft ground lies below its neighbours: two surfaces at one height would be drawn mixed.
     low = -_THICKNESS - max(stretch.uneven, _BELOW if stretch.sinking > 0.0 else 0.0)
 
     def add(name: str, up: float, surface: Surface) -> mujoco.MjsGeom:
@@ -239,7 +239,7 @@ def _add_box(
     box = add(name, low, surface)
     if stretch.sinking == 0.0:
         return
-    # What lies under the surface, or once more in its place, is not drawn.
+    # Ground below the surface, or a second one in its place, is not drawn.
     unseen = dataclasses.replace(surface, colour=_UNSEEN)
     depth = stretch.sinking + stretch.heel_dig
     add(f"{name}_bottom", low - _BOTTOM * depth, dataclasses.replace(unseen, sinking=0.0))
@@ -254,7 +254,7 @@ def _add_field(
     surface: Surface,
     rng: np.random.Generator,
 ) -> None:
-    """Random heights, level with the neighbours at both ends."""
+    """Add a field of random heights, level with its neighbours at both ends."""
     heights = random_heights(stretch.length, stretch.rough, stretch.grain, rng)
     low, high = float(heights.min()), float(heights.max())
     span = max(high - low, 1e-6)
@@ -282,7 +282,10 @@ def _carry_feet(
     add_again: Callable[[Surface], mujoco.MjsGeom],
     surface: Surface,
 ) -> None:
-    """Let soft ground carry feet alone; `add_again` adds it once more where heels sink deeper."""
+    """Let soft ground carry feet only.
+
+    Where heels sink deeper than toes, `add_again` adds the ground a second time, for the heels.
+    """
     if stretch.heel_dig == 0.0:
         carry_only(geom)
         return
@@ -300,7 +303,10 @@ def _add_bumps(
     rng: np.random.Generator,
     keep_clear: float,
 ) -> None:
-    """Caps of large balls; ground between them lies `uneven` low, their tops as much high."""
+    """Add bumps, as caps of large balls.
+
+    The ground between them lies `uneven` below the stretch, the highest tops `uneven` above it.
+    """
     if stretch.uneven == 0.0:
         return
     count = round(_BUMPS_PER_AREA * (stretch.length - keep_clear) * 2.0 * _COVERED)
@@ -336,7 +342,7 @@ def _add_branches(
     rng: np.random.Generator,
     keep_clear: float,
 ) -> None:
-    """Round branches that lie on the ground and do not roll."""
+    """Add round branches that lie on the ground and do not roll."""
     for index in range(round(stretch.branches * (stretch.length - keep_clear))):
         along = float(rng.uniform(keep_clear, stretch.length))
         y = float(rng.uniform(-_COVERED, _COVERED))

@@ -1,4 +1,4 @@
-"""Films of the plant, made off screen by a process beside it."""
+"""Films of the plant, rendered off screen by a separate process."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ __all__ = ["FORMATS", "Camera", "Film", "Image", "RenderError", "frame_of"]
 
 FORMATS = (".mp4", ".gif")
 
-_AHEAD = 3  # frames under way to the process, so that it can end soon when asked to
+_AHEAD = 3  # frames in the pipe to the process, so that it can end soon on request
 
 
 class Film:
     """Films a plant into a file; `snap` costs the loop a copy.
 
-    Rendering keeps Python's interpreter to itself for tens of milliseconds, which a loop on
-    the wall clock cannot spare: `cassie_sim.filming` does it in a process of its own.
+    Rendering holds Python's interpreter for tens of milliseconds, which is too long for a loop on
+    the wall clock. So `cassie_sim.filming` renders in its own process.
 
     Args:
-        model: What is filmed.
-        path: Ends in one of `FORMATS`.
+        model: Model that is filmed.
+        path: Path of the file; it ends in one of `FORMATS`.
         fps: Pictures per second of the file.
 
     Raises:
@@ -53,19 +53,19 @@ class Film:
                 [sys.executable, "-m", "cassie_sim.filming", binary, path.absolute(), str(fps)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C is for us: we say when it ends
+                start_new_session=True,  # Ctrl-C is for this process, which ends the other
             )
             self._begin()
         self._thread = threading.Thread(target=self._feed, name="film", daemon=True)
         self._thread.start()
 
     def snap(self, frame: npt.NDArray[np.float64]) -> None:
-        """Have a frame of `frame_of` filmed; ones of another model are left out."""
+        """Film a frame of `frame_of`; frames of another model are ignored."""
         if len(frame) == self._size:
             self._frames.put(frame.tobytes())
 
     def close(self, *, soon: bool = False) -> None:
-        """Finish the file, with all that is still waiting, or `soon` with one picture of it."""
+        """Finish the file, with all waiting frames, or with only one of them if `soon`."""
         while soon and self._frames.qsize() > 1:
             self._frames.get_nowait()
         self._frames.put(None)
@@ -73,7 +73,7 @@ class Film:
         self._process.wait()
 
     def _begin(self) -> None:
-        """Wait until the process is ready, or has said why it cannot be."""
+        """Wait until the process is ready; raise its error if it cannot render."""
         assert self._process.stdout is not None
         answer = self._process.stdout.readline().decode().strip()
         if answer == "ready":
@@ -84,7 +84,7 @@ class Film:
         raise RenderError(problem) if kind == "render" else SimulationError(problem)
 
     def _feed(self) -> None:
-        """Hand frames over, a few ahead of those that are done."""
+        """Send frames to the process, at most `_AHEAD` before they are done."""
         sink, done = self._process.stdin, self._process.stdout
         assert sink is not None
         assert done is not None
@@ -97,5 +97,5 @@ class Film:
                 if waiting >= _AHEAD:
                     waiting -= len(done.read(1))
             sink.close()
-        except BrokenPipeError:  # it was killed: the film ends there
+        except BrokenPipeError:  # the process was killed: the film ends there
             pass

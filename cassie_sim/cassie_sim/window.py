@@ -21,7 +21,7 @@ class Window:
 
     PERIOD = 1.0 / 50.0
     CLOSING = 2.0
-    """Wall time that closing may take. In s."""
+    """Time-out for closing the window, in wall time. In s."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -32,7 +32,7 @@ class Window:
         self._open(model, data)
 
     def show(self, model: mujoco.MjModel, data: mujoco.MjData, now: float) -> None:
-        """Draw the present state, if the last picture is old enough. `now` in s of wall time."""
+        """Draw the present state, if the last picture is old enough. `now` is wall time in s."""
         if now - self._shown < self.PERIOD or not self._viewer.is_running():
             return
         self._shown = now
@@ -64,7 +64,7 @@ class Window:
 
 
 def follow(model: mujoco.MjModel, camera: mujoco.MjvCamera) -> None:
-    """Have a camera go along with the robot, from behind on its right, all of it in the picture."""
+    """Let a camera follow the robot, from behind on its right, with the whole robot in view."""
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = model.body("pelvis").id
     camera.azimuth, camera.elevation, camera.distance = 60.0, -12.0, 2.6

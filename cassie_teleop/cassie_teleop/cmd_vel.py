@@ -1,4 +1,4 @@
-"""Velocity commands, as Nav2 and others give them, to what is asked of the robot.
+"""Conversion of velocity commands, as of Nav2 and others, to operator commands.
 
 Times come in as arguments: monotonic, in s.
 """
@@ -14,30 +14,31 @@ from cassie_teleop.keyboard import stopped
 from cassie_teleop.radio import clamped
 
 AT_REST = 1.0
-"""For how long stand and no speed are asked for when power is, so that it is granted. In s."""
+"""Time for which power is commanded with stand and no speed, so that it comes on. In s."""
 
 ASKING = 1.0
-"""For how long one request asks for the lease of another operator. In s."""
+"""Duration of one request for the lease of another operator. In s."""
 
 LARGEST = 10.0
-"""Of a velocity command, in m/s and rad/s; beyond it nothing is meant."""
+"""Largest valid value of a velocity command. In m/s and rad/s."""
 
 
 _SET_POINTS = {"linear.x": "vx", "linear.y": "vy", "angular.z": "yaw_rate"}
 
 
 class VelocityError(ValueError):
-    """A velocity command that cannot be meant."""
+    """An invalid velocity command."""
 
 
 class VelocityCommands:
-    """The command that follows from the newest velocity command.
+    """The operator command that follows from the newest velocity command.
 
-    A velocity asks for walking. Where none comes for `timeout`, the robot is asked to stop, and
-    `stand_after` later to stand.
+    A velocity commands walking. After `timeout` without a velocity command a stop is commanded, and
+    `stand_after` later the mode stand.
 
     Attributes:
-        timeout, stand_after: In s.
+        timeout: Time without a velocity command until a stop is commanded. In s.
+        stand_after: Time from the stop until stand is commanded. In s.
     """
 
     def __init__(self, timeout: float, stand_after: float) -> None:
@@ -49,17 +50,18 @@ class VelocityCommands:
     def receive(self, vx: float, vy: float, yaw_rate: float, now: float) -> str:
         """Take in a velocity command: forward, to the left (m/s), turn to the left (rad/s).
 
-        What is beyond the ranges of the set-points is held within them.
+        Values beyond the ranges of the set-points saturate.
 
         Returns:
-            Which value is held within its range, in words; empty if none is.
+            Text that names a saturated value; empty if there is none.
 
         Raises:
-            VelocityError: naming a value that is not finite or far beyond; it then counts as stop.
+            VelocityError: naming a value that is not finite or beyond `LARGEST`; the command then
+                counts as a stop.
         """
         self._velocity, self._came = (0.0, 0.0, 0.0), now
         for name, value in zip(_SET_POINTS, (vx, vy, yaw_rate), strict=True):
-            if not abs(value) <= LARGEST:  # not so of NaN
+            if not abs(value) <= LARGEST:  # also true of NaN
                 raise VelocityError(f"{name} = {value:g} is outside -{LARGEST:g} .. {LARGEST:g}")
         self._velocity = (clamped("vx", vx), clamped("vy", vy), clamped("yaw_rate", yaw_rate))
         if any(self._velocity):
@@ -72,17 +74,17 @@ class VelocityCommands:
         return ""
 
     def power(self, on: bool, now: float) -> None:
-        """Ask for power, or cut it."""
+        """Command power, or cut it."""
         base = self._base or Request()
         self._base = replace_checked(base, power=on, emergency_stop=not on)
         self._powered = now if on else -math.inf
 
     def take_over(self, now: float) -> None:
-        """Ask for the lease of the operator who drives."""
+        """Request the lease of the operator who drives."""
         self._asked = now
 
     def request(self, now: float) -> Request | None:
-        """What to ask of the robot now; None before anybody asked for power or cut it."""
+        """The present request to the robot; None before power was commanded or cut once."""
         if self._base is None:
             return None
         asks = now - self._asked < ASKING

@@ -1,10 +1,10 @@
-"""Which browser page drives, and what its sticks and buttons ask of the robot.
+"""The browser page that drives, and the commands of its sticks and buttons.
 
-All pages together are one operator to the robot. Of the pages one drives: the first that asks.
-Everyone else looks on, can stop the robot, and can take over while the driving page lets it rest.
-Sticks count once they were at rest after everything that begins or ends a drive or a mode.
-A page drives only as long as its messages rest on a frame of the last `LINK_AGE` seconds: that
-covers a page that is hidden, asleep or closed, and a network that is slow in either direction.
+All pages together are one operator to the robot. One page drives: the first that requests it.
+Other pages only show the robot, can stop it, and can take over while the driving page lets it rest.
+After each begin or end of a drive or a mode, the sticks must be at rest once before they count.
+A page drives only as long as its messages echo a frame of the last `LINK_AGE` seconds. This
+excludes a page that is hidden, asleep or closed, and a network that is slow in either direction.
 Times come in as arguments: monotonic, in s.
 """
 
@@ -20,34 +20,34 @@ from cassie_teleop.page_messages import ORDERS, RECORD, SLIDERS, Beat, Press, Sl
 from cassie_teleop.radio import clamped, without_link
 
 LINK_AGE = 0.3
-"""Age of the frame that a page's newest message rests on, from which its link is lost. In s."""
+"""Time-out of a page's link: age of the frame that its newest message echoes. In s."""
 
 STOP_TIME = 1.0
-"""For how long an emergency stop is sent where no page drives. In s."""
+"""Duration of an emergency stop while no page drives. In s."""
 
 ASKING = 1.0
-"""For how long one press asks for the lease of another operator. In s."""
+"""Duration of one request for the lease of another operator. In s."""
 
 GRANT_TIME = 2.0
-"""Time after which a page that has asked to drive must hold the lease. In s."""
+"""Time after which a page that has requested to drive must hold the lease. In s."""
 
 LAPSE = 1.0
-"""Loss of the link after which the mode has to be asked for anew. In s."""
+"""Duration of a lost link after which the mode must be commanded anew. In s."""
 
-_CYCLE = 0.2  # s, for which the power switch is off when it is switched off and on
+_CYCLE = 0.2  # s for which power is off when it is switched off and on
 _MAX_ORDERS = 10
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """What a stick asks for at its end."""
+    """Commands of the sticks at full deflection."""
 
     forward: float = tunable(0.8, "m/s", 0.0, 4.5, "Speed with the stick full forward")
     backward: float = tunable(0.4, "m/s", 0.0, 1.0, "Speed with the stick full back")
-    sideways: float = tunable(0.25, "m/s", 0.0, 0.4, "Speed with the stick at a side")
+    sideways: float = tunable(0.25, "m/s", 0.0, 0.4, "Sideways speed with the stick at a side")
     turn: float = tunable(0.6, "rad/s", 0.0, 1.2, "Turn rate with the stick at a side")
     lean: float = tunable(
-        0.05, "m", 0.0, 0.1, "Shift of the CoM at a stick's end, in mode segway instead of speeds"
+        0.05, "m", 0.0, 0.1, "CoM shift at full stick deflection, instead of speeds in mode segway"
     )
 
 
@@ -60,19 +60,19 @@ class _Page:
 
 
 class Console:
-    """Pages, the one that drives, and the command that follows.
+    """The pages, the page that drives, and its command.
 
     Args:
-        name: Who speaks in the commands; /cassie/supervisor_status names the holder of the lease
-            in the same way.
-        reach: What the sticks ask for.
+        name: Name of the sender in the commands; /cassie/supervisor_status gives the same name for
+            the holder of the lease.
+        reach: Commands of the sticks at full deflection.
 
     Attributes:
-        driver: Page that drives; None if none does.
-        armed: Whether its sticks count.
-        orders: What was asked for beside driving and is not yet done: a service of the simulator,
-            or to begin or end a recording.
-        notice: What everyone shall read: why a page does not drive any more; empty at first.
+        driver: Page that drives; None if there is none.
+        armed: Whether the sticks of the driving page count.
+        orders: Requests besides driving that are not done yet: a service of the simulator, or the
+            begin or end of a recording.
+        notice: Text for all pages: why a page does not drive any more; empty at first.
     """
 
     def __init__(self, name: str, reach: Reach) -> None:
@@ -82,7 +82,7 @@ class Console:
         self.notice = ""
         self._name = name
         self._pages: dict[int, _Page] = {}
-        self._base = Request()  # as buttons and sliders have made it; without speeds
+        self._base = Request()  # set by buttons and sliders; without speeds
         self._holder = ""
         self._powered: bool | None = None
         self._taken = self._linked = self._stopped = self._cycled = -1e9
@@ -90,11 +90,11 @@ class Console:
         self.armed = False
 
     def join(self, page: int, name: str) -> None:
-        """A page was opened; it looks on."""
+        """Take in that a page was opened; it does not drive."""
         self._pages[page] = _Page(name)
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Take in that a page is gone."""
         if page == self.driver:
             self._release()
         self._pages.pop(page, None)
@@ -103,7 +103,7 @@ class Console:
         """Take in a message of a page that has joined.
 
         Returns:
-            What the page shall be told; empty if nothing.
+            Text for the page; empty if there is none.
         """
         mine = self._pages[page]
         if message.echo <= now:
@@ -133,22 +133,22 @@ class Console:
         return ""
 
     def follow_lease(self, holder: str, now: float) -> None:
-        """The supervisor says who holds the lease; empty if nobody does."""
+        """Take in the name of the lease's holder, by the supervisor; empty if there is none."""
         self._holder = holder
         if self.driver is None or holder in ("", self._name):
             return
         if now - self._taken > GRANT_TIME:
             self.notice = f"{holder} drives"
-            self.driver = None  # without a word: it is no longer ours to stop the robot
+            self.driver = None  # without a stop: another operator drives the robot now
 
     def follow_power(self, powered: bool) -> None:
-        """The robot says whether its drives have power; once lost it has to be asked for anew."""
+        """Take in whether the drives have power; after a loss it must be commanded anew."""
         if self._powered and not powered:
             self._rest(power=False)
         self._powered = powered
 
     def disarm(self) -> None:
-        """A new episode: stand is asked for, and no speed."""
+        """Begin a new episode: command stand without speed."""
         self._rest()
 
     def linked(self, now: float) -> bool:
@@ -156,13 +156,13 @@ class Console:
         return self.driver is not None and self._fresh(self._pages[self.driver], now)
 
     def link_age(self, page: int, now: float) -> float:
-        """Age of the frame that the page's newest message rests on. In s."""
+        """Age of the frame that the page's newest message echoes. In s."""
         return now - self._pages[page].echo
 
     def request(self, now: float) -> Request | None:
-        """What to ask of the robot now; None while there is nothing to say.
+        """The present request to the robot; None while there is nothing to send.
 
-        A stop that ends a drive comes once.
+        The stop that ends a drive is returned once.
         """
         if self.driver is None:
             if now - self._stopped < STOP_TIME:
@@ -182,7 +182,7 @@ class Console:
         return replace_checked(self._base, take_over=asks, power=power, **motion)
 
     def last_request(self) -> Request | None:
-        """The stop with which the node ends; None if it does not speak anyway."""
+        """The stop to send when the node ends; None if no page drives."""
         if self.driver is None:
             return None
         self._rest()
@@ -190,12 +190,12 @@ class Console:
 
     @property
     def asked(self) -> Request:
-        """What buttons and sliders ask for, without the sticks."""
+        """The request of buttons and sliders, without the sticks."""
         return self._base
 
     @property
     def driver_name(self) -> str:
-        """Name of the page that drives; empty if none does."""
+        """Name of the page that drives; empty if there is none."""
         return "" if self.driver is None else self._pages[self.driver].name
 
     def _fresh(self, page: _Page, now: float) -> bool:
@@ -209,7 +209,7 @@ class Console:
             if not rests and self.linked(now):
                 return f"{self._who_drives()}; it can be taken over once the robot stands"
             self.notice = f"{self._pages[page].name} has taken over from {self.driver_name}"
-        # Power as this node had it: from on to off would be an emergency stop.
+        # Keep this node's power command: a change from on to off would be an emergency stop.
         power = self._base.power and self._powered is not False
         self._rest(power=power)
         self.driver, self._parting = page, False
@@ -221,7 +221,7 @@ class Console:
             self._release()
         elif button == "power" and not (self._base.power and self._powered):
             if self._base.power and self._powered is False:
-                self._cycled = now  # it was refused: off and on again
+                self._cycled = now  # power was refused: switch it off and on again
             self._rest(power=True, emergency_stop=False)
         elif button in MODES:
             self.armed = self.armed and button == self._base.mode
@@ -241,7 +241,7 @@ class Console:
         self.driver, self._parting = None, True
 
     def _rest(self, **changes: bool) -> None:
-        """Ask for stand, and for no speed until the sticks were at rest."""
+        """Command stand, without speed until the sticks were at rest."""
         self._base = replace_checked(stopped(self._base), mode="stand", **changes)
         self.armed = False
 

@@ -1,4 +1,4 @@
-"""A radio or gamepad as its YAML file describes it: which channel means what."""
+"""Description of a radio or gamepad by a YAML file: the meaning of each channel."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class DeviceError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class AxisMap:
-    """Set-point = offset + scale * axis, the scale of negative values apart."""
+    """Set-point = offset + scale * axis; negative values of the axis may have another scale."""
 
     axis: int = tunable(dataclasses.MISSING, "", 0, 63, "Index in Joy.axes")
-    scale: float = tunable(dataclasses.MISSING, "", -5, 5, "Set-point at axis 1, less the offset")
-    scale_negative: float = tunable(0.0, "", -5, 5, "The same for negative values; 0 is scale")
-    scale_turbo: float = tunable(0.0, "", -5, 5, "Scale with the turbo button held; 0 is scale")
+    scale: float = tunable(dataclasses.MISSING, "", -5, 5, "Set-point at axis 1, minus the offset")
+    scale_negative: float = tunable(0.0, "", -5, 5, "Scale of negative values; 0: as `scale`")
+    scale_turbo: float = tunable(0.0, "", -5, 5, "Scale with the turbo button held; 0: as `scale`")
     offset: float = tunable(0.0, "", -5, 5, "Set-point at axis 0")
-    dead_band: float = tunable(0.05, "", 0, 0.5, "Values of the axis that count as 0")
+    dead_band: float = tunable(0.05, "", 0, 0.5, "Absolute value of the axis that counts as 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,19 +40,19 @@ class Switch:
     """On while an axis is at least `above` or a button is pressed; or latched by two buttons."""
 
     axis: int = tunable(-1, "", -1, 63, "Index in Joy.axes; -1 for none")
-    above: float = tunable(0.5, "", -1, 1, "Least value of the axis that is on")
+    above: float = tunable(0.5, "", -1, 1, "Least value of the axis that means on")
     on_button: int = tunable(-1, "", -1, 63, "Button that switches on; -1 for none")
-    off_button: int = tunable(-1, "", -1, 63, "Button that switches off, stronger than on")
+    off_button: int = tunable(-1, "", -1, 63, "Button that switches off, with priority over on")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """What a device file says; `README.md` describes its keys.
+    """Content of a device file; `README.md` describes its keys.
 
     Attributes:
-        axes, buttons: How many `/joy` may have, in ascending order.
-        triggers: Axes that rest at 1 and are told as 0 until they are touched.
-        enable_button, enable_turbo_button: One of them is held to move, if any is given.
+        axes, buttons: Permitted numbers of axes and buttons in `/joy`, in ascending order.
+        triggers: Axes that are 1 at rest and that the driver reports as 0 until they are touched.
+        enable_button, enable_turbo_button: Buttons; if any is given, one must be held to move.
     """
 
     axes: tuple[int, ...]
@@ -71,8 +71,8 @@ def read_device(path: Path) -> Device:
     """Read and check a device file.
 
     Raises:
-        DeviceError: if it cannot be read or is no strict YAML; naming file, key and what is
-            expected.
+        DeviceError: if the file cannot be read or is no strict YAML; naming file, key and the
+            expected value.
     """
     try:
         content = read_yaml(path)
@@ -110,7 +110,7 @@ def _device(content: Mapping[str, Any]) -> Device:
 
 
 def with_buttons(device: Device, enable: int, turbo: int) -> Device:
-    """The device with other buttons that are held to move; -1 leaves one as it is.
+    """The device with other buttons that are held to move; -1 keeps the button of the file.
 
     Raises:
         DeviceError: if the device has no such button.
@@ -136,7 +136,7 @@ def _check_indices(device: Device) -> None:
     counts = (("axis", axes, device.axes[0]), ("button", buttons, device.buttons[0]))
     for what, table, count in counts:
         for name, index in table.items():
-            none = -1 if name.partition(".")[0] in ("power", "mode") else 0  # -1: has none
+            none = -1 if name.partition(".")[0] in ("power", "mode") else 0  # -1: no axis
             if type(index) is not int or not none <= index < count:
                 raise DeviceError(f"{name} = {index}: no such {what}, the last is {count - 1}")
     for name, switch in switches.items():

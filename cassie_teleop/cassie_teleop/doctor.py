@@ -1,4 +1,4 @@
-"""What is wrong with a running robot and what to do, out of facts that somebody has gathered."""
+"""Diagnosis of a running robot: problems and remedies, from gathered facts."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ LANE = {
     "/cassie/motor_command": "gait_controller",
     "/cassie/mode": "mode_supervisor",
 }
-"""Topics of the control lane and the node that writes each; the first stands for the robot."""
+"""Node that writes each topic of the control lane; the first node stands for the robot."""
 
 _ONE_WRITER = ("/clock", "/joy", "/cmd_vel")
 _PACKAGES = {"simulator": "cassie_sim"}
 _MISSED = 0.001  # share of control ticks
-_SLOW = 0.95  # robot time by wall time
-_BEHIND = 0.9  # of the rate of the sensors
-_CLOCKS = 0.5  # s between the clocks of two computers
-_DISK = ((100e6, ERROR), (2e9, WARNING))  # bytes that are free
+_SLOW = 0.95  # ratio of robot time to wall time
+_BEHIND = 0.9  # ratio to the rate of the sensors
+_CLOCKS = 0.5  # s of difference between the clocks of two computers
+_DISK = ((100e6, ERROR), (2e9, WARNING))  # free bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class End:
     """One end of a topic.
 
     Attributes:
-        writes: True of a publisher, False of a subscription.
-        reliable, latched: Reliability is RELIABLE, durability TRANSIENT_LOCAL.
+        writes: True for a publisher, False for a subscription.
+        reliable, latched: Whether reliability is RELIABLE, and durability TRANSIENT_LOCAL.
     """
 
     topic: str
@@ -47,27 +47,27 @@ class End:
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What is to be seen of a robot from outside.
+    """Facts about a robot that other nodes can observe.
 
     Attributes:
-        domain: ROS domain that was looked at.
+        domain: ROS domain that was examined.
         other_domains: Domains of this computer in which nodes of a robot run.
-        discovery: ROS_AUTOMATIC_DISCOVERY_RANGE.
-        held: Kinds of nodes that run on this computer in the domain, also where they are silent.
-        nodes: Full names; a name that runs twice stands there twice.
-        ends: Of the topics of the robot.
+        discovery: Value of ROS_AUTOMATIC_DISCOVERY_RANGE.
+        held: Kinds of nodes that run on this computer in the domain, including silent ones.
+        nodes: Full names of the nodes; a name that runs twice is listed twice.
+        ends: Ends of the topics of the robot.
         rates: Ticks in 1/s of wall time, by topic of the control lane that was heard.
-        real_time_factor: Robot time by wall time; None if no sensors were heard.
-        pacing: Parameter of the simulator; empty if unknown.
-        paused: The simulator says so.
+        real_time_factor: Ratio of robot time to wall time; None if no sensors were heard.
+        pacing: Parameter `pacing` of the simulator; empty if unknown.
+        paused: Whether the simulator reports that it is paused.
         clock_differences: Stamp of an operator's command after this computer's clock, in s, by
             operator.
         diagnostics: (level, name, message), level 0 is fine, 1 a warning, 2 and 3 errors.
-        faults, mode, readiness, missed_share: Of the mode supervisor.
-        changed: (node, parameter, value, default) of parameters away from the default.
-        files: (what, path, whether it is there), such as the gait library.
+        faults, mode, readiness, missed_share: Status of the mode supervisor.
+        changed: (node, parameter, value, default) of parameters that differ from their default.
+        files: (name, path, whether the file exists), such as the gait library.
         joysticks: (device file, whether this user may read it).
-        disk: Bytes free by folder.
+        disk: Free bytes by folder.
     """
 
     domain: int
@@ -102,7 +102,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know: how much it weighs, what it is about, what is so, what to do."""
+    """One finding: severity, subject, statement, and remedy."""
 
     level: str
     subject: str
@@ -111,7 +111,7 @@ class Finding:
 
 
 def findings(facts: Facts) -> list[Finding]:
-    """What the facts say, the heaviest first; of equal weight, causes before effects."""
+    """Findings from the facts, the most severe first; of equal severity, causes before effects."""
     if not any(facts.writers(topic) for topic in LANE):
         found = [_nobody(facts), *_machine(facts), *_network(facts)]
     else:
@@ -129,12 +129,12 @@ def findings(facts: Facts) -> list[Finding]:
 
 
 def exit_code(found: Iterable[Finding]) -> int:
-    """0 if there is nothing but notes, else 1."""
+    """0 if there are only notes, otherwise 1."""
     return int(any(each.level != NOTE for each in found))
 
 
 def report(facts: Facts, found: list[Finding]) -> str:
-    """The findings in words, and in a line or two what was looked at."""
+    """Text of the findings, and one or two lines about what was examined."""
     lines = []
     for each in found:
         lines += [f"{each.level.upper():8}{each.subject}: {each.problem}", f"{'':8}{each.advice}"]
@@ -226,7 +226,7 @@ def _nodes(facts: Facts) -> Iterator[Finding]:
 
 
 def _quality(facts: Facts) -> Iterator[Finding]:
-    """Writers and readers of a topic that do not match."""
+    """Findings about writers and readers of a topic that do not match."""
     for writer in (end for end in facts.ends if end.writes):
         for reader in (end for end in facts.ends if not end.writes):
             if reader.topic != writer.topic:
@@ -282,11 +282,11 @@ _OPERATOR_GONE = ("operator lost", "no operator commands")
 
 
 def _words(facts: Facts) -> Iterator[Finding]:
-    """What the nodes say themselves."""
+    """Findings from the nodes' own reports."""
     nobody = not facts.writers("/cassie/operator_command")
     for fault in facts.faults:
         if nobody and fault.startswith(_OPERATOR_GONE):
-            continue  # it never was there, or has ended: `_operators` says so
+            continue  # it never ran, or has ended: `_operators` reports that
         advice = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
         yield Finding(ERROR, "fault", fault, advice)
     for level, name, message in facts.diagnostics:

@@ -8,18 +8,18 @@ from typing import Any
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-# The kernel's order of axes and buttons, whether or not this user may open the device itself.
+# Use the kernel's order of axes and buttons, whether or not this user may open the device itself.
 os.environ.setdefault("SDL_JOYSTICK_HIDAPI", "0")
 os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
 
 
 class JoystickError(OSError):
-    """No such device, or none at all, or it is gone."""
+    """There is no such device, or no device at all, or the device is gone."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Axes in -1 .. 1, left and up positive, hats as two axes each behind them; buttons 0 or 1."""
+    """Axes in -1 .. 1, left and up positive, then two axes for each hat; buttons 0 or 1."""
 
     axes: list[float]
     buttons: list[int]
@@ -29,7 +29,7 @@ class Joystick:
     """One device, found by number or by part of its name.
 
     Raises:
-        JoystickError: at construction; the message lists the devices there are.
+        JoystickError: at construction, if there is no such device; the message lists all devices.
     """
 
     def __init__(self, wanted: str) -> None:
@@ -44,10 +44,10 @@ class Joystick:
         self.name: str = self._device.get_name()
 
     def read(self) -> Reading:
-        """Its state now; call from the thread that opened it.
+        """Present state of the device; call this from the thread that opened it.
 
         Raises:
-            JoystickError: if it was unplugged.
+            JoystickError: if the device was unplugged.
         """
         for event in self._pygame.event.get():
             removed = event.type == self._pygame.JOYDEVICEREMOVED
@@ -56,13 +56,13 @@ class Joystick:
         return reading(self._device)
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
         self._pygame.joystick.quit()
         self._pygame.display.quit()
 
 
 def reading(device: Any) -> Reading:
-    """State of an SDL device in ROS's signs: SDL counts right and down, its hats right and up."""
+    """State of an SDL device with ROS's signs. SDL counts right and down, for hats right and up."""
     axes = [0.0 - device.get_axis(i) for i in range(device.get_numaxes())]
     for index in range(device.get_numhats()):
         right, up = device.get_hat(index)
@@ -72,10 +72,10 @@ def reading(device: Any) -> Reading:
 
 
 def chosen(devices: list[Any], wanted: str) -> Any:
-    """The device that is wanted, by number or part of its name, or else the first.
+    """The device with number `wanted` or `wanted` in its name; the first if `wanted` is empty.
 
     Raises:
-        JoystickError: naming the devices there are.
+        JoystickError: if there is no such device; the message lists all devices.
     """
     if not devices:
         raise JoystickError(

@@ -1,4 +1,4 @@
-"""Keys to set-points, and the status lines under them."""
+"""Conversion of keys to set-points, and the status lines."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ STEPS: dict[str, tuple[str, float]] = {
 ARROWS = {"up": "w", "down": "s", "left": "a", "right": "d"}
 MODE_KEYS = {"1": "stand", "2": "walk", "3": "segway"}
 ORDER_KEYS = {"n": "lower", "u": "hang_up", "z": "reset", "b": "let_go_bar"}
-"""Services of the simulator; `b` alternates between letting go and holding."""
+"""Services of the simulator; `b` alternately releases and holds the bar."""
 
 _POWER_FIRST = "press p for power on first, or o for power off"
 
 
 class Keyboard:
-    """Set-points as the keys have made them.
+    """Set-points by the pressed keys.
 
     Attributes:
-        request: None until a power key was pressed, so that nobody cuts the power by
-            starting a program.
-        asks: Whether the lease of another operator was just asked for.
-        left: Whether the user leaves.
-        orders: Services that were asked for and not yet called.
-        mode: Of the robot, as the supervisor says; empty while it is silent.
+        request: The request; None until a power key was pressed, so that the start of this program
+            does not cut the power.
+        asks: Whether the lease of another operator was just requested.
+        left: Whether the user has ended the program.
+        orders: Services that were requested and not yet called.
+        mode: Mode of the robot by the supervisor; empty without a status.
     """
 
     def __init__(self) -> None:
-        """Start without set-points."""
+        """Begin without set-points."""
         self.request: Request | None = None
         self.asks = self.left = False
         self.orders: list[str] = []
@@ -56,19 +56,19 @@ class Keyboard:
         self._bar_held = True
 
     def disarm(self) -> None:
-        """A new episode: nothing moves until a key says so."""
+        """Begin a new episode: the robot rests until a key is pressed."""
         self._bar_held = True
         if self.request is not None:
             self.request = replace_checked(stopped(self.request), mode="stand")
 
     def press(self, key: str) -> str:
-        """Take one key, also with Caps Lock on; says why it does nothing, empty if it does."""
+        """Take in a key, also with Caps Lock on; returns why it has no effect, empty if it has."""
         key = ARROWS.get(key, key.lower())
         if key == "x":
             self.left = True
         elif key == "p":
             request = self.request or Request()
-            # The robot does not walk off when the power comes back.
+            # The robot must not start walking when the power comes back.
             request = request if request.power else replace_checked(stopped(request), mode="stand")
             self.request = replace_checked(request, power=True, emergency_stop=False)
         elif key == "o":
@@ -107,19 +107,19 @@ class Keyboard:
         self.orders.append(order)
 
     def obeyed(self, order: str) -> None:
-        """The simulator has done as it was told; what it refuses changes nothing."""
+        """Take in that the simulator has done an order; a refused one changes nothing."""
         if order in ("let_go_bar", "hold_bar"):
             self._bar_held = order == "hold_bar"
 
 
 def stopped(request: Request) -> Request:
-    """The same set-points without motion."""
+    """The request with all speeds at zero."""
     return replace_checked(request, vx=0.0, vy=0.0, yaw_rate=0.0)
 
 
 @dataclass(frozen=True)
 class Status:
-    """What the lines show of SupervisorStatus, with its age in s."""
+    """Values of SupervisorStatus that the lines show, with their age in s."""
 
     mode: str
     readiness: str
@@ -129,11 +129,11 @@ class Status:
 
 @dataclass(frozen=True)
 class Motion:
-    """Forward, to the left (m/s), turn (rad/s), height (m), as far as they are known.
+    """Speeds forward and to the left (m/s), turn rate (rad/s), height (m), as far as known.
 
     Attributes:
-        limited: Set-points that the supervisor has put in force.
-        achieved: As estimated.
+        limited: Set-points after the supervisor's limits.
+        achieved: Estimated values.
         segway: Speed of the Segway, in m/s.
     """
 

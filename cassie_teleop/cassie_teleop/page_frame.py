@@ -1,4 +1,4 @@
-"""What a browser page is told of the robot, out of samples of the control lane."""
+"""The robot's state for a browser page, from samples of the control lane."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SampleT = TypeVar("SampleT", bound=Sample)
 SILENCE = 1.0
 """Age from which a topic counts as silent. In s."""
 
-_WINDOW = 3.0  # s of wall time over which the real-time factor is taken
+_WINDOW = 3.0  # s of wall time over which the real-time factor is computed
 _DRIVES = tuple(
     f"{leg}_{drive}"
     for leg in ("left", "right")
@@ -28,13 +28,13 @@ _DRIVES = tuple(
 
 
 class RealTimeFactor:
-    """Robot time by wall time, over the last seconds."""
+    """Ratio of robot time to wall time, over the last seconds."""
 
     def __init__(self) -> None:
         self._points: deque[tuple[float, float]] = deque()
 
     def add(self, wall: float, robot: float) -> None:
-        """Robot time as of now; a new episode starts anew."""
+        """Take in the robot time at wall time `wall`; a new episode starts anew."""
         if self._points and robot < self._points[-1][1]:
             self._points.clear()
         self._points.append((wall, robot))
@@ -49,14 +49,14 @@ class RealTimeFactor:
 
 
 class Heard(Generic[SampleT]):
-    """Newest sample of a type and when it came."""
+    """Newest sample of a type and the time at which it came."""
 
     def __init__(self, sample: SampleT) -> None:
         self.sample = sample
         self.at = -math.inf
 
     def load(self, raw: bytes, now: float) -> None:
-        """Take a message in; one that does not fit its type changes nothing."""
+        """Take in a message; one that does not fit its type changes nothing."""
         try:
             self.sample.load(raw)
         except ValueError:
@@ -64,18 +64,18 @@ class Heard(Generic[SampleT]):
         self.at = now
 
     def fresh(self, now: float) -> bool:
-        """Whether it came of late."""
+        """Whether the sample came within `SILENCE`."""
         return now - self.at <= SILENCE
 
 
 class Picture:
-    """Collects what comes and gives it out as figures for the page.
+    """Collects messages and returns their values for the page.
 
     Attributes:
-        state, mode, controller, operator: Newest of each, and when it came.
-        factor: Robot time by wall time.
-        poses: Of each frame in its parent: x, y, z in m, quaternion x, y, z, w.
-        segway: Speed of the Segway, in m/s, and when it came.
+        state, mode, controller, operator: Newest sample of each, and the time at which it came.
+        factor: Ratio of robot time to wall time.
+        poses: Pose of each frame in its parent: x, y, z in m, quaternion x, y, z, w.
+        segway: Speed of the Segway, in m/s, and the time at which it came.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class Picture:
         self.segway = (0.0, -math.inf)
 
     def follow_state(self, raw: bytes, now: float) -> bool:
-        """Take a state in; says whether it begins another episode."""
+        """Take in a state; returns whether it begins another episode."""
         state = self.state.sample
         before, known = int(state.episode), self.state.at > -math.inf
         self.state.load(raw, now)
@@ -100,16 +100,16 @@ class Picture:
 
     @property
     def powered(self) -> bool:
-        """Whether the drives have power, as far as the state says."""
+        """Whether the drives have power, by the newest state."""
         return float(self.state.sample.power) > 0.5
 
     @property
     def wall_paced(self) -> bool:
-        """Whether robot time follows the wall clock, as the state says."""
+        """Whether robot time follows the wall clock, by the newest state."""
         return bool(self.state.sample.wall_paced)
 
     def figures(self, now: float, robot: RobotDescription | None) -> dict[str, Any]:
-        """Everything that changes with each frame, for JSON; None stands for unknown."""
+        """All values that change with each frame, for JSON; None stands for unknown."""
         state, controller = self.state.sample, self.controller.sample
         known, working = self.state.fresh(now), self.controller.fresh(now)
         limited, asked = self.mode.fresh(now), self.operator.fresh(now)
@@ -152,7 +152,7 @@ def _set_points(sample: Mode | OperatorCommand) -> list[float | None]:
 
 
 def finite(value: float, digits: int) -> float | None:
-    """A figure for JSON, which has no word for one that is not finite; None stands for it."""
+    """A rounded number for JSON; None if it is not finite, which JSON cannot express."""
     return round(float(value), digits) if math.isfinite(value) else None
 
 

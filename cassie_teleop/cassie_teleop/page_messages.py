@@ -1,4 +1,4 @@
-"""What a browser page says: how its sticks stand, a button, a slider. JSON, one object each."""
+"""Messages of a browser page: stick positions, a button, a slider. One JSON object each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_LENGTH = 500
 """Longest message. In characters."""
 
 SLIDERS = ("height", "com_x", "com_y", "pitch", "roll")
-"""Set-points that a slider gives; names of `Request`."""
+"""Set-points with a slider; names of `Request`."""
 
 ORDERS = (
     *("lower", "hang_up", "let_go", "reset", "push_left", "push_ahead"),
@@ -20,7 +20,7 @@ ORDERS = (
 """Buttons that call a service of the simulator."""
 
 RECORD = "record"
-"""Button that begins and ends a recording, of every page."""
+"""Button that begins and ends a recording; every page may press it."""
 
 BUTTONS = ("drive", "leave", "power", "stop", "stand", "walk", "segway", "neutral", RECORD, *ORDERS)
 """Every button; "stop" is the emergency stop."""
@@ -29,12 +29,12 @@ _LARGEST = 1e12
 
 
 class MessageError(ValueError):
-    """A message that no page of ours sends."""
+    """A message that no page of this server sends."""
 
 
 @dataclass(frozen=True)
 class Sticks:
-    """How the sticks stand: forward, to the left, turn to the left. -1 .. 1; at rest 0."""
+    """Stick positions: forward, to the left, turn to the left. -1 .. 1; 0 at rest."""
 
     forward: float = 0.0
     left: float = 0.0
@@ -48,12 +48,12 @@ class Sticks:
 
 @dataclass(frozen=True)
 class Beat:
-    """Heartbeat of a page, some 30 times a second.
+    """Heartbeat of a page, about 30 times per second.
 
     Attributes:
-        echo: Time of the newest frame that the page had got, as the frame says it. In s.
-        visible: Whether somebody can see the page.
-        sticks: How the sticks stand.
+        echo: Time of the newest frame that the page had received, as stated in the frame. In s.
+        visible: Whether the page is visible.
+        sticks: Stick positions.
     """
 
     echo: float
@@ -82,7 +82,7 @@ def read_message(text: str) -> Beat | Press | Slide:
     """The message in a text.
 
     Raises:
-        MessageError: saying what is wrong with it.
+        MessageError: saying what is wrong with the text.
     """
     if len(text) > MAX_LENGTH:
         raise MessageError(f"{len(text)} characters, at most {MAX_LENGTH} are permitted")

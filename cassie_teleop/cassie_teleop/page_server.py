@@ -1,8 +1,8 @@
-"""Serves the browser page and its link: HTTP and WebSocket, with the checks at the door.
+"""Serves the browser page and its link by HTTP and WebSocket, with access checks.
 
-On a loopback address whoever names it as such may come in (a page of another site cannot, which
-has a name of its own point here); on any other address whoever has the token. A WebSocket must
-come from a page of this server (Origin).
+On a loopback address, a request must name a loopback host. This refuses a page of another site
+whose name resolves to this computer. On any other address, a request must have the token. A
+WebSocket must come from a page of this server (Origin).
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from aiohttp.http_exceptions import HttpProcessingError
 from cassie_teleop.page_messages import Beat, MessageError, Press, Slide, read_message
 
 MAX_PAGES = 64
-"""Pages at a time; further ones are refused."""
+"""Largest number of pages at a time; further ones are refused."""
 
 MAX_RATE = 200
-"""Messages from one page within a second, above which it is put out."""
+"""Messages from one page within a second, above which the page is disconnected."""
 
 PAUSE_WHEN_LATE = 0.5
-"""Longest wait for a page whose link is late to answer, before it gets another frame. In s."""
+"""Longest wait for the answer of a page with a late link, before the next frame. In s."""
 
 _WEB = Path(__file__).with_name("web")
 _LIBRARIES = {"scene": "scene/dist", "joystick": "joystick/dist", "echart": "echart/dist"}
 _COOKIE = "cassie_console"
 _LONGEST_REASON = 123  # bytes of a closing frame's text
-_LONGEST = 2000  # bytes of a WebSocket message; what a page says is shorter
+_LONGEST = 2000  # bytes of a WebSocket message; messages of a page are shorter
 _SHUTDOWN = 1.0  # s
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data: blob:; "
@@ -52,41 +52,41 @@ _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Pages(Protocol):
-    """What is behind the server."""
+    """Interface to the node behind the server."""
 
     def join(self, page: int, address: str) -> dict[str, Any]:
-        """A page was opened; returns what it is told first."""
+        """Take in that a page was opened; returns the first message for it."""
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Take in that a page is gone."""
 
     def hear(self, page: int, message: Beat | Press | Slide) -> str:
-        """A page says something; returns what it is told, empty for nothing."""
+        """Take in a message of a page; returns the text for the page, empty for none."""
 
     def late(self, page: int) -> bool:
         """Whether the link to a page is late."""
 
     def links(self) -> list[dict[str, Any]]:
-        """Links of the robot; none while it is not known."""
+        """Links of the robot; empty while the robot is not known."""
 
     def mesh(self, index: int) -> Path | None:
-        """File of a mesh that a link names; None if there is none of that number."""
+        """File of a mesh that a link names; None if there is no mesh of that index."""
 
 
 class PageServer:
-    """Listens once it is made, serves while `serving` holds.
+    """Server that listens from its construction on and serves within the context `serving`.
 
     Args:
         host: Address to listen on.
-        port: 0 for any that is free.
-        token: What a browser must show; empty for nothing.
-        pages: What is behind it.
+        port: Port to listen on; 0 for any free port.
+        token: Token that a browser must show; empty for none.
+        pages: The node behind the server.
 
     Attributes:
-        port: That it listens on.
+        port: Port on which the server listens.
 
     Raises:
-        OSError: if it cannot listen, such as for a port in use.
+        OSError: if the server cannot listen, such as for a port in use.
     """
 
     def __init__(self, host: str, port: int, token: str, pages: Pages) -> None:
@@ -105,7 +105,7 @@ class PageServer:
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Serve meanwhile; at the end pages are told that it ends."""
+        """Serve within the context; at its end pages are told that the server ends."""
         app = web.Application(middlewares=[self._door])
         app.router.add_get("/", _index)
         app.router.add_get("/socket", self._on_socket)
@@ -130,9 +130,9 @@ class PageServer:
             await runner.cleanup()
 
     def show(self, frame: str, status: str) -> None:
-        """Send a frame to every page, and the status to those that have another one.
+        """Send a frame to every page, and the status to each page with another status.
 
-        A page that is slow gets fewer of them.
+        A slow page gets fewer frames.
         """
         self._frame, self._status = frame, status
         come, self._come = self._come, asyncio.Event()
@@ -152,7 +152,7 @@ class PageServer:
         return response
 
     def _refusal(self, request: web.Request) -> str:
-        """Why a request is not answered; empty if it is."""
+        """Why a request is refused; empty if it is not."""
         host = request.headers.get("Host", "")
         if self._names_itself and not is_loopback(_hostname(host)):
             return "this address is not the one of this server"
@@ -181,7 +181,7 @@ class PageServer:
         opened = web.WebSocketResponse(max_msg_size=_LONGEST, compress=False, timeout=_SHUTDOWN)
         try:
             await opened.prepare(request)
-        except ConnectionError:  # it left at the door
+        except ConnectionError:  # the client left before the connection was made
             return opened
         self._number += 1
         page = self._number
@@ -189,7 +189,7 @@ class PageServer:
         hello = self._pages.join(page, request.remote or "")
         frames = asyncio.create_task(self._send_frames(page, opened, hello))
         try:
-            with suppress(ConnectionError):  # it is gone while it is answered
+            with suppress(ConnectionError):  # the client is gone during the answer
                 await self._listen(page, opened)
         finally:
             del self._open[page]
@@ -215,7 +215,7 @@ class PageServer:
     async def _send_frames(
         self, page: int, opened: web.WebSocketResponse, hello: dict[str, Any]
     ) -> None:
-        with suppress(ConnectionError, RuntimeError):  # it is gone; the listener tells
+        with suppress(ConnectionError, RuntimeError):  # the page is gone; the listener reports that
             await opened.send_str(json.dumps(hello))
             known = ""
             while not opened.closed:
@@ -227,7 +227,7 @@ class PageServer:
                 await self._wait_while_late(page)
 
     async def _wait_while_late(self, page: int) -> None:
-        """Give a page time to answer a frame, so that not too many are on their way."""
+        """Give a page time to answer a frame, so that not too many frames are in the queue."""
         deadline = time.monotonic() + PAUSE_WHEN_LATE
         while self._pages.late(page) and time.monotonic() < deadline:
             await asyncio.sleep(PAUSE_WHEN_LATE / 20)
@@ -239,7 +239,7 @@ def _reason(error: MessageError) -> bytes:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this computer for itself."""
+    """Whether a host is a loopback address or name."""
     try:
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -247,7 +247,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether an error is one of the server: who sends what is no HTTP is told so, nobody else."""
+    """Whether an error is one of the server, not of a client that does not send valid HTTP."""
     kind = record.exc_info[0] if record.exc_info else None
     return not (kind is not None and issubclass(kind, HttpProcessingError))
 
@@ -257,10 +257,10 @@ async def _index(_: web.Request) -> web.StreamResponse:
 
 
 def _library_folders() -> dict[str, Path]:
-    """Folders of the browser libraries in NiceGUI's wheel, of which nothing else is used.
+    """Folders of the browser libraries in NiceGUI's wheel; nothing else of NiceGUI is used.
 
     Raises:
-        OSError: if it is not installed, or has them elsewhere.
+        OSError: if NiceGUI is not installed, or has the libraries in other folders.
     """
     spec = find_spec("nicegui")
     if spec is None or spec.origin is None:

@@ -1,4 +1,4 @@
-"""Channels of a radio or gamepad to requests."""
+"""Conversion of the channels of a radio or gamepad to requests."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from cassie_teleop.device import RANGES, TRIMS, AxisMap, Device, Switch
 
 
 class RadioError(ValueError):
-    """Channels that cannot be meant: wrong in number, not finite or out of -1 .. 1."""
+    """Invalid channels: wrong number, not finite or outside -1 .. 1."""
 
 
 class Radio:
-    """Reads channels as its device file says; keeps what buttons have latched."""
+    """Reads channels by the device file; keeps the state of latched buttons."""
 
     def __init__(self, device: Device) -> None:
-        """Start with nothing latched."""
+        """Begin without latched buttons."""
         self.device = device
         self._latched: dict[str, bool] = {}
         self._touched: set[int] = set()
 
     def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Request | None:
-        """The requests behind one set of channels.
+        """The request for one set of channels.
 
         Args:
             axes: Values in -1 .. 1, as many as the device has.
-            buttons: 0 or 1 each.
+            buttons: Values, 0 or 1 each.
 
         Returns:
-            The requests; None while power is switched by buttons and neither was pressed
-            yet, so that nobody cuts the power by starting a program.
+            The request; None while power is switched by buttons and neither was pressed
+            yet, so that the start of a program does not cut the power.
 
         Raises:
-            RadioError: naming the channel, its value and what is expected.
+            RadioError: naming the channel, its value and the expected value.
         """
         self._check(axes, buttons)
         device = self.device
@@ -71,7 +71,7 @@ class Radio:
         return free or fast or (enable is not None and bool(buttons[enable])), fast
 
     def _rested(self, axes: Sequence[float]) -> list[float]:
-        """Channels with the triggers that nobody touched yet at rest; drivers tell 0 of them."""
+        """Axes with untouched triggers set to 1, their value at rest; drivers report 0 for them."""
         values = list(axes)
         for axis in self.device.triggers:
             if values[axis] != 0.0:
@@ -81,10 +81,10 @@ class Radio:
         return values
 
     def cuts_power(self, axes: Sequence[float], buttons: Sequence[int]) -> bool:
-        """Whether the power switch is off; of channels that are refused for others, too."""
+        """Whether the power switch is off, also if other channels are invalid."""
         device = self.device
         if len(axes) not in device.axes or len(buttons) not in device.buttons:
-            return False  # who knows which of them is the switch
+            return False  # it is unknown which channel is the switch
         if device.power.axis >= 0 and not _sound(axes[device.power.axis]):
             return False
         return self._on("power", device.power, axes, buttons) is False
@@ -117,7 +117,7 @@ class Radio:
 
 
 def _sound(value: float) -> bool:
-    return abs(value) <= 1.001  # not so of NaN
+    return abs(value) <= 1.001  # false for NaN
 
 
 def mapped(axis_map: AxisMap, value: float, turbo: bool = False) -> float:
@@ -137,7 +137,7 @@ def mapped(axis_map: AxisMap, value: float, turbo: bool = False) -> float:
 
 
 def clamped(name: str, value: float) -> float:
-    """A set-point held within its range."""
+    """A set-point, saturated at the bounds of its range."""
     spec = RANGES["trims" if name in TRIMS else name]
     low = -math.inf if spec.low is None else spec.low
     high = math.inf if spec.high is None else spec.high
@@ -145,5 +145,5 @@ def clamped(name: str, value: float) -> float:
 
 
 def without_link(request: Request) -> Request:
-    """The same requests once the link is gone: nothing moves any more, power stays as it was."""
+    """The request after a loss of the link: without motion, and with power unchanged."""
     return replace_checked(request, link=False, vx=0.0, vy=0.0, yaw_rate=0.0)

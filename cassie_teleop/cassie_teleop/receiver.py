@@ -1,4 +1,4 @@
-"""Joy messages over time to what goes to the robot: age and bad content mean no link."""
+"""Conversion of Joy messages over time to requests: old or invalid messages mean no link."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cassie_teleop.radio import Radio, RadioError, without_link
 
 
 class Receiver:
-    """Keeps the last good requests and what is wrong now.
+    """Keeps the last valid request and the present problem.
 
     Args:
         radio: Reads the channels.
@@ -18,7 +18,7 @@ class Receiver:
     """
 
     def __init__(self, radio: Radio, timeout: float) -> None:
-        """Start without a message."""
+        """Begin without a message."""
         self.timeout = timeout
         self._radio = radio
         self._request: Request | None = None
@@ -26,20 +26,20 @@ class Receiver:
         self._time: float | None = None
 
     def receive(self, axes: Sequence[float], buttons: Sequence[int], now: float) -> bool:
-        """Take one message, at a monotonic time in s.
+        """Take in a message, at a monotonic time in s.
 
         Returns:
-            Whether it shall be told at once: power has changed, or the robot has to stop.
+            Whether it must be sent at once: power has changed, or the robot has to stop.
         """
         before = self._request
         self._time = now
         try:
             request = self._radio.read(axes, buttons)
         except RadioError as error:
-            self._refusal = self._refusal or str(error)  # the first of a row: one report
+            self._refusal = self._refusal or str(error)  # the first of a series: one report
             if before is None or not before.power or not self._radio.cuts_power(axes, buttons):
                 return False
-            self._request = replace_checked(before, power=False)  # the emergency stop works still
+            self._request = replace_checked(before, power=False)  # the emergency stop still works
             return True
         self._refusal = ""
         self._request = request
@@ -52,7 +52,7 @@ class Receiver:
         )
 
     def problem(self, now: float) -> str:
-        """What is wrong at a time, in words; empty when all is well."""
+        """Text of the problem at a time; empty if there is none."""
         if self._time is None:
             return "no message on /joy yet"
         if now - self._time > self.timeout:
@@ -64,7 +64,7 @@ class Receiver:
         return "" if self._request.link else "the radio has no signal"
 
     def request(self, now: float) -> Request | None:
-        """What to send at a time; None while there never was anything to send."""
+        """The request to send at a time; None before the first valid one."""
         if self._request is None:
             return None
         return without_link(self._request) if self.problem(now) else self._request

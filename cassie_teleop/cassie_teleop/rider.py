@@ -1,4 +1,4 @@
-"""An operator who watches the robot ride and leans it as he sees fit."""
+"""Simulated rider: an operator who watches the robot on a Segway and commands its lean."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ import numpy as np
 from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.sight import Sight
 
-_SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the summed errors
-_SHARE = 0.2  # of a look, in the mean speed by which he steers
+_SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the integrated errors
+_SHARE = 0.2  # weight of a new measurement in the low-pass of speed, for steering
 _NS = 1e9
 
 
 class Rider:
-    """Leans that keep speed and way, from what was seen a while ago.
+    """Leans that control speed and path, from delayed measurements.
 
-    On each look, with v the speed seen (noisy; its mean of late for com_y), r the turn rate from
-    two headings seen, v* a ramp towards the speed wanted as it was `delay` and `speed_wait` ago,
-    and a* the ramp's slope now:
+    At each decision, v is the measured speed (noisy; low-passed for com_y) and r the turn rate from
+    two measured headings. v* is a ramp towards the commanded speed, as it was `delay` plus
+    `speed_wait` ago, and a* the ramp's present slope:
 
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
         com_y = turn_lean (1 + v / 2) (r* + turn_gain (r* - r) + turn_sum * integral of (r* - r)),
 
-    the first integral only while v* rests. r* is the turn wanted, or heading_gain times the error
-    of heading. On the way through gates, a cosine of x along the heading that he had when he wanted
-    to, he looks ahead:
+    The first integral is updated only while v* is constant. r* is the commanded turn rate, or
+    heading_gain times the heading error. The path through gates is a cosine of the distance along
+    the heading at which the gates were commanded. There the law looks ahead:
 
         com_y = turn_lean (1 + v / 2) (k + turn_time dk/dt + turn_gain (k0 - r)
                 + slope_gain * error of heading + side_gain * distance + side_sum * its integral),
 
-    with k the turn of the way where he will be `turn_wait` from now, k0 that where he is seen.
+    k is the path's turn rate at the place where the robot will be `turn_wait` from now, k0 the turn
+    rate at its measured place.
 
     Args:
-        script: What he is like and what he wants.
+        script: Settings and targets of the rider.
     """
 
     def __init__(self, script: RiderScript) -> None:
@@ -46,7 +47,7 @@ class Rider:
         self.reset()
 
     def reset(self) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self._rng = np.random.default_rng(self._script.seed)
         self._look = -1
         self._next = 0
@@ -60,22 +61,22 @@ class Rider:
         self.lean = (0.0, 0.0)
         """CoM shift, forward and to the left. In m."""
         self.speed = self.turn = 0.0
-        """What he wants now. In m/s and rad/s."""
+        """Present set-points of speed and turn rate. In m/s and rad/s."""
         self._seen = 0.0
 
     def needs(self, stamp_ns: int) -> int | None:
-        """Stamp of what he must have seen to decide at a time, if he decides then. In ns."""
+        """Stamp of the measurement for a decision at a time; None if none is due. In ns."""
         look = stamp_ns // self.period_ns
         seen = (stamp_ns - self._delay_ns) // self.period_ns * self.period_ns
         due = look > self._look and stamp_ns >= self.begins_ns and seen >= 0
         return seen if due else None
 
     def decide(self, stamp_ns: int, sight: Sight) -> None:
-        """Set the attributes from what is seen now.
+        """Set the attributes from a measurement.
 
         Args:
-            stamp_ns: Now. In ns.
-            sight: What he sees, `delay` old.
+            stamp_ns: Present time. In ns.
+            sight: The measurement, `delay` old.
         """
         self._look = stamp_ns // self.period_ns
         self._take_targets(stamp_ns, sight)
@@ -104,7 +105,7 @@ class Rider:
         self._wanted += step
         self._before.append(self._wanted)
         error = self._before[0] - seen
-        if self._before[0] == self._wanted:  # a ramp's lag is nothing to sum up
+        if self._before[0] == self._wanted:  # the lag during a ramp must not be integrated
             self._sums[0] = _bounded(self._sums[0] + c.speed_sum * period * error, _SUM_X)
         return c.lean * step / period + c.speed_gain * error + self._sums[0]
 
@@ -121,11 +122,11 @@ class Rider:
         return lean * (self.turn + c.turn_gain * error) + self._sums[1]
 
     def _lean_of_turn(self) -> float:
-        """CoM y by turn rate at the speed seen. In m/(rad/s)."""
+        """CoM y by turn rate, at the low-passed speed. In m/(rad/s)."""
         return self._script.turn_lean * (1.0 + 0.5 * abs(self._seen))
 
     def _turn(self, sight: Sight) -> float:
-        """The turn rate that he wants. In rad/s."""
+        """Set-point of the turn rate. In rad/s."""
         target = self._target
         if target.turn is not None:
             return target.turn
@@ -138,7 +139,7 @@ class Rider:
         dx, dy = sight.x - start.x, sight.y - start.y
         along, left = cos * dx + sin * dy, cos * dy - sin * dx
         ahead = along + (c.delay + c.turn_wait) * self._seen
-        # What is on his way then, and by how much it changes until a moment later.
+        # The path's turn rate at that place, and 0.1 s later.
         step = 0.1
         turn, later = (self._seen * curvature(gates, ahead + t * self._seen) for t in (0.0, step))
         self.turn = turn
@@ -152,7 +153,7 @@ class Rider:
 
 
 def way(gates: Gates, along: float) -> float:
-    """How far to the left the way through the gates is. In m."""
+    """Offset of the path through the gates to the left. In m."""
     beyond = gates.first + gates.spacing * gates.count
     if not 0.0 < along < beyond:
         return 0.0
@@ -162,13 +163,13 @@ def way(gates: Gates, along: float) -> float:
 
 
 def slope(gates: Gates, along: float) -> float:
-    """Heading of the way, to the left. In rad."""
+    """Heading of the path, to the left. In rad."""
     step = 0.05 * gates.spacing
     return math.atan2(way(gates, along + step) - way(gates, along - step), 2.0 * step)
 
 
 def curvature(gates: Gates, along: float) -> float:
-    """Of the way, to the left. In 1/m."""
+    """Curvature of the path, to the left. In 1/m."""
     step = 0.05 * gates.spacing
     before, here, after = (way(gates, along + k * step) for k in (-1.0, 0.0, 1.0))
     return (before - 2.0 * here + after) / step**2

@@ -1,4 +1,4 @@
-"""The robot's links, shapes and meshes out of its URDF, as the browser page draws them."""
+"""The robot's links, shapes and meshes from its URDF, as the browser page draws them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class DescriptionError(ValueError):
 
 @dataclass(frozen=True)
 class RobotDescription:
-    """What is drawn, and what limits the drives.
+    """Links to draw, and torque limits of the drives.
 
     Attributes:
-        moving: The link that no joint carries, then those below a joint that moves.
+        moving: The root link, then the links below a joint that moves.
         efforts: Greatest torque of each drive, by the name of its joint. In Nm.
-        meshes: Files of the meshes that shapes name by their index.
-        links: For the page, parents before children: name, parent, pose at rest (x, y, z and
-            quaternion x, y, z, w), shapes, whether it moves, and the points of its sole.
+        meshes: Files of the meshes; shapes refer to them by index.
+        links: Links for the page, parents before children: name, parent, pose at rest (x, y, z and
+            quaternion x, y, z, w), shapes, whether the link moves, and the points of its sole.
     """
 
     moving: list[str]
@@ -41,14 +41,14 @@ def read_description(text: str, share: Callable[[str], str]) -> RobotDescription
 
     Args:
         text: The URDF.
-        share: Gives the folder that an installed package shares; raises LookupError if there is
+        share: Returns the share folder of an installed package; raises LookupError if there is
             no such package.
 
     Returns:
-        The robot; meshes that are not on this computer are left out.
+        The robot, without meshes that are not on this computer.
 
     Raises:
-        DescriptionError: if it is no URDF of one tree.
+        DescriptionError: if `text` is no URDF of one tree.
     """
     try:
         return _read(text, share)
@@ -144,7 +144,7 @@ def _geometry(element: Element, meshes: list[Path], share: Callable[[str], str])
 
 
 def _mesh_file(uri: str, share: Callable[[str], str]) -> Path | None:
-    """File of a mesh, which must be STL and lie in what a package shares; None if it is not."""
+    """File of a mesh; None if it is not an STL file in the share folder of a package."""
     package, _, inside = uri.removeprefix("package://").partition("/")
     if not uri.startswith("package://") or not inside.lower().endswith(".stl"):
         return None

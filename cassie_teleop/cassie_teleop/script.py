@@ -1,15 +1,15 @@
-"""An operator by script: requests over the robot's time.
+"""An operator by script: requests over robot time.
 
-A script is an experiment file, of which sections `operator` and `rider` are played:
+A script is an experiment file; its sections `operator` and `rider` are played:
 
     operator:
       - {t: 0.0, power: true, mode: stand}
       - {t: 5.0, mode: walk}
       - {t: 15.0, vx: 0.5}
 
-A key that a step omits keeps its value; before the first step all have the defaults of `Request`.
-Section `rider` closes the loop: from its first target on, an operator who sees the robot sets
-com_x and com_y (`cassie_teleop.rider`).
+A key that a step omits keeps its value; before the first step all keys have the defaults of
+`Request`. Section `rider` closes the loop: from its first target on, a simulated rider who measures
+the robot's motion sets com_x and com_y (`cassie_teleop.rider`).
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from cassie_teleop.sight import Sight, see
 
 
 class ScriptedOperator:
-    """Plays a script: the requests in force at each time."""
+    """Plays a script: gives the request at each time."""
 
     def __init__(self, steps: Sequence[OperatorStep], rider: RiderScript | None = None) -> None:
         """Begin before the first step.
 
         Args:
-            steps: What the operator changes, by time.
-            rider: What the rider is like and wants, or None without one.
+            steps: Changes of the operator, in order of time.
+            rider: Settings and targets of the rider, or None without one.
         """
         self._times = [step.t for step in steps]
         self._requests = [Request()]
@@ -53,38 +53,38 @@ class ScriptedOperator:
             self.rider.reset()
 
     def watch(self, stamp_ns: int, raw: bytes) -> None:
-        """Take in the true odometry of a tick, serialized; without a rider it is not looked at.
+        """Take in the true odometry of a tick, serialized; without a rider it is ignored.
 
         Raises:
-            SightError: if it is no odometry.
+            SightError: if `raw` is no odometry.
         """
         if self.rider is not None and stamp_ns % self.rider.period_ns == 0:
             self._sights[stamp_ns] = see(raw)
 
     def awaits(self, stamp_ns: int) -> bool:
-        """Whether the answer to the state of a time must wait for what the rider sees."""
+        """Whether the answer to the state of a time must wait for the rider's measurement."""
         needed = self.rider.needs(stamp_ns) if self.rider is not None else None
         return needed is not None and needed not in self._sights
 
     def request(self, time_s: float) -> Request:
-        """The requests in force at a time, in s since the start of the episode."""
+        """The request at a time, in s since the start of the episode."""
         return self._requests[bisect.bisect_right(self._times, time_s)]
 
     def command(self, time_s: float) -> OperatorCommand:
-        """The same as a command, without stamp, episode and seq.
+        """The command at a time, in s, without stamp, episode and seq.
 
         Returns:
-            Owned by this object and valid until the next call.
+            The command, owned by this object and valid until the next call.
         """
         write(self.request(time_s), self._command)
         self._command.scripted[...] = True
         return self._command
 
     def answer(self, state: RobotState) -> OperatorCommand:
-        """The whole command that answers a state, in force `PERIOD_TICKS` ticks on.
+        """The whole command that answers a state, valid from `PERIOD_TICKS` ticks later on.
 
         Returns:
-            Owned by this object and valid until the next call.
+            The command, owned by this object and valid until the next call.
         """
         command = self.command(state.stamp_ns * 1e-9)
         if self.rider is not None:
@@ -94,7 +94,7 @@ class ScriptedOperator:
         return command
 
     def _ride(self, rider: Rider, stamp_ns: int, command: OperatorCommand) -> None:
-        """Lean as the rider does, with the newest that he has seen if that of his time is lost."""
+        """Set the rider's lean; if the measurement of the due time is lost, by the newest one."""
         needed = rider.needs(stamp_ns)
         if needed is not None and self._sights:
             at = needed if needed in self._sights else max(self._sights)

@@ -1,4 +1,4 @@
-"""What an operator beside the robot sees of it: place, heading and speed."""
+"""The rider's measurements of the robot: position, heading and speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cassie_msgs.sample import LayoutError
 from cassie_msgs.standard_messages import ODOMETRY, read_rows
 
 TOPIC = "/cassie/ground_truth"
-"""nav_msgs/Odometry of the true pelvis, which stands for the operator's eyes."""
+"""nav_msgs/Odometry of the true pelvis, the source of these measurements."""
 
 
 class SightError(ValueError):
@@ -23,9 +23,9 @@ class Sight:
 
     Attributes:
         stamp_ns: Robot time. In ns.
-        x, y: Of the pelvis. In m.
-        heading: To the left of the world's x axis. In rad.
-        speed: Forward. In m/s.
+        x, y: Position of the pelvis. In m.
+        heading: Heading to the left of the world's x axis. In rad.
+        speed: Speed forward. In m/s.
     """
 
     stamp_ns: int
@@ -48,7 +48,7 @@ def stamp_of(raw: bytes) -> int:
 
 
 def see(raw: bytes) -> Sight:
-    """What a serialized odometry message shows.
+    """The measurement in a serialized odometry message.
 
     Raises:
         SightError: if it is too short to be one.

@@ -1,4 +1,4 @@
-"""A terminal read key by key, put back as it was in the end."""
+"""A terminal that is read key by key and restored at the end."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _ESCAPE = "\x1b"
 
 
 class Terminal:
-    """Keys without Enter, and status lines that are drawn over themselves.
+    """Keys without Enter, and status lines that are redrawn in place.
 
     Raises:
         OSError: at construction, if the input is no terminal.
     """
 
     def __init__(self, source: TextIO | None = None, sink: TextIO | None = None) -> None:
-        """Switch the terminal; `close` must follow."""
+        """Switch the mode of the terminal; call `close` at the end."""
         self._source, self._sink = source or sys.stdin, sink or sys.stdout
         self._fd = self._source.fileno()
         if not os.isatty(self._fd):
@@ -36,7 +36,7 @@ class Terminal:
         tty.setcbreak(self._fd)
 
     def keys(self, timeout: float) -> list[str]:
-        """Keys pressed by now, those without a character by name; waits at most `timeout` s.
+        """Keys pressed by now, keys without a character by name; waits at most `timeout` s.
 
         Raises:
             EOFError: if the terminal is gone.
@@ -46,7 +46,7 @@ class Terminal:
             return []
         try:
             raw = os.read(self._fd, 64)
-        except OSError:  # what Linux says of a terminal whose window is closed
+        except OSError:  # Linux raises this for a terminal whose window is closed
             raw = b""
         if not raw:
             raise EOFError("the terminal is gone")
@@ -54,7 +54,7 @@ class Terminal:
         return [_name(key) for key in found]
 
     def show(self, lines: Sequence[str]) -> None:
-        """Draw the status lines, none wider than the terminal, if they have changed."""
+        """Draw the status lines, which must fit into the terminal's width, if they have changed."""
         if lines != self._lines:
             self._draw(lines)
 
@@ -70,11 +70,11 @@ class Terminal:
 
     @property
     def width(self) -> int:
-        """Characters in a line."""
+        """Number of characters in a line."""
         return shutil.get_terminal_size().columns
 
     def close(self) -> None:
-        """Put the terminal back, if there still is one."""
+        """Restore the terminal, if it still exists."""
         with contextlib.suppress(OSError, termios.error):
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
             self._sink.write("\n")
@@ -82,7 +82,7 @@ class Terminal:
 
 
 def _name(key: str) -> str:
-    """A character as it is, an arrow by its name; others are not told apart."""
+    """A character unchanged, an arrow as its name; other keys share one name."""
     if not key.startswith(_ESCAPE):
         return key
     if len(key) == 1:

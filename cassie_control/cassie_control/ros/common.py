@@ -1,4 +1,4 @@
-"""What the nodes of this package share."""
+"""Code that the nodes of this package share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cassie_msgs.schedule import CONTROL_RATE
 from cassie_msgs.tunables import tunable
 
 LOOK_PERIOD = 0.1
-"""Wall time between looks at who is silent. In s."""
+"""Wall time between checks for silent nodes. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,12 @@ class LaneConfig:
 
     @property
     def period(self) -> float:
-        """Between samples. In s."""
+        """Time between samples. In s."""
         return 1.0 / self.control_rate
 
 
 class Conditions:
-    """Reports on /diagnostics and in the log: what is wrong, and when it is over."""
+    """Reports on /diagnostics and in the log: problems, and their end."""
 
     def __init__(self, node: Node) -> None:
         self._diagnostics = Diagnostics(node)
@@ -47,12 +47,12 @@ class Conditions:
         self._diagnostics.set("node", OK, "running")
 
     def set(self, subject: str, problem: str, **values: Any) -> bool:
-        """Say what is wrong with `subject`; empty when nothing is. Cheap while that stays so.
+        """Set the problem of `subject`; empty for none. Cheap while that does not change.
 
-        While something is wrong, further words about the same subject are not repeated.
+        While there is a problem, further problems of the same subject are not reported.
 
         Returns:
-            Whether the subject has just gone wrong or right.
+            Whether a problem has just begun or ended.
         """
         if bool(problem) == (subject in self._wrong):
             return False
@@ -70,7 +70,7 @@ _RATE_SHOWS = 50
 
 
 class RateCheck:
-    """Ends a node whose samples do not come at the rate its core was made for."""
+    """Ends a node whose samples do not come at the rate for which its core was made."""
 
     def __init__(self, node: Node, stop: Stop, control_rate: int) -> None:
         self._logger = node.get_logger()
@@ -79,7 +79,7 @@ class RateCheck:
         self._episode = -1
 
     def check(self, episode: int, seq: int, sample: Sample) -> None:
-        """Look at samples until a rate 1 % off would show; cheap for the others."""
+        """Check samples until a rate 1 % off would show; cheap for later samples."""
         if episode == self._episode or not seq:
             return
         if seq >= _RATE_SHOWS:
@@ -92,11 +92,11 @@ class RateCheck:
 
 
 class Turns:
-    """Has one thread at a time answer a node's messages: the one that receives, or the main one.
+    """Lets one thread at a time answer a node's messages: the receiving or the main thread.
 
     Args:
-        answer: Takes and answers what has come, if anything. It is told whether it may wait for
-            other messages, and says whether it has left something to be answered.
+        answer: Takes and answers received messages, if any. Its argument is whether it may wait for
+            other messages. It returns whether a message is left to be answered.
     """
 
     def __init__(self, answer: Callable[[bool], bool]) -> None:
@@ -104,8 +104,12 @@ class Turns:
         self._lock = threading.Lock()
 
     def at_once(self) -> bool:
-        """For `LaneSubscription.served`; False if the main thread must go on."""
-        # It must not wait for the main thread, which may be taking messages.
+        """Answer in the receiving thread, for `LaneSubscription.served`.
+
+        Returns:
+            False if the main thread must go on.
+        """
+        # This thread must not wait for the main thread, which may be taking messages.
         if not self._lock.acquire(blocking=False):
             return False
         try:
@@ -114,6 +118,6 @@ class Turns:
             self._lock.release()
 
     def in_turn(self) -> None:
-        """For the main thread."""
+        """Answer in the main thread."""
         with self._lock:
             self._answer(True)

@@ -44,19 +44,19 @@ from cassie_msgs.tunables import tunable
 _COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
 
 LATE = 0.01
-"""Latency of the drives that is told on /diagnostics. In s."""
+"""Latency of the drives above which /diagnostics reports it. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaitControllerConfig(LaneConfig):
-    """Parameters of the node beside those of the controller."""
+    """Parameters of the node, in addition to those of the controller."""
 
     gait_library: str = tunable(
         "", description="Gait library: a file, optimized (empty, seven gaits) or dense", live=False
     )
     allow_uncertified: bool = tunable(
         False,
-        description="Whether gaits without a valid certificate, imported or changed, will do",
+        description="Whether gaits without a valid certificate, imported or changed, are accepted",
         live=False,
     )
     learned_torques_file: str = tunable(
@@ -66,7 +66,7 @@ class GaitControllerConfig(LaneConfig):
     )
     gait_source: str = tunable(
         "library",
-        description="Gaits: those of the library, or from gait_optimizer for what the robot is",
+        description="Source of gaits: the library, or gait_optimizer for the estimated robot",
         choices=("library", "optimizer"),
         live=False,
     )
@@ -76,8 +76,8 @@ class GaitControllerNode(Node):
     """Answers each state with a command; a repeated state with the same command again.
 
     Args:
-        stop: When to end.
-        states: Where they come, from an estimator of the same process; else they are subscribed to.
+        stop: Request to end.
+        states: States from an estimator of the same process; by default they are subscribed to.
     """
 
     def __init__(self, stop: Stop, states: LocalTopic[RobotState] | None = None) -> None:
@@ -133,10 +133,10 @@ class GaitControllerNode(Node):
         self._reply = self._status_reply = b""
         self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
         self._told_irregular: Irregular | None = None
-        self._left_over = False  # a state that is loaded, for the main thread to answer
+        self._left_over = False  # whether a loaded state is left for the main thread to answer
 
     def loop(self) -> None:
-        """Answer states until stopped, in the thread that receives them where that can be."""
+        """Answer states until stopped, in the receiving thread if possible."""
         turns = Turns(self._answer_newest)
         with self._states.served(turns.at_once):
             while not self._stop.requested:
@@ -147,7 +147,7 @@ class GaitControllerNode(Node):
                 self._waiter.wait(LOOK_PERIOD)
 
     def _answer_newest(self, may_wait: bool) -> bool:
-        """Answer the newest state; one that needs a mode which has not come only if it may wait."""
+        """Answer the newest state. If its mode has not come yet, do so only if `may_wait`."""
         while not self._stop.requested and self._take():
             state = self._state
             known = int(state.episode) == self._answered[0]
@@ -157,17 +157,17 @@ class GaitControllerNode(Node):
             self._answer()
             self._silence.heard(time.monotonic())
             if not may_wait:
-                break  # in the thread that receives, no other can have come
+                break  # in the receiving thread no further state can have come
         return False
 
     def _is_there(self, tick: int) -> bool:
-        """Whether a tick needs no message that has not come."""
+        """Whether all messages that a tick needs have come."""
         if self._gaits is not None and not self._gaits.is_there(tick):
             return False
         return self._modes.is_there(tick)
 
     def _take(self) -> bool:
-        """Load the newest state not answered yet; says whether there is one."""
+        """Whether there is a state not answered yet; loads the newest one."""
         try:
             overtaking, self._modes.overtaking = self._modes.overtaking, None
             left_over, self._left_over = self._left_over, False
@@ -205,12 +205,12 @@ class GaitControllerNode(Node):
         self._rate.check(episode, seq, state)
         self._scheduling.follow(bool(state.wall_paced))
         if seq % STATUS_TICKS == 0 or not self._status_reply:
-            self._tell()  # a new controller at once, so that nobody thinks it is still lost
+            self._tell()  # at once for a new controller, so that it no longer counts as lost
         self._conditions.set("state_estimator", "")
         self._conditions.set("state", self._controller.problem)
 
     def _offer(self, gaits: GaitSource) -> None:
-        """Hand the gait of this tick, if there is one, to the core; a replay is told of it."""
+        """Pass the gait of this tick, if there is one, to the core, and publish it for a replay."""
         gait = gaits.at(int(self._state.seq), wall_paced=bool(self._state.wall_paced))
         if gait is not None:
             self._core.offer(gait)
@@ -239,7 +239,7 @@ class GaitControllerNode(Node):
         self.get_logger().info(f"episode {episode}")
 
     def _tell_irregular(self) -> None:
-        """Tell with which mode the controller goes on in place of the one made for this tick."""
+        """Report the mode that the controller uses instead of the mode made for this tick."""
         now, before = self._modes.irregular, self._told_irregular
         if now is not None and now.lost:
             content = {"node": "mode_supervisor", "since": now.effective_seq}
@@ -263,7 +263,7 @@ class GaitControllerNode(Node):
 ABOUT = About(
     package="cassie_control",
     text="Answers each state with the set-points of the ten drives, in the mode that the "
-    "supervisor puts in force.",
+    "supervisor commands.",
     reads=("/cassie/state", "/cassie/mode", "/cassie/gait"),
     writes=(
         "/cassie/motor_command",

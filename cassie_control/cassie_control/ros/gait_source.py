@@ -1,4 +1,4 @@
-"""Gaits that gait_optimizer makes while the robot walks: asked for, waited for, refused."""
+"""Gaits that gait_optimizer makes while the robot walks: requests, waits and time-outs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.ros.process import Stop
 
 LONGEST_WAIT = 4.0
-"""Wall time that an answer is waited for in lock-step; the simulator goes on after 5. In s."""
+"""Time-out for an answer in lock-step, in wall time; the simulator's time-out is 5 s. In s."""
 
-_ALIVE_PERIOD = 0.3  # s of wall time between signs of life meanwhile; the supervisor waits for 0.8
+_ALIVE_PERIOD = 0.3  # s of wall time between heartbeats in a wait, below `ANSWER_AFTER`
 
 _RESULTS = {
     GaitResult.REFUSED: "no such gait can be asked for",
@@ -27,20 +27,20 @@ _RESULTS = {
 
 
 class GaitSource:
-    """Asks for gaits and hands them on at the tick that each names.
+    """Requests gaits and passes each on at the tick that it names.
 
     In lock-step that tick waits for its answer, so that a run does not depend on the machine. On
-    the wall clock an answer that comes later is not used. An optimizer that is not there, or does
-    not answer within `LONGEST_WAIT`, is waited for no longer, until it is heard again.
+    the wall clock an answer that comes later is not used. The controller stops waiting for an
+    optimizer that is missing, or does not answer within `LONGEST_WAIT`, until its next message.
 
     Attributes:
-        optimizer: Whose gaits count.
+        optimizer: Guard that accepts the gaits of one optimizer.
 
     Args:
         node: The controller.
-        stop: When to end.
-        conditions: Told what is wrong.
-        alive: Called while an answer is waited for, so that nobody takes the controller for lost.
+        stop: Request to end.
+        conditions: Gets reports of problems.
+        alive: Called during a wait for an answer, so that the controller does not count as lost.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class GaitSource:
         return self._requests.publisher
 
     def reset(self, episode: int) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self._episode, self._asked, self._come = episode, -1, -1
         self._lost = False
 
@@ -81,11 +81,11 @@ class GaitSource:
         return self._come == tick
 
     def at(self, tick: int, *, wall_paced: bool) -> Gait | None:
-        """The gait to be taken up from a tick on; None at most ticks. Reused."""
+        """The gait that begins at a tick; None at most ticks. The object is reused."""
         self._wall_paced = wall_paced
         if tick != self._asked:
             if tick > self._asked >= 0:
-                self._take(tick)  # what comes now is late, and told
+                self._take(tick)  # an answer that comes now is late, and is reported
             return None
         self._take(tick)
         if self._come != tick and not wall_paced and not self._lost:

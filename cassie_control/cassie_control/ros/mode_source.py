@@ -1,4 +1,4 @@
-"""Which mode holds for a tick, as the supervisor's answers come in or stay away."""
+"""The mode that is valid at a tick, by the supervisor's answers and time-outs."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from cassie_msgs.schedule import START_TIMEOUT, effective_seq, period_of
 
 @dataclass(frozen=True)
 class Irregular:
-    """A mode that holds although it was not made for the tick.
+    """A mode that is used although it was not made for the tick.
 
     Attributes:
-        effective_seq: Its own, or that of the last mode of a supervisor that is lost.
+        effective_seq: `effective_seq` of this mode, or of the last mode of a lost supervisor.
         lost: Whether the supervisor is lost, so that the robot stops and stands.
     """
 
@@ -30,15 +30,15 @@ class Irregular:
 
 
 class ModeSource:
-    """Waits for the mode made for a tick while the loop waits for us, takes the newest else.
+    """The mode for each tick: waits for it in lock-step, takes the newest one otherwise.
 
-    A state that overtakes the one being answered shows that nobody waits: the plant runs on
-    the wall clock. From then on, until the next episode, nothing waits here either.
+    If a newer state comes while one is being answered, the plant does not wait for answers: it
+    runs on the wall clock. From then on, until the next episode, this class does not wait either.
 
     Attributes:
-        supervisor: Whose modes count.
-        overtaking: The newer state that came while waiting, serialized; for the loop to take.
-        irregular: What held at the last tick in place of the mode made for it; None if that did.
+        supervisor: Guard that accepts the modes of one supervisor.
+        overtaking: The newer state that came during a wait, serialized; the loop takes it.
+        irregular: The mode that replaced the mode made for the last tick; None if none did.
     """
 
     def __init__(
@@ -67,10 +67,10 @@ class ModeSource:
         self._episode = -1
         self._tick = 0
         self._current = self._table.newest
-        self._span = range(0)  # ticks for which the current mode is known to hold
+        self._span = range(0)  # ticks for which the current mode is known to be valid
 
     def reset(self, episode: int) -> None:
-        """A new episode."""
+        """Begin a new episode."""
         self._modes_in_force.reset(episode)
         self._episode = episode
         self._waited_for = True
@@ -127,7 +127,7 @@ class ModeSource:
         self._modes_in_force.give_up()
 
     def _overtaken(self, tick: int) -> bool:
-        """Whether a newer state is there; it is kept in `overtaking`."""
+        """Whether a newer state has come; it is kept in `overtaking`."""
         while (raw := self._states.take_raw()) is not None:
             _, _, episode, seq = header(raw)
             if (episode, seq) != (self._episode, tick):

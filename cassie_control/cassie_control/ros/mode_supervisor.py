@@ -35,7 +35,7 @@ from cassie_msgs.tunables import tunable
 
 @dataclass(frozen=True, kw_only=True)
 class ModeSupervisorConfig(LaneConfig):
-    """Parameters of the node beside those of the supervisor."""
+    """Parameters of the node, in addition to those of the supervisor."""
 
     scripted_operator: bool = tunable(
         False, description="The operator is a script that answers every 10th state", live=False
@@ -43,7 +43,7 @@ class ModeSupervisorConfig(LaneConfig):
 
 
 class ModeSupervisorNode(Node):
-    """Answers every 10th state with the mode from ten ticks later on."""
+    """Answers every 10th state with the mode that is valid from ten ticks later on."""
 
     def __init__(self, stop: Stop) -> None:
         super().__init__("mode_supervisor")
@@ -114,7 +114,7 @@ class ModeSupervisorNode(Node):
                 self._wakes.limit()
 
     def _repeat(self) -> None:
-        """A repeated state says that an answer may have got lost, or that a node is new."""
+        """Answer a repeated state: an answer may have been lost, or a node may be new."""
         for reply in self._replies:
             self._modes.publish_raw(reply)
 
@@ -141,7 +141,7 @@ class ModeSupervisorNode(Node):
         mode = self._supervisor.step(self._state, operator, lost)
         reply = mode.to_bytes()
         self._modes.publish_raw(reply)
-        self._replies = [*self._replies[-1:], reply]  # the one in force and the one to come
+        self._replies = [*self._replies[-1:], reply]  # the present answer and the next one
         self._conditions.set("state", self._supervisor.problem)
         faults = (*self._watch.faults, *self._operator.faults)
         self._status.follow(seq, self._supervisor.status, self._state, self._operator, faults)
@@ -155,7 +155,7 @@ class ModeSupervisorNode(Node):
         self.get_logger().info(f"episode {episode}")
 
     def _set_config(self, config: SupervisorConfig) -> None:
-        self._changed = config  # for the thread that answers, between two states
+        self._changed = config  # for the answering thread, between two states
 
     def _configure(self, config: SupervisorConfig) -> None:
         self._config = self._core.config = config

@@ -1,4 +1,4 @@
-"""What a node took in beside what it answers, on /cassie/node_events: see NodeEvent.msg."""
+"""Further inputs of a node, such as parameters, on /cassie/node_events: see NodeEvent.msg."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class NodeEvents:
 
     Args:
         node: The node.
-        configs: Its parameters, as dataclasses of tunables.
-        files: Files that it read, by the parameter that names them.
+        configs: Parameters of the node, as dataclasses of tunables.
+        files: Files that the node read, by the parameter that names them.
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class NodeEvents:
         self._files = {name: _described(Path(path)) for name, path in (files or {}).items()}
 
     def began(self, sample: Sample) -> None:
-        """The node starts afresh with the tick of a sample."""
+        """Publish that the node starts anew at the tick of a sample."""
         self.tell(sample, "began", {"parameters": self._parameters, "files": self._files})
 
     def changed(self, sample: Sample, config: Any) -> None:
-        """From the tick of a sample on another configuration is in force."""
+        """Publish that another configuration is valid from the tick of a sample on."""
         changes = {
             name: value
             for name, value in as_mapping(config).items()
@@ -59,7 +59,7 @@ class NodeEvents:
         self.tell(sample, "parameters", changes)
 
     def tell(self, sample: Sample, event: str, content: Any) -> None:
-        """Publish an event that holds from the tick of a sample on."""
+        """Publish an event that is valid from the tick of a sample on."""
         sec, nanosec = divmod(sample.stamp_ns, 1_000_000_000)
         message = NodeEvent(
             stamp=Time(sec=sec, nanosec=nanosec),

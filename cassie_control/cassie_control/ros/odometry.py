@@ -1,4 +1,4 @@
-"""The estimate as ROS tools want it: /imu/data, /odom, /tf and /tf_static, decimated."""
+"""The estimate for ROS tools: /imu/data, /odom, /tf and /tf_static, decimated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cassie_msgs.ros.stencil import Stencil
 RATE = 100
 """Highest rate of /imu/data and /odom, in robot time. In Hz."""
 
-# Variances of the IMU's own figures: rad^2, (rad/s)^2, (m/s^2)^2.
+# Variances of the IMU's readings: rad^2, (rad/s)^2, (m/s^2)^2.
 _IMU_VARIANCE = (math.radians(0.35) ** 2, math.radians(0.1) ** 2, 0.04**2)
 
 
@@ -35,7 +35,7 @@ class StandardTopics:
         self._transforms = Transforms(node, control_rate)
 
     def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
-        """Publish what it is this tick's turn for, where somebody listens."""
+        """Publish the messages that are due at this tick, if they have subscribers."""
         self._transforms.publish(seq, state)
         if seq % self._period != self._offset:
             return
@@ -85,7 +85,7 @@ def quaternion_of(yaw: float, pitch: float, roll: float) -> tuple[float, float, 
 def into_frame(
     quaternion: tuple[float, float, float, float], vector: list[float]
 ) -> tuple[float, float, float]:
-    """A world vector in the frame that the quaternion x, y, z, w turns into the world."""
+    """A world vector in the frame that the quaternion x, y, z, w rotates into the world."""
     x, y, z, w = quaternion
     vx, vy, vz = vector
     tx, ty, tz = 2.0 * (vy * z - vz * y), 2.0 * (vz * x - vx * z), 2.0 * (vx * y - vy * x)

@@ -1,4 +1,4 @@
-"""Which operator command holds for a state, as the commands come in or stay away."""
+"""The operator command that is valid at a state, by received commands and time-outs."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from cassie_msgs.schedule import (
     effective_seq,
 )
 
-_FIRST_ANSWER = 8.0  # s of wall time that a script has for it, within `START_TIMEOUT` of others
-_MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for us
+_FIRST_ANSWER = 8.0  # s of wall time, time-out of a script's first answer, below `START_TIMEOUT`
+_MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for this node
 
 
 class OperatorSource:
     """The command of the person who holds the lease, or a script's answer to the same state.
 
-    Also hands out the states, because some arrive while a script is waited for. If one of the
-    next period does, the plant runs on the wall clock: from then on, until the next episode,
-    nothing is waited for and the newest command holds.
+    This class also provides the states, because some arrive during a wait for a script. If a state
+    of the next period arrives, the plant runs on the wall clock. From then on, until the next
+    episode, there are no waits and the newest command is valid.
 
     Attributes:
-        operators: The persons who speak. Where a script is expected, they can only stop.
+        operators: The persons who send commands. If a script is expected, they can only stop.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class OperatorSource:
         self._waited_for = True
 
     def reset(self, episode: int) -> None:
-        """A new episode: earlier answers of a script do not count, and persons have to arm anew."""
+        """Begin a new episode: earlier answers of a script are void; persons must arm anew."""
         self._episode = episode
         self._answered.clear()
         self.operators.reset()
@@ -82,7 +82,7 @@ class OperatorSource:
         self._waited_for = True
 
     def take_state(self) -> bytes | None:
-        """The oldest state not yet taken, serialized; of a long row only the last ones count."""
+        """The oldest state not yet taken, serialized; of a long queue only the last ones."""
         self._take_early()
         return self._early.popleft() if self._early else None
 
@@ -90,7 +90,7 @@ class OperatorSource:
         self._early.extend(self._states.take_last(_MOST))
 
     def at(self, state: RobotState) -> OperatorCommand | None:
-        """The command in force at a state; None when the operator is lost. May wait for it."""
+        """The command that is valid at a state; None if the operator is lost. May wait for it."""
         self._seq = int(state.seq)
         self._take()
         if self._scripted:
@@ -98,7 +98,7 @@ class OperatorSource:
         else:
             self.operators.follow(int(state.operator_lease))
             command = self.operators.command(time.monotonic())
-        # Before the first command nobody is lost: the robot has no power yet.
+        # Before the first command no operator counts as lost: the robot has no power yet.
         ever = bool(self._script) if self._scripted else self.operators.ever
         lost = command is None and ever
         self._conditions.set("operator", "no operator commands any more" if lost else "")
@@ -106,24 +106,24 @@ class OperatorSource:
 
     @property
     def holder(self) -> str:
-        """Name of the operator who drives; empty if nobody does."""
+        """Name of the operator who drives; empty if there is none."""
         if self._scripted:
             return "" if self._lost or self._arrived < 0.0 else sender_of(self._command)
         return self.operators.holder(time.monotonic())
 
     @property
     def others(self) -> list[str]:
-        """Names of the other operators that speak."""
+        """Names of the other operators that send commands."""
         return self.operators.others(time.monotonic())
 
     @property
     def armed(self) -> bool:
-        """Whether the speeds of the operator who drives count."""
+        """Whether the driving operator's speeds are armed."""
         return self._scripted or self.operators.armed
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why no power comes on that is asked for, and who may take a silent operator's lease."""
+        """Why the commanded power stays off, and who may take the lease of a silent operator."""
         if self._scripted:
             return ()
         refused = self.operators.power_refused
@@ -144,10 +144,10 @@ class OperatorSource:
         return None if self._lost else self._command
 
     def _answers(self, seq: int) -> bool:
-        """Whether the answer to a state is there; it is the command then.
+        """Whether the answer to a state has come; it is then the command.
 
-        The loop runs on for a period before it waits for us, so the answer to the next state
-        may be there as well.
+        The loop runs on for a period before it waits for this node, so the answer to the next
+        state may have come as well.
         """
         self._command = self._answered.get(seq, self._command)
         for older in [key for key in self._answered if key <= seq]:
@@ -167,7 +167,7 @@ class OperatorSource:
         self._lost = True
 
     def _overtaken(self, seq: int) -> bool:
-        """Whether a state of the next period or episode is there; states are kept."""
+        """Whether a state of the next period or episode has come; states are kept."""
         self._take_early()
         if not self._early:
             return False
@@ -187,7 +187,7 @@ class OperatorSource:
         self._conditions.set("operator_command", self._refusals.look(now))
 
     def _hear(self, writer: bytes) -> str:
-        """Take in the command received; says why it does not count, if it does not."""
+        """Take in the received command; returns why it is refused, empty if it is not."""
         command, now = self._received, time.monotonic()
         if not command.scripted:
             self.operators.take(command, writer, now)
@@ -209,10 +209,10 @@ class OperatorSource:
 
 
 class CommandInForce:
-    """The command that the supervisor acts on, on /cassie/operator_in_force.
+    """Publishes the command that the supervisor uses, on /cassie/operator_in_force.
 
-    Nothing is told where it is a script's answer to the same state, which a recording has anyway.
-    Of a state without a command, `effective_seq` is 0.
+    A script's answer to the same state is not published, as a recording has it anyway. For a state
+    without a command, `effective_seq` is 0.
     """
 
     TOPIC = "/cassie/operator_in_force"
@@ -222,7 +222,7 @@ class CommandInForce:
         self._told, self._none = OperatorCommand(), OperatorCommand()
 
     def tell(self, command: OperatorCommand | None, state: RobotState) -> None:
-        """Publish the command in force at a state."""
+        """Publish the command that is valid at a state."""
         if command is not None and command.scripted and int(command.seq) == int(state.seq):
             return
         told = self._told

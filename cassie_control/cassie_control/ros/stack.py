@@ -1,4 +1,4 @@
-"""Estimator and controller as two nodes of one process: a hop and two wake-ups less per tick."""
+"""Estimator and controller as two nodes of one process: saves a hop and two wake-ups per tick."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ _NODES = (state_estimator.ABOUT, gait_controller.ABOUT)
 
 ABOUT = About(
     package="cassie_control",
-    text="The nodes state_estimator and gait_controller in one process: a hop and two wake-ups "
-    "less per control tick. Parameters of one of them: -p NODE:NAME:=VALUE.",
+    text="The nodes state_estimator and gait_controller in one process: saves a hop and two "
+    "wake-ups per control tick. Parameters of one node: -p NODE:NAME:=VALUE.",
     reads=("/cassie/sensors", "/cassie/mode"),
     writes=[topic for about in _NODES for topic in about.writes if topic != "/diagnostics"],
     parameters=tuple(dict.fromkeys(config for about in _NODES for config in about.parameters)),

@@ -45,8 +45,8 @@ class StateEstimator(Node):
     """Answers each sensor sample with a state; a repeated sample with the same state again.
 
     Args:
-        stop: When to end.
-        hand_on: Controller of the same process, which gets states before the others do.
+        stop: Request to end.
+        hand_on: Passes states to a controller of the same process, before other nodes get them.
     """
 
     def __init__(self, stop: Stop, hand_on: LocalTopic[RobotState] | None = None) -> None:
@@ -83,7 +83,7 @@ class StateEstimator(Node):
         self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
 
     def loop(self) -> None:
-        """Answer samples until stopped, in the thread that receives them."""
+        """Answer samples until stopped, in the receiving thread."""
         turns = Turns(self._answer_newest)
         with self._samples.served(turns.at_once):
             while not self._stop.requested:
@@ -125,7 +125,7 @@ class StateEstimator(Node):
         self._rate.check(episode, seq, sample)
         self._scheduling.follow(bool(sample.wall_paced))
         if self._stop.requested:
-            return  # nothing that would bury the reason
+            return  # no further report, which would hide the reason
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
         if self._core.starts != self._starts:
@@ -135,7 +135,7 @@ class StateEstimator(Node):
         self._standard.publish(seq, sample, state)
 
     def _tell(self, faults: tuple[str, ...]) -> None:
-        """Report which channels are not believed any more, and which are again."""
+        """Report which channels are rejected now, and which are accepted again."""
         for channel in self._told:
             if channel not in faults:
                 self._conditions.set(channel, "")
@@ -154,7 +154,7 @@ class StateEstimator(Node):
         self.get_logger().info(f"episode {episode}")
 
     def _set_config(self, config: EstimatorConfig) -> None:
-        self._changed = config  # for the thread that answers, between two samples
+        self._changed = config  # for the answering thread, between two samples
 
     def _configure(self, config: EstimatorConfig) -> None:
         self._config = self._core.config = config

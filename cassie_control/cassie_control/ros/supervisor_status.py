@@ -1,4 +1,4 @@
-"""What the supervisor tells people, on /cassie/supervisor_status."""
+"""The supervisor's status for people, on /cassie/supervisor_status."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from cassie_msgs.layout import RobotState
 from cassie_msgs.msg import SupervisorStatus as SupervisorStatusMessage
 
 RATE = 10
-"""In robot time. In Hz."""
+"""Rate of the status, in robot time. In Hz."""
 
-_HEARTBEAT = 1.0  # s of wall time; also while robot time stands still
+_HEARTBEAT = 1.0  # s of wall time; also while robot time is paused
 
 
 class StatusTopic:
-    """Publishes the status `RATE` times a second and at each change."""
+    """Publishes the status at `RATE` and at each change."""
 
     def __init__(self, node: Node, control_rate: int) -> None:
         self.publisher = node.create_publisher(
@@ -40,7 +40,7 @@ class StatusTopic:
         operator: OperatorSource,
         faults: tuple[str, ...],
     ) -> None:
-        """Publish if it is time, or if something changed other than a figure in a reason."""
+        """Publish if it is due, or if anything but a number in a reason has changed."""
         now = (
             *(status.mode, status.requested, status.faults, status.fallen, status.link, faults),
             *(operator.holder, operator.armed),
@@ -52,7 +52,7 @@ class StatusTopic:
         self.publish(status, state, operator, faults)
 
     def is_due(self, now: float) -> bool:
-        """Whether nothing was published for a while, whatever robot time does."""
+        """Whether the heartbeat is due, by wall time."""
         return now - self._published >= _HEARTBEAT
 
     def publish(

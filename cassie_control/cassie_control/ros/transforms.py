@@ -1,4 +1,4 @@
-"""The robot's frames as ROS tools want them: /tf, decimated, and /tf_static."""
+"""The robot's frames for ROS tools: /tf, decimated, and /tf_static."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RATE = 50
 
 
 class Transforms:
-    """Publishes where the base is in the odometry frame, and each link in its parent."""
+    """Publishes the pose of the base in the odometry frame, and of each link in its parent."""
 
     def __init__(self, node: Node, control_rate: int) -> None:
         self._period = max(1, control_rate // RATE)
@@ -41,13 +41,13 @@ class Transforms:
         self._static_publisher.publish(fixed.fill(0, poses))
 
     def publish(self, seq: int, state: RobotState) -> None:
-        """Publish, if it is this tick's turn and somebody listens."""
+        """Publish, if it is due at this tick and there is a subscriber."""
         if seq % self._period == self._offset and self._publisher.get_subscription_count():
             self._publisher.publish(self._stencil.fill(state.stamp_ns, self._links.at(state.q)))
 
 
 def _message(pairs: Sequence[tuple[str, str]]) -> TFMessage:
-    """A message from parents to children."""
+    """A message with one transform for each pair of parent and child."""
     message = TFMessage(transforms=[TransformStamped(child_frame_id=child) for _, child in pairs])
     for entry, (parent, _) in zip(message.transforms, pairs, strict=True):
         entry.header.frame_id = parent

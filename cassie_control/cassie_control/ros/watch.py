@@ -1,4 +1,4 @@
-"""Watches which of the other nodes has fallen silent."""
+"""Monitor of other nodes: detects nodes that have fallen silent."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _REPEATED = REPEAT_PERIOD / 2  # s after its last answer, from which a node was 
 
 
 class Watch:
-    """Simulator by /clock, state_estimator by /cassie/state, gait_controller by its status.
+    """Monitors the simulator by /clock, the estimator by /cassie/state, the controller by status.
 
     Attributes:
-        controller: Whose status counts.
-        faults: Who is lost, in words.
+        controller: Guard that accepts the status of one controller.
+        faults: Text for each lost node.
     """
 
     def __init__(self, node: Node, conditions: Conditions) -> None:
@@ -46,7 +46,7 @@ class Watch:
         self._robot_time = b""
 
     def heard_state(self, now: float) -> None:
-        """A state has arrived. After a gap the controller had nothing to answer until now."""
+        """Take in that a state has come. During a gap the controller had nothing to answer."""
         if self._estimator.lost(now):
             self._controller.excuse(now)
         self._estimator.heard(now)
@@ -59,8 +59,8 @@ class Watch:
         return asked and self._controller.lost(now)
 
     def look(self, now: float) -> bool:
-        """See who is silent; says whether that has changed."""
-        if now - self._looked > SILENT_AFTER:  # it was we who did not listen
+        """Whether the list of silent nodes has changed; updates it."""
+        if now - self._looked > SILENT_AFTER:  # this node itself did not listen
             for silence in (self._simulator, self._estimator, self._controller):
                 silence.excuse(now)
         self._looked = now
@@ -74,13 +74,13 @@ class Watch:
         return changed
 
     def _lost(self, now: float) -> tuple[str, ...]:
-        """Who is silent, in words."""
+        """Text for each silent node."""
         waits = now - self._moved > SILENT_AFTER / 2
         follows = "robot time waits for it" if waits else "drives damp"
         faults = []
         simulator_lost = self._simulator.lost(now)
         if simulator_lost:
-            # The others have nothing to answer.
+            # Without the simulator, the other nodes have nothing to answer.
             self._estimator.excuse(now)
             self._controller.excuse(now)
             faults.append("simulator lost: waiting for it")

@@ -1,4 +1,4 @@
-"""The certificate of a gait: everything that is required, with its margins."""
+"""The certificate of a gait: all requirements, with their margins."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _SAME = 1e-12
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was found for a gait.
+    """Result of the check of a gait.
 
     Attributes:
-        rows: Every requirement; where both steps were integrated, the worse of the two.
+        rows: Every requirement; if both steps were integrated, for the worse step.
         mirrored: Whether the left step is exactly the right one's mirror image, so that one step
             on a symmetric pelvis stands for both.
     """
@@ -49,7 +49,7 @@ class Certificate:
         return all(entry.met for entry in self.rows)
 
     def as_document(self) -> dict[str, Any]:
-        """For the library's file."""
+        """The certificate as an entry of the library's file."""
         return {
             "met": self.met,
             "points": POINTS,
@@ -60,13 +60,13 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Terms:
-    """What a gait was made for: the terms of its request that the table and the model need.
+    """The values of a gait's request that the table and the model need.
 
     Attributes:
         clearance: Least height of the swing foot at mid-step. In m.
         slope: Rise of the ground ahead. In rad.
         symmetric: Whether the pelvis counts as symmetric.
-        payload: Mass at the pelvis's centre of mass beside its own. In kg.
+        payload: Additional mass at the pelvis's centre of mass. In kg.
     """
 
     clearance: float
@@ -76,10 +76,10 @@ class Terms:
 
 
 def terms(gait: Gait) -> Terms:
-    """Read the terms from the gait.
+    """The terms of a gait.
 
     Raises:
-        GaitLibraryError: if one is missing or is not what it should be.
+        GaitLibraryError: if a term is missing or invalid.
     """
     request = gait.solver.get("request")
     if not isinstance(request, Mapping):
@@ -107,7 +107,7 @@ def _asked(request: Mapping[str, Any], name: str, low: float, high: float) -> fl
 
 @contextlib.contextmanager
 def motion_that_may_break() -> Iterator[None]:
-    """Turn what a motion far from any gait's raises into one kind of error.
+    """Turn all errors that a motion far from any gait's can raise into one kind of error.
 
     Raises:
         GaitLibraryError: if the motion leaves the model's range, or an equation has no solution.
@@ -126,8 +126,8 @@ def certify(gait: Gait) -> Certificate:
     """Check a gait.
 
     Raises:
-        GaitLibraryError: if there is nothing to check (no torques, no passive motion, no request),
-            or if the gait's motion breaks off before its end.
+        GaitLibraryError: if the gait has no torques, no passive motion or no request, or if the
+            integration of its motion fails before the end.
     """
     if gait.torques is None or gait.passive is None:
         raise GaitLibraryError("the gait has no torques or no passive motion to check")
@@ -170,9 +170,9 @@ def _step(walker: Walker, gait: Gait, step: Step, clearance: float) -> list[Row]
 
 
 def _after_impact(walker: Walker, gait: Gait, step: Step) -> tuple[float, float]:
-    """Difference of the state after the impact and the start of the next step.
+    """Difference between the state after the impact and the start of the next step.
 
-    Both are seen from the foot that now stands, which is turned against the one before.
+    Both are expressed in the frame of the new stance foot, which is rotated against the old one.
     """
     _, swing = states.legs(step.domain)
     yaw = travel(walker, step)[2]

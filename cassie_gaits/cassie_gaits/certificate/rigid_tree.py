@@ -1,8 +1,8 @@
 """The Pinocchio tree of Cassie with rigid springs, by the 16 velocities of pelvis and drives.
 
-With rigid springs a leg's rods, heel spring and foot crank are functions of its knee and its toe
-alone. These curves are sampled once from `dynamics`, which closes the loops, and kept as
-Chebyshev series that meet it within about 1e-11; a call then costs a tenth.
+With rigid springs the angles of a leg's rods, heel spring and foot crank are functions of its knee
+and its toe angle only. These curves are sampled once from `dynamics`, which closes the loops, and
+kept as Chebyshev series with an error of about 1e-11. A call then takes a tenth of the time.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ SIZE = RIGID.shape[1]
 
 _DEGREE = 60
 _KNEE_PLACES, _KNEE_RATES, _WIDTH = 5, 3, 11
-_RANGES = {"knee": (-2.80, -0.60), "toe": (-2.50, -0.45)}  # rad, a little past the stops
+_RANGES = {"knee": (-2.80, -0.60), "toe": (-2.50, -0.45)}  # rad, slightly beyond the stops
 
 
 @dataclass(frozen=True, eq=False)
 class RigidTerms:
-    """Terms of the equation of motion by rigid velocities, and those of one sole.
+    """Terms of the equation of motion in rigid velocities, and the contact terms of one sole.
 
     Attributes:
-        mass: Shape (16, 16).
+        mass: Mass matrix. Shape (16, 16).
         bias: Gravity, centrifugal and Coriolis terms. Shape (16,).
         sole: Jacobian of the sole's middle, velocity before angular velocity. Shape (6, 16).
         drift: Acceleration of the sole when v' = 0. Shape (6,).
@@ -50,7 +50,7 @@ class RigidTerms:
 
 
 class RigidTree:
-    """Dynamics by q of the 20 coordinates with relaxed springs and rigid velocities (16,).
+    """Dynamics from the 20 coordinates q with relaxed springs and rigid velocities (16,).
 
     Args:
         pelvis: The pelvis's link.
@@ -70,11 +70,11 @@ class RigidTree:
         self._curves = _curves()
 
     def terms(self, q: FloatArray, v: FloatArray, leg: str) -> RigidTerms:
-        """Mass, bias and what the contact of a leg's sole asks.
+        """Mass, bias and the contact terms of a leg's sole.
 
         Args:
-            q: Shape (20,).
-            v: Of pelvis and drives. Shape (16,).
+            q: Coordinates. Shape (20,).
+            v: Velocities of pelvis and drives. Shape (16,).
             leg: "left" or "right".
         """
         model, data, G = self._model, self._data, self._embedding
@@ -89,19 +89,19 @@ class RigidTree:
         return RigidTerms(mass, bias, sole, np.array(accel))
 
     def sole(self, q: FloatArray, leg: str) -> tuple[FloatArray, FloatArray]:
-        """Middle of a sole and its axes, as of `dynamics.Dynamics.sole`. (3,) in m, (3, 3)."""
+        """Middle of a sole and its axes, as in `dynamics.Dynamics.sole`. (3,) in m, (3, 3)."""
         places = self.soles(q)
         return places[LEGS.index(leg)]
 
     def soles(self, q: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """The same of both soles, left and right."""
+        """Middle and axes of both soles, as in `sole`, left and right."""
         full = self._configure(q, None)
         pin.framesForwardKinematics(self._model, self._data, full)
         at = [self._data.oMf[frame] for frame in self._tree.soles]
         return [(np.array(place.translation), np.array(place.rotation)) for place in at]
 
     def sole_jacobian(self, q: FloatArray, leg: str) -> FloatArray:
-        """Velocity of a sole by rigid velocities. Shape (6, 16)."""
+        """Jacobian from rigid velocities to the velocity of a sole. Shape (6, 16)."""
         full = self._configure(q, None)
         frame = self._tree.soles[LEGS.index(leg)]
         world = pin.LOCAL_WORLD_ALIGNED
@@ -126,7 +126,7 @@ class RigidTree:
 
 
 class _Curves:
-    """What follows knee and toe in each leg: places, rates per rate, and their derivatives."""
+    """Followers of knee and toe in each leg: positions, rates per rate, and their derivatives."""
 
     def __init__(self, tree: Tree) -> None:
         joints = [(leg, joint) for leg in LEGS for joint in ("knee", "toe")]
@@ -141,8 +141,8 @@ class _Curves:
         dynamics = Dynamics()
         for i in range(len(joints)):
             self._series[i] = self._fit(i, dynamics)
-        # Of each curve: its column among the rigid velocities, its joint in q, how many places and
-        # how many rates follow, and where these stand.
+        # For each curve: column in the rigid velocities, joint in q, numbers of following positions
+        # and rates, and the indices of these.
         self._table = np.full((len(joints), 4 + _KNEE_PLACES + _KNEE_RATES), -1, np.int64)
         for i, column in enumerate(free):
             joint = int(np.argmax(RIGID[:, column]))
@@ -201,7 +201,7 @@ def _write(
     drift: FloatArray,
     moving: bool,
 ) -> bool:
-    """Write what follows knees and toes; says whether these are within the curves' ranges."""
+    """Write the followers of knees and toes; returns whether these are within the ranges."""
     basis, values = np.empty(series.shape[1]), np.empty(series.shape[2])
     for i in range(table.shape[0]):
         column, places, rates = table[i, 0], table[i, 2], table[i, 3]
@@ -227,19 +227,19 @@ def _write(
 
 @cache
 def _curves() -> _Curves:
-    """The legs' curves, which no pelvis changes; fitted once in a process."""
+    """The legs' curves, which do not depend on the pelvis; fitted once per process."""
     return _Curves(build_tree())
 
 
 def _without_spin(values: FloatArray, changes: FloatArray) -> FloatArray:
-    """Accelerations of rod and heel spring by the knee's rate squared. Shape (n, 3).
+    """Accelerations of rod and heel spring per squared rate of the knee. Shape (n, 3).
 
     Args:
-        values: Heel angle, the rod's quaternion (x, y, z, w), its two rates across itself and the
-            heel's by the knee's rate. Shape (n, 8).
-        changes: Their derivatives by the knee.
+        values: Heel angle, the rod's quaternion (x, y, z, w), and, per rate of the knee, the rod's
+            two rates perpendicular to itself and the heel's rate. Shape (n, 8).
+        changes: Derivatives of `values` with respect to the knee angle.
 
-    The axes in which the rod's rates are given turn about the rod by `spin`; the rod does not.
+    The axes in which the rod's rates are given rotate about the rod by `spin`; the rod does not.
     """
     x, y, z, w = values[:, 1:5].T
     dx, dy, dz, dw = changes[:, 1:5].T
@@ -251,7 +251,7 @@ def _without_spin(values: FloatArray, changes: FloatArray) -> FloatArray:
 
 
 def _followers(tree: Tree) -> tuple[list[list[int]], list[list[int]]]:
-    """Indices in configuration and velocity of what follows left knee, toe, right knee, toe."""
+    """Indices in configuration and velocity of the followers of left knee, toe, right knee, toe."""
     places, follows = [], []
     for i in range(len(LEGS)):
         heel, ball, crank = tree.heels_q[i], tree.balls_q[i], tree.cranks_q[i]

@@ -1,4 +1,4 @@
-"""A step of a gait, integrated on the 20-DoF model under the gait's torques alone."""
+"""Integration of a step on the 20-DoF model under the gait's torques only."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from cassie_gaits.gait_library import Gait
 FloatArray = npt.NDArray[np.float64]
 
 POINTS = 401
-"""Points of a step at which the table is looked at."""
+"""Points of a step at which the table is checked."""
 
 _FITTED = 40
 
 MOST_EVALUATIONS = 5000
-"""Of the equations of motion in a step; a gait takes 300, a wild one hours."""
+"""Largest number of evaluations of the equations of motion in a step.
+
+A gait takes 300; without a limit, a diverging motion could take hours.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +34,13 @@ class Step:
 
     Attributes:
         domain: 0 on the right leg, 1 on the left.
-        phases: Shape (n,).
+        phases: Phases of the points. Shape (n,).
         q, v: States. Shape (n, 20) each.
-        torques: Shape (n, 10), in Nm.
-        forces: Of the ground, as of `walker.Motion`. Shape (n, 6).
-        position_error, velocity_error: Of the last state against the coefficients.
-        output_error: Largest difference of outputs and coefficients, in m or rad.
-        residual: Largest torque that the gait's own motion lacks between its nodes. In Nm.
+        torques: Torques of the drives. Shape (n, 10), in Nm.
+        forces: Ground forces, as in `walker.Motion`. Shape (n, 6).
+        position_error, velocity_error: Error of the last state against the coefficients.
+        output_error: Largest difference between outputs and coefficients, in m or rad.
+        residual: Largest residual torque of the gait's own motion between its nodes. In Nm.
     """
 
     domain: int
@@ -56,7 +59,7 @@ def integrate(walker: Walker, gait: Gait, domain: int) -> Step:
     """Integrate a step from its first state.
 
     Raises:
-        GaitLibraryError: if the integration breaks off, or takes `MOST_EVALUATIONS`.
+        GaitLibraryError: if the integration fails, or takes `MOST_EVALUATIONS`.
     """
     leg, time = states.legs(domain)[0], gait.step_time
     rigid = [int(row) for row in np.flatnonzero(RIGID.any(axis=1) & (RIGID.max(axis=1) > 0.5))]
@@ -118,7 +121,7 @@ def _step(
 
 
 def _residual(walker: Walker, gait: Gait, domain: int) -> float:
-    """Torques that the motion of the coefficients lacks, at points between its nodes.
+    """Largest residual torque of the coefficients' motion, at points between its nodes.
 
     Accelerations are derivatives of polynomials through the velocities at Chebyshev points.
     """
@@ -139,7 +142,7 @@ def _residual(walker: Walker, gait: Gait, domain: int) -> float:
 
 
 def _expand(x: FloatArray, like: FloatArray, rigid: list[int]) -> tuple[FloatArray, FloatArray]:
-    """q and v of the 20 coordinates from those of pelvis and drives."""
+    """q and v of the 20 coordinates, from positions and velocities of pelvis and drives."""
     count = len(rigid)
     q = like + RIGID @ (x[:count] - like[rigid])
     return q, RIGID @ x[count:]

@@ -1,19 +1,19 @@
 """The seal of a certificate: hashes that tie it to the gait, the model and the checker.
 
 A certificate holds `model_hash`, `checker` and `sha256`, the gait's SHA-256. A library's file
-holds `sha256` of all of it. Whatever differs is refused when the library is loaded to walk with.
-A hash is no signature: it finds changes, but whoever means to deceive can write a new one.
+holds `sha256` of its whole content. A library with any difference is refused when it is loaded for
+walking. A hash is no signature: it detects changes, but anyone can write a new hash on purpose.
 
 Canonical form of a gait, of which SHA-256 is taken:
 
-1. The gait's entry in the file as JSON, but for `certificate.sha256`: in place of `coefficients`,
+1. The gait's entry in the file as JSON, without `certificate.sha256`: instead of `coefficients`,
    `torques` and `passive` their shapes (or null), keys sorted, no white space, ASCII only, numbers
-   as the shortest decimal that reads back as the same float64 (Python's repr); then a newline.
+   as the shortest decimal that gives the same float64 (Python's repr); then a newline.
 2. The numbers of `coefficients`, `torques` and `passive` in this order as float64, little-endian;
    right stance before left stance, row by row.
 
-Canonical form of a library: the file as the same kind of JSON and a newline, but for its own
-`sha256`, with the hash of each gait in place of the gait.
+Canonical form of a library: the file as the same kind of JSON and a newline, without its own
+`sha256`, and with the hash of each gait instead of the gait.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from cassie_gaits.gait_library import Gait
 from cassie_gaits.model_hash import model_hash
 
 CHECKER_VERSION = "1"
-"""Version of the checker: raised whenever it may find something else in the same gait.
+"""Version of the checker: raised at each change that can alter the result for the same gait.
 
-A test holds the sources of the checker against it.
+A test compares a hash of the checker's sources with the one noted for this version.
 """
 
 _RENEW = "check_gaits FILE --certify renews it"
@@ -44,7 +44,7 @@ def gait_sha256(gait: Gait) -> str:
     """SHA-256 of a gait in its canonical form. 64 hexadecimal digits.
 
     Raises:
-        ValueError, TypeError: if `solver` or `certificate` hold what JSON cannot.
+        ValueError, TypeError: if `solver` or `certificate` hold values that JSON cannot express.
     """
     certificate = gait.certificate
     arrays = [getattr(gait, name) for name in _ARRAYS]
@@ -82,8 +82,8 @@ def sealed(gait: Gait, found: Mapping[str, Any]) -> Gait:
     """The gait with a certificate for this model and checker.
 
     Args:
-        gait: What was checked.
-        found: What was found, as `Certificate.as_document` gives it.
+        gait: The gait that was checked.
+        found: Result of the check, as `Certificate.as_document` gives it.
     """
     tied = {**found, "model_hash": model_hash(), "checker": CHECKER_VERSION}
     unsealed = replace(gait, certificate=tied)
@@ -94,8 +94,8 @@ def flaw(gait: Gait, sha256: str) -> str:
     """Why a gait does not count as certified, as the end of a sentence; empty if it does.
 
     Args:
-        gait: With its certificate.
-        sha256: Its `gait_sha256`.
+        gait: The gait, with its certificate.
+        sha256: `gait_sha256` of the gait.
     """
     certificate = gait.certificate
     if certificate is None or certificate.get("met") is not True:

@@ -1,7 +1,7 @@
-"""States of the robot from a gait's coefficients: outputs and passive motion to q and v.
+"""States of the robot from a gait's coefficients: q and v from outputs and passive motion.
 
-The stance foot stands at the world's origin, along the x axis. Its attitude is met by Newton's
-method on torso yaw, stance hip roll and stance toe; everything else follows from eq:IK.
+The stance foot is at the world's origin, along the x axis. Newton's method finds torso yaw, stance
+hip roll and stance toe from the foot's attitude; all other joints follow from eq:IK.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def curves(gait: Gait, domain: int, phase: float, order: int = 0) -> FloatArray:
 
 
 def polynomial(coefficients: FloatArray, phase: float, order: int = 0) -> FloatArray:
-    """Bezier polynomials, one a row, of any degree, or a derivative by phase."""
+    """Bezier polynomials of any degree, one per row, or a derivative with respect to phase."""
     rows = coefficients
     for _ in range(order):
         rows = (rows.shape[1] - 1) * np.diff(rows, axis=1)
@@ -121,7 +121,7 @@ def _posture(walker: Walker, domain: int, y: FloatArray) -> FloatArray:
 
 
 def _stand(walker: Walker, stance: str, rigid: FloatArray, tilt: float) -> FloatArray:
-    """Turn and shift the robot until the stance foot stands as it should."""
+    """Rotate and shift the robot so that the stance foot has its required pose."""
     c, s = math.cos(tilt), math.sin(tilt)
     target = walker.ground_axes() @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     free = [YAW, drive(stance, "hip_roll"), drive(stance, "toe")]
@@ -143,7 +143,7 @@ def _stand(walker: Walker, stance: str, rigid: FloatArray, tilt: float) -> Float
 
 
 def _velocity(walker: Walker, domain: int, q: FloatArray, rates: FloatArray) -> FloatArray:
-    """v that gives these rates while the stance foot only rolls."""
+    """v for given rates of outputs and passive coordinates, while the stance foot only rolls."""
     stance, swing = legs(domain)
     rows, target = np.zeros((16, 16)), np.zeros(16)
     rows[:6] = walker.tree.sole_jacobian(q, stance)

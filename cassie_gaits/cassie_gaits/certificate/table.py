@@ -1,4 +1,4 @@
-"""What is required of a gait, row by row, and how far inside the bounds it is."""
+"""Requirements on a gait, row by row, and the margins to their bounds."""
 
 from __future__ import annotations
 
@@ -24,17 +24,20 @@ PELVIS_TO_FOOT = (0.5, 1.0)
 LANDING_SPEED = 1.0
 
 SPEED_TOLERANCE = 1e-4
-"""Of mean speeds, in m/s, and of the turning rate, in rad/s."""
+"""Tolerance of mean speeds, in m/s, and of the turning rate, in rad/s."""
 
 REST_TOLERANCE = 1e-3
-"""Of the landing foot's speed along the ground. In m/s."""
+"""Tolerance of the landing foot's speed along the ground. In m/s."""
 
 ANGLE_TOLERANCE = 5e-3
-"""Of the swing foot's pitch against the ground, of the foot itself: the output of that name is
-another angle where the leg leans to the side. Heel and tip differ by 0.8 mm then. In rad."""
+"""Tolerance of the swing foot's pitch against the ground. In rad.
+
+This is the pitch of the foot itself; the output of that name is another angle if the leg leans to
+the side. At this tolerance heel and tip differ by 0.8 mm in height.
+"""
 
 TORQUE_TOLERANCE = 1e-6
-"""Of the stance toe's torque. In Nm."""
+"""Tolerance of the stance toe's torque. In Nm."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +45,10 @@ class Row:
     """One requirement.
 
     Attributes:
-        name: What it is.
+        name: Name of the requirement.
         low, high: Bounds.
-        worst: Value nearest to a bound, or furthest past it.
-        unit: Of all three.
+        worst: Value nearest to a bound, or farthest beyond it.
+        unit: Unit of bounds and value.
     """
 
     name: str
@@ -56,13 +59,13 @@ class Row:
 
     @property
     def margin(self) -> float:
-        """Distance to the nearer bound, negative past it; not a number counts as past it."""
+        """Distance to the nearer bound, negative beyond it; NaN counts as beyond it."""
         margin = min(self.worst - self.low, self.high - self.worst)
         return margin if math.isfinite(margin) else -math.inf
 
     @property
     def met(self) -> bool:
-        """Whether the value is inside."""
+        """Whether the value is within the bounds."""
         return self.margin >= 0.0
 
 
@@ -74,7 +77,7 @@ def row(name: str, unit: str, low: float, high: float, values: npt.ArrayLike) ->
 
 
 def step_rows(walker: Walker, gait: Gait, step: Step, clearance: float) -> list[Row]:
-    """Rows of one step but for the mean speeds."""
+    """Rows of one step, without the mean speeds."""
     stance, swing = states.legs(step.domain)
     places = np.array([_place(walker, q, stance, swing) for q in step.q])
     feet, pelvis, foot = places[:, :3], places[:, 3], np.arcsin(places[:, 4])
@@ -107,8 +110,11 @@ def _about(tolerance: float) -> tuple[float, float]:
 
 
 def _place(walker: Walker, q: FloatArray, stance: str, swing: str) -> FloatArray:
-    """Swing sole from the stance sole in ground axes, the pelvis's distance from the latter, and
-    the rise of the swing foot from heel to tip as a share of its length. Shape (5,)."""
+    """Place of the swing foot and distance of the pelvis. Shape (5,).
+
+    These are the swing sole relative to the stance sole in ground axes, the distance from pelvis to
+    stance sole, and the rise of the swing foot from heel to tip as a share of the foot's length.
+    """
     soles = dict(zip(LEGS, walker.tree.soles(q), strict=True))
     (standing, _), (moving, attitude) = soles[stance], soles[swing]
     axes = walker.ground_axes()
@@ -118,7 +124,7 @@ def _place(walker: Walker, q: FloatArray, stance: str, swing: str) -> FloatArray
 
 
 def foot_places(walker: Walker, step: Step) -> FloatArray:
-    """Swing sole against the stance sole over a step, in ground axes. Shape (n, 3), in m."""
+    """Swing sole relative to the stance sole over a step, in ground axes. Shape (n, 3), in m."""
     stance, swing = states.legs(step.domain)
     return np.array([_place(walker, q, stance, swing)[:3] for q in step.q])
 
@@ -131,7 +137,7 @@ def _sole_velocity(walker: Walker, step: Step, swing: str) -> FloatArray:
 
 
 def _drive_rows(step: Step) -> list[Row]:
-    """Torques against their bounds, at rest and at speed."""
+    """Rows of the drives' torques: the bound at rest and the torque-speed limit."""
     drives = [robot.DRIVES[name] for _ in LEGS for name in LEG_DRIVES]
     most = np.array([drive.torque_limit for drive in drives])
     fastest = np.array([drive.speed_limit for drive in drives])
@@ -161,7 +167,7 @@ def _stops_row(step: Step) -> Row:
 
 
 def travel(walker: Walker, step: Step) -> tuple[float, float, float]:
-    """Where the swing foot lands: ahead and left of the stance foot in m, and its turn in rad."""
+    """Landing of the swing foot: ahead and left of the stance foot in m, and its turn in rad."""
     stance, swing = states.legs(step.domain)
     foot = _place(walker, step.q[-1], stance, swing)
     _, attitude = walker.tree.sole(step.q[-1], swing)
@@ -170,16 +176,17 @@ def travel(walker: Walker, step: Step) -> tuple[float, float, float]:
 
 
 def speed_rows(gait: Gait, first: tuple[float, ...], second: tuple[float, ...]) -> list[Row]:
-    """Mean speeds over two steps.
+    """Rows of the mean speeds over two steps.
 
     Args:
-        gait: What they should be.
+        gait: Gait with the commanded speeds.
         first: `travel` of the step on the right leg.
-        second: Of the step on the left leg.
+        second: `travel` of the step on the left leg.
 
-    The heading lies evenly between the feet's, and the velocity is the mean of theirs: on an arc
-    the outer foot has the longer way. The right foot goes from where it stands to where the second
-    step puts it, the left foot from where it stood before to where the first step does.
+    The heading is the mean of the two feet's headings, and the velocity the mean of their
+    velocities: on an arc the outer foot has the longer path. The right foot goes from its stance to
+    its landing in the second step, the left foot from its previous stance to its landing in the
+    first step.
     """
     yaw1, yaw2 = first[2], second[2]
     turn, time = yaw1 + yaw2, 2.0 * gait.step_time

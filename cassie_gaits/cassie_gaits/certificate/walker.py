@@ -1,8 +1,8 @@
 """Cassie with rigid springs on one foot, from the 20-DoF Pinocchio model with closed loops.
 
-The stance foot's position, pitch and yaw are held (eq:holonomicConstraintsCR); it rolls freely
-about the middle line of its sole. States are q and v of the 20 coordinates with relaxed springs;
-"rigid" vectors are those of pelvis and drives, `dynamics.RIGID`.
+The stance foot's position, pitch and yaw are fixed (eq:holonomicConstraintsCR); the foot rolls
+freely about the middle line of its sole. States are q and v of the 20 coordinates with relaxed
+springs; "rigid" vectors have the coordinates of pelvis and drives, `dynamics.RIGID`.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ def rigid_velocity(v: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Acceleration of the 20 coordinates, and the ground's push on the stance foot.
+    """Acceleration of the 20 coordinates, and ground force on the stance foot.
 
     Attributes:
-        acceleration: Shape (20,).
+        acceleration: Acceleration. Shape (20,).
         force: Force (3) in N and moment about the sole's middle (3) in Nm, ground axes: ahead
-            along the stance foot, left, and up across the ground. Shape (6,).
+            along the stance foot, left, and up along the ground's normal. Shape (6,).
     """
 
     acceleration: FloatArray
@@ -53,7 +53,7 @@ class Walker:
     Args:
         symmetric: Whether the pelvis counts as symmetric.
         slope: Rise of the ground ahead, along the world's x axis. In rad.
-        payload: Mass at the pelvis's centre of mass beside its own. In kg.
+        payload: Additional mass at the pelvis's centre of mass. In kg.
     """
 
     def __init__(self, *, symmetric: bool, slope: float = 0.0, payload: float = 0.0) -> None:
@@ -64,7 +64,7 @@ class Walker:
         self._axes = self.ground_axes()
 
     def ground_axes(self, heading: float = 0.0) -> FloatArray:
-        """Columns: ahead along a foot of this heading, left, and up across the ground. (3, 3)."""
+        """Columns: ahead along a foot of this heading, left, and the ground's normal. (3, 3)."""
         c, s = math.cos(self.slope), math.sin(self.slope)
         tilt = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
         ch, sh = math.cos(heading), math.sin(heading)
@@ -87,7 +87,7 @@ class Walker:
         return Motion(RIGID @ solution[:BASE_AND_DRIVES], in_ground)
 
     def impact(self, q: FloatArray, v: FloatArray, leg: str, heading: float) -> FloatArray:
-        """Velocity just after `leg` of this heading has met the ground. Shape (20,).
+        """Velocity just after the impact of `leg`, whose foot has this heading. Shape (20,).
 
         Source:
             eq:impactMap.
@@ -102,7 +102,7 @@ class Walker:
     def residual(
         self, q: FloatArray, v: FloatArray, a: FloatArray, torques: FloatArray, leg: str
     ) -> FloatArray:
-        """Torques that a motion lacks, of the stance foot's roll and the ten drives. (11,), Nm."""
+        """Residual torques of a motion, of the stance foot's roll and the ten drives. (11,), Nm."""
         terms = self.tree.terms(q, rigid_velocity(v), leg)
         lacking = terms.mass @ rigid_velocity(a) + terms.bias - _INPUT @ torques
         drives = np.eye(BASE_AND_DRIVES)[6:]
@@ -122,7 +122,7 @@ class Walker:
 
 @lru_cache(maxsize=16)
 def walker(*, symmetric: bool, slope: float, payload: float) -> Walker:
-    """The equations; those last asked for are kept."""
+    """The equations of motion; the last ones are cached."""
     return Walker(symmetric=symmetric, slope=slope, payload=payload)
 
 

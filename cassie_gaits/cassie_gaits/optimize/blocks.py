@@ -1,7 +1,7 @@
-"""Parts of the nonlinear program: a function, and the instants at which it is asked.
+"""Parts of the nonlinear program: a function, and the instants at which it is evaluated.
 
-A part's function has few arguments, so its exact second derivative is cheap; the program's
-Jacobian and Hessian are put together from these by constant matrices.
+A part's function has few arguments, so its exact second derivative is cheap. The program's
+Jacobian and Hessian are assembled from those of the parts by constant matrices.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _TAPES: dict[tuple[Hashable, str], Tape] = {}
 
 @dataclass(frozen=True)
 class Inner:
-    """What rows and cost depend on, when that is long and they are short.
+    """Intermediate values of rows and cost, for long inner and short outer expressions.
 
     Attributes:
-        symbols: What rows and cost are written in. Shape (m, 1).
-        values: What they stand for, by the block's `z` and `p`. Shape (m, 1).
+        symbols: Symbols in which rows and cost are written. Shape (m, 1).
+        values: Values of these symbols as functions of the block's `z` and `p`. Shape (m, 1).
     """
 
     symbols: ca.SX
@@ -38,12 +38,12 @@ class Row:
     """A constraint with its bounds.
 
     Attributes:
-        name: What it is, for a person.
+        name: Name of the constraint, for people.
         value: Symbol of the value.
         low, high: Bounds; equal for an equation.
-        scale: The program sees value / scale.
-        unit: Of the value; empty for a share.
-        law: Whether no robot can do without: a law of motion, which is never what to give up.
+        scale: The program uses value / scale.
+        unit: Unit of the value; empty for a ratio.
+        law: Whether it is a law of motion, which must always hold.
     """
 
     name: str
@@ -59,21 +59,21 @@ class Block:
     """Constraints, and perhaps a share of the cost, at several instants.
 
     Args:
-        name: Of the block.
-        z: Symbols that the unknowns lead to. Shape (n, 1).
+        name: Name of the block.
+        z: Symbols of the coordinates, which are linear in the unknowns. Shape (n, 1).
         p: Symbols of the request's parameters.
         rows: Constraints.
         maps: For each instant the matrix from the unknowns to `z`. Each of shape (n, unknowns).
         cost: Symbol of a cost, or None.
-        weights: Of the cost at each instant.
+        weights: Weights of the cost at each instant.
         inner: If given, rows and cost are functions of its symbols.
-        signs: By which the parameters are multiplied at this block. Shape (parameters,).
-        form: What tells blocks with the same rows, cost and inner values from others.
+        signs: Factors of the parameters at this block. Shape (parameters,).
+        form: Key that is equal for blocks with the same rows, cost and inner values.
 
     Attributes:
-        map: All matrices of `maps`, one below the other.
-        weights: Shape (1, instants).
-        signs: As given.
+        map: All matrices of `maps`, stacked vertically.
+        weights: Weights of the cost. Shape (1, instants).
+        signs: Factors of the parameters.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Block:
         return len(self.rows) * self.count
 
     def repeated_rows(self) -> list[Row]:
-        """The row of every constraint."""
+        """The row of every constraint, in the program's order."""
         return self.rows * self.count
 
     def value(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -164,11 +164,11 @@ class Block:
         return ca.mtimes(self.map.T, ca.mtimes(blocks, self.map))
 
     def value_tape(self) -> Tape:
-        """z, p to rows and cost, one below the other."""
+        """Tape from z, p to rows and cost, stacked vertically."""
         return self._tape("value", [], lambda: ca.vertcat(self._values, self._price))
 
     def slope_tape(self) -> Tape:
-        """z, p to rows, cost, gradient of the cost by z, and Jacobian by z column by column."""
+        """Tape from z, p to rows, cost, gradient of the cost by z, and Jacobian by z by columns."""
 
         def outputs() -> ca.SX:
             jacobian = ca.jacobian(self._values, self._z)
@@ -178,7 +178,7 @@ class Block:
         return self._tape("slope", [], outputs)
 
     def bend_tape(self) -> Tape:
-        """z, p, multipliers, share of the cost to the Hessian's upper half, row by row."""
+        """Tape from z, p, multipliers, factor of the cost to the Hessian's upper half by rows."""
         lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
 
         def outputs() -> ca.SX:
@@ -188,7 +188,7 @@ class Block:
         return self._tape("bend", [lam, share], outputs)
 
     def _tape(self, what: str, more: list[ca.SX], outputs: Callable[[], ca.SX]) -> Tape:
-        """Made once for all blocks of a form: to write one down takes a second."""
+        """The tape, made once for all blocks of a form, as that takes a second."""
         key = (self._form, what)
         if key not in _TAPES:
             inputs = ca.vertcat(self._z, self._p, *more)
@@ -196,7 +196,7 @@ class Block:
         return _TAPES[key]
 
     def _hessian(self, lam: ca.SX, share: ca.SX) -> ca.SX:
-        """Of the Lagrangian: the inner values' own bend, and the outer one's seen through them."""
+        """Hessian of the Lagrangian, by the chain rule through the inner values."""
         lagrangian = ca.dot(lam, self._outer_values)
         if self._outer_price is not None:
             lagrangian += share * self._outer_price

@@ -1,9 +1,9 @@
 """Cassie with rigid springs as numbers for `inverse_dynamics`: bodies, joints and rods of a leg.
 
-The shin counts as one body with the knee link, its spring being rigid. The heel spring and the
-foot crank stay bodies of their own. A rod is a mass at each of its ends and one between them that
-together have its mass, its centre and its moment of inertia across. The inertia about its length,
-4e-6 kg m^2, turns along with the link beside it, or with the hip for the achilles rod.
+The shin counts as one body with the knee link, as its spring is rigid. The heel spring and the
+foot crank are separate bodies. A rod is a mass matrix of its two ends, with the rod's mass, centre
+of mass and transverse moment of inertia. The inertia about its length, 4e-6 kg m^2, rotates with
+the link parallel to it, or with the hip for the achilles rod.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CHAIN = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "tarsus", "toe")
 """Bodies of a leg from the pelvis to the foot."""
 
 BRANCHES = ("heel_spring", "foot_crank")
-"""Bodies that hang on the tarsus beside the chain."""
+"""Bodies attached to the tarsus that are not in the chain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class Hinge:
     """A joint about the child's z axis.
 
     Attributes:
-        position: Of the child's frame in its parent's. Shape (3,), in m.
-        rotation: Of the child's frame in its parent's at `zero`. Shape (3, 3).
-        zero: Joint angle there. In rad.
+        position: Position of the child's frame in the parent's frame. Shape (3,), in m.
+        rotation: Rotation of the child's frame in the parent's frame at `zero`. Shape (3, 3).
+        zero: Joint angle of that rotation. In rad.
         armature: Inertia of the rotor reflected to the joint. In kg m^2.
     """
 
@@ -58,7 +58,7 @@ class TwoPointRod:
 
     Attributes:
         base_body, base: Body at one end, and the end in its frame. Shape (3,), in m.
-        tip_body, tip: The same for the other end.
+        tip_body, tip: Body at the other end, and that end in its frame. Shape (3,), in m.
         base_mass, shared_mass, tip_mass: Force at the base is base_mass times the base's
             acceleration plus shared_mass times the tip's, and so on. In kg.
     """
@@ -85,12 +85,12 @@ class Leg:
 
 
 def leg(name: str) -> Leg:
-    """Numbers of the "left" or "right" leg."""
+    """Parameters of the "left" or "right" leg."""
     links = {link.name: link for link in robot.leg_links(name)}
     bodies = {part: _body(links[part]) for part in (*CHAIN, *BRANCHES)}
     fixed = [bodies["knee"], _carried(links["knee_spring"]), _carried(links["shin"])]
     bodies["knee"] = joined(fixed)
-    # The achilles rod stays parallel to the shin, the plantar rod to the tarsus.
+    # The achilles rod remains parallel to the shin, the plantar rod to the tarsus.
     parallel = link_rotation(links["knee"]).T
     achilles = replace(links["achilles_rod"], inertia=(0.0, *links["achilles_rod"].inertia[1:]))
     bodies["knee"] = joined([bodies["knee"], _left_over(achilles, parallel)])
@@ -111,12 +111,12 @@ def leg(name: str) -> Leg:
 
 
 def pelvis() -> Body:
-    """The pelvis as it is, not quite symmetric."""
+    """The real pelvis, which is not quite symmetric."""
     return _body(robot.PELVIS)
 
 
 def foot_tilt() -> float:
-    """Angle by which the toe link is turned further than its joint angles say. In rad.
+    """Angle of the toe link beyond that of its joint angles. In rad.
 
     Link frames of the robot table are rounded to five digits.
     """
@@ -128,7 +128,7 @@ def foot_tilt() -> float:
 
 
 def joined(parts: Sequence[Body]) -> Body:
-    """One body of several, all in the same frame."""
+    """One body that combines several bodies, all in the same frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
@@ -151,9 +151,9 @@ def _carried(link: robot.Link) -> Body:
 
 
 def _left_over(rod: robot.Link, parallel: FloatArray) -> Body:
-    """Inertia of a rod beyond that of its point masses, in a link parallel to it; without mass.
+    """Inertia of a rod beyond that of its point masses, as a massless body of a parallel link.
 
-    `parallel` turns axes of the rod's parent into those of that link, all joints at zero.
+    `parallel` rotates axes of the rod's parent into those of that link, with all joints at zero.
     """
     body = _body(rod)
     across = rod.inertia[2]

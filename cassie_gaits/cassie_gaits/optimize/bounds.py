@@ -15,11 +15,11 @@ from cassie_gaits.optimize.request import Limits, Request
 FloatArray = npt.NDArray[np.float64]
 
 OUTER_WAY = 0.3
-"""How much further the outer foot goes by the turn of a step, and as much for the detour. In m."""
+"""Room for the outer foot per turn of a step: its longer path, and as much for its detour. In m."""
 
 
 def row_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
-    """Bounds of the program's rows, tightened to what the request asks. Shape (rows,) each."""
+    """Bounds of the program's rows, tightened by the request. Shape (rows,) each."""
     lower, upper = program.lower.copy(), program.upper.copy()
     names = np.array(program.names)
     limits = Limits()
@@ -34,7 +34,7 @@ def row_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArr
 
 
 def unknown_bounds(program: Problem, request: Request) -> tuple[FloatArray, FloatArray]:
-    """Bounds of the unknowns, (unknowns,) each; a Bezier curve stays within its coefficients'."""
+    """Bounds of the unknowns, (unknowns,) each. Bounds of coefficients bound a Bezier curve."""
     turning = abs(request.yaw_rate) * request.step_time
     narrow = {"torso_roll": request.torso_roll, "torso_pitch": request.torso_pitch}
     narrow |= dict.fromkeys(("stance_hip_yaw", "swing_hip_yaw"), request.hip_yaw + turning)
@@ -45,6 +45,6 @@ def unknown_bounds(program: Problem, request: Request) -> tuple[FloatArray, Floa
         parts[:, first : first + COEFFICIENTS] = most
     lower, upper = np.maximum(program.x_lower, -bound), np.minimum(program.x_upper, bound)
     first = COORDINATES.index("swing_foot_pitch") * COEFFICIENTS
-    for x in (lower, upper):  # the foot is level but for what lift-off and landing ask
+    for x in (lower, upper):  # the foot is level except near lift-off and landing
         x.reshape(-1, grid.STEP_UNKNOWNS)[:, first + 2 : first + 5] = request.slope
     return lower, upper

@@ -1,8 +1,8 @@
-"""Why there is no gait: what is missed at the best point found, and what stands against it.
+"""Why there is no gait: constraints violated at the best point found, and those in conflict.
 
-The laws of motion hold; every other row may be missed, and the sum of the misses is made as small
-as it gets. There the multipliers balance: each row that is missed has weight one, and the rows and
-bounds with the largest of the others are those that it conflicts with.
+The laws of motion hold; every other row may be violated, and the sum of the violations is
+minimized. At the minimum the multipliers balance: each violated row has weight one, and the other
+rows and bounds with the largest multipliers are in conflict with the violated ones.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from cassie_gaits.optimize.request import Request, parameters
 FloatArray = npt.NDArray[np.float64]
 
 MOST_NAMED = 6
-"""Rows that are named on each side."""
+"""Largest number of rows that are named on each side."""
 
 MISSED = 1e-4
-"""Scaled miss from which a row counts as missed."""
+"""Threshold of the scaled violation from which a row counts as violated."""
 
 WEIGHTY = 0.02
-"""Multiplier by the largest one, from which a row that holds counts as in conflict."""
+"""Ratio to the largest multiplier, from which a row that holds counts as in conflict."""
 
 _TIGHT = 2e-3
 """Scaled distance from a bound within which a row counts as at it."""
 
 _NEAR = 1e-5
-"""Weight of the squared distance from the first point, which makes the answer unique."""
+"""Weight of the squared distance from the first point, which makes the solution unique."""
 
 _IPOPT = {
     "print_level": 0,
@@ -56,9 +56,9 @@ class Conflict:
     """Rows that cannot be met together, worst first.
 
     Attributes:
-        missed: Names with how far, for a person.
-        against: Names of what holds at that point and would have to give way; if nothing is missed,
-            of the rows at their bounds that cost most.
+        missed: Names of violated rows with the violations, for people.
+        against: Names of rows that hold at that point and are in conflict. If no row is violated,
+            names of the rows at their bounds that increase the cost most.
     """
 
     missed: tuple[str, ...]
@@ -73,11 +73,11 @@ class Conflict:
 
 
 def conflict(request: Request, unknowns: FloatArray) -> Conflict:
-    """Find what a request that has no gait fails on.
+    """The constraints on which a request without a gait fails.
 
     Args:
-        request: What was asked for.
-        unknowns: Where the search ended.
+        request: The request.
+        unknowns: Point at which the search ended.
     """
     program = problem(symmetric=request.symmetric, lean=False)
     lower, upper = row_bounds(program, request)
@@ -106,13 +106,13 @@ def conflict(request: Request, unknowns: FloatArray) -> Conflict:
 
 
 def _soft(program: Problem) -> npt.NDArray[np.int64]:
-    """Rows that may be missed."""
+    """Rows that may be violated."""
     return np.flatnonzero([not row.law for row in program.rows])
 
 
 @cache
 def _elastic(symmetric: bool) -> ca.Function:
-    """The program with the sum of misses for cost: unknowns, then misses below and above."""
+    """The program with the sum of violations as cost: unknowns, violations below and above."""
     program = problem(symmetric=symmetric, lean=False)
     n, soft, rows = program.unknowns, _soft(program), len(program.rows)
     slack = ca.DM(ca.Sparsity.triplet(rows, len(soft), soft.tolist(), list(range(len(soft)))), 1.0)
@@ -151,7 +151,7 @@ def _elastic(symmetric: bool) -> ca.Function:
 
 
 def _prices(program: Problem, request: Request, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Multipliers of rows and bounds at their limits, by least squares of the cost's slope."""
+    """Multipliers of rows and bounds at their limits, by least squares of the cost's gradient."""
     p = parameters(request)
     gradient = np.array(program.derivatives["grad_f"](x, p)[1]).ravel()
     g, slope = program.derivatives["jac_g"](x, p)

@@ -23,7 +23,7 @@ PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "payloa
 """Order of the program's parameters, as `request.parameters` gives them."""
 
 GRID = 25
-"""Instants at which what depends on the posture alone is watched; odd, so that one is mid-step."""
+"""Instants at which rows of the posture alone are checked; odd, so that one is mid-step."""
 
 APART = "distance between feet"
 LANDING = "swing foot velocity on impact (z)"
@@ -33,7 +33,7 @@ PELVIS = "distance between pelvis and stance foot"
 """Rows whose bounds a request may tighten."""
 
 STRAIGHT = "swing foot straight ahead on a slope"
-"""The row whose bounds close where the ground rises: turned-out feet would not stand level."""
+"""The row whose bounds become equal on a slope: turned-out feet would not stand level there."""
 
 LEGS = {"stance": "right", "swing": "left"}
 
@@ -52,8 +52,8 @@ def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool
     Args:
         limits: Bounds.
         place: Matrix from all unknowns to those of this step.
-        sign: Of the pelvis's asymmetry in this step.
-        lean: Whether to leave out what walking seldom meets: the drives' torque at speed.
+        sign: Sign of the pelvis's asymmetry in this step.
+        lean: Whether to omit constraints that walking seldom reaches: the drives' torque at speed.
     """
     p, by_name = parameter_symbols()
     z = ca.SX.sym("z", 3 * SIZE)
@@ -87,7 +87,7 @@ def dynamics_block(limits: Limits, place: FloatArray, sign: float, *, lean: bool
 
 
 def _asymmetry_times(sign: float) -> FloatArray:
-    """Factors of the parameters where the pelvis's asymmetry has another sign."""
+    """Factors of the parameters, with `sign` for the pelvis's asymmetry."""
     return np.array([sign if name == "asymmetry" else 1.0 for name in PARAMETERS])
 
 
@@ -106,7 +106,7 @@ def _inner_values(at: Instant) -> list[ca.SX]:
 
 
 def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
-    weight = robot.total_mass() * GRAVITY  # a scale: the payload does not matter
+    weight = robot.total_mass() * GRAVITY  # only a scale, so the payload is omitted
     along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")
@@ -145,7 +145,7 @@ def _cost(at: dict[str, ca.SX], limits: Limits) -> ca.SX:
 
 
 def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
-    """Distances and, unless `lean`, joint stops over the whole step."""
+    """Block of distances and, unless `lean`, joint stops over the whole step."""
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     at = posture(y, by_name["slope"])
@@ -184,7 +184,7 @@ def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
 
 
 def _stops(leg: str, joint: str) -> tuple[float, float]:
-    """Range of a joint; the tarsus moves against the knee and its stops count for it."""
+    """Range of a joint; the knee's range includes the tarsus's stops, which moves against it."""
     stops = {link.name: link.joint.limits or (-INF, INF) for link in robot.leg_links(leg)}
     low, high = stops[joint]
     if joint == "knee":
@@ -194,7 +194,7 @@ def _stops(leg: str, joint: str) -> tuple[float, float]:
 
 
 def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
-    """Height of the swing foot: at mid-step what is asked for, else above the ground."""
+    """Height of the swing foot: at mid-step at least the clearance, otherwise above the ground."""
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     slope = by_name["slope"]
@@ -213,13 +213,13 @@ def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block
 
 
 def landing_block(limits: Limits, end: FloatArray, start: FloatArray, sign: float) -> Block:
-    """Change of legs: same posture, impact map, and how the swing foot meets the ground.
+    """Change of legs: equal posture, impact map, and touchdown of the swing foot.
 
     Args:
         limits: Bounds.
         end: Matrix from all unknowns to those of the step that ends.
-        start: The same for the step that follows, which is mirrored.
-        sign: Of the pelvis's asymmetry in the step that ends.
+        start: Matrix from all unknowns to those of the following step, which is mirrored.
+        sign: Sign of the pelvis's asymmetry in the step that ends.
     """
     p, by_name = parameter_symbols()
     z = ca.SX.sym("z", 4 * SIZE)
@@ -256,11 +256,12 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
 
     Args:
         first: Matrix from all unknowns to those of the step on the right leg.
-        second: The same for the left leg, mirrored; None for a symmetric gait.
+        second: Matrix for the step on the left leg, mirrored; None for a symmetric gait.
 
-    The feet may be turned out: the heading lies evenly between theirs. A symmetric gait goes
-    straight along it. Otherwise the robot goes along an arc, on which one foot has the longer way:
-    its velocity is the mean of both feet's, each over two steps and seen from the heading halfway.
+    The feet may be turned out: the heading is the mean of both feet's headings. A symmetric gait
+    goes straight along it. Otherwise the robot goes along an arc, on which one foot has the longer
+    path. Its velocity is then the mean of both feet's velocities, each over two steps and relative
+    to the heading halfway.
     """
     p, by_name = parameter_symbols()
     count = 1 if second is None else 2
@@ -280,7 +281,7 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
     turn, yaw2 = by_name["yaw_rate"], -other_yaw
     step = ca.vertcat(ahead, foot[1])
     next_step = ca.vertcat(other[0] / ca.cos(slope), -other[1])
-    # The chord of an arc is shorter than the way along it by sin(a) / a, even in a.
+    # The chord of an arc is shorter than the arc by the factor sin(a) / a, even in a.
     bend = turn * time
     chord = 2.0 * time * (1.0 - bend**2 / 6.0 + bend**4 / 120.0 - bend**6 / 5040.0)
     right = _turned(step + _turned(next_step, yaw), -0.5 * (yaw + bend))
@@ -296,6 +297,6 @@ def travel_block(first: FloatArray, second: FloatArray | None) -> Block:
 
 
 def _turned(way: ca.SX, angle: ca.SX) -> ca.SX:
-    """A way over the ground, turned to the left."""
+    """A displacement over the ground, rotated to the left."""
     c, s = ca.cos(angle), ca.sin(angle)
     return ca.vertcat(c * way[0] - s * way[1], s * way[0] + c * way[1])

@@ -19,10 +19,10 @@ class Values:
     """A program at a point.
 
     Attributes:
-        cost: Scaled.
+        cost: Scaled cost.
         rows: Constraints. Shape (rows,).
-        cost_slope: Shape (unknowns,).
-        jacobian: Shape (rows, unknowns).
+        cost_slope: Gradient of the scaled cost. Shape (unknowns,).
+        jacobian: Jacobian of the constraints. Shape (rows, unknowns).
     """
 
     cost: float
@@ -35,9 +35,9 @@ class Evaluation:
     """Evaluates a program.
 
     Args:
-        blocks: Of the program.
-        unknowns: Of the program.
-        scale: Of the cost.
+        blocks: Blocks of the program.
+        unknowns: Number of the program's unknowns.
+        scale: Scale of the cost.
     """
 
     def __init__(self, blocks: list[Block], unknowns: int, scale: float) -> None:
@@ -64,7 +64,7 @@ class Evaluation:
         return Values(self._scale * cost, rows, self._scale * cost_slope, jacobian)
 
     def hessian(self, x: FloatArray, p: FloatArray, multipliers: FloatArray) -> FloatArray:
-        """Of the Lagrangian. Shape (unknowns, unknowns)."""
+        """Hessian of the Lagrangian. Shape (unknowns, unknowns)."""
         result = np.zeros((self._unknowns, self._unknowns))
         for part, at in zip(self._parts, self._rows, strict=True):
             bend = part.hessian(x, p, multipliers[at], self._scale)
@@ -73,7 +73,7 @@ class Evaluation:
 
 
 class _Part:
-    """A block with its tapes and its matrices from the unknowns that it depends on."""
+    """A block with its tapes, and with its matrices for the unknowns on which it depends."""
 
     def __init__(self, block: Block) -> None:
         maps = np.array(ca.DM(block.map)).reshape(block.count, -1, block.map.size2())

@@ -1,4 +1,4 @@
-"""Where in a step the constraints are placed, and how the unknowns lead there.
+"""Collocation points of a step, and matrices from the unknowns to the coordinates there.
 
 The unknowns of a step are 6 Bezier coefficients for each of 9 outputs and NODES + 2 Bernstein
 coefficients for each of the 2 passive coordinates: with NODES Gauss points that is collocation
@@ -19,7 +19,7 @@ from cassie_gaits.optimize.posture import SIZE
 FloatArray = npt.NDArray[np.float64]
 
 NODES = 15
-"""Gauss points of a step; between them the dynamics are met within about 0.02 Nm."""
+"""Gauss points of a step; between them the error of the dynamics is about 0.02 Nm."""
 
 PASSIVE = 2
 OUTPUT_COUNT = SIZE - PASSIVE
@@ -35,7 +35,7 @@ def gauss() -> tuple[FloatArray, FloatArray]:
 
 
 def bernstein(degree: int, phase: float, derivative: int = 0) -> FloatArray:
-    """Bernstein polynomials of a degree or a derivative of theirs. Shape (degree + 1,)."""
+    """Bernstein polynomials of a degree, or a derivative of them. Shape (degree + 1,)."""
     if derivative:
         lower = bernstein(degree - 1, phase, derivative - 1)
         padded = np.concatenate([[0.0], lower, [0.0]])
@@ -52,10 +52,10 @@ def coordinates_at(phase: float, derivatives: int) -> FloatArray:
 
     Args:
         phase: In [0, 1].
-        derivatives: How many derivatives follow the coordinates, 0 to 2.
+        derivatives: Number of derivatives after the coordinates, 0 to 2.
 
     Returns:
-        Shape ((derivatives + 1) SIZE, STEP_UNKNOWNS).
+        Matrix of shape ((derivatives + 1) SIZE, STEP_UNKNOWNS).
     """
     rows = []
     for order in range(derivatives + 1):

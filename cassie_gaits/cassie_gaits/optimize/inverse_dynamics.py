@@ -1,7 +1,7 @@
 """Recursive Newton-Euler from the right foot up to the pelvis and down to the left foot, symbolic.
 
-Each quantity of a body is in the body's own frame. Heel springs and foot cranks move as `rods`
-says, and what they need reaches knee and toe by virtual work. Gravity enters as an upward
+Each quantity of a body is in the body's own frame. `rods` gives the motion of heel springs and foot
+cranks; their torques add to those of knee and toe by virtual work. Gravity enters as an upward
 acceleration of the ground.
 """
 
@@ -25,7 +25,7 @@ Motion = dict[str, tuple[ca.SX, ca.SX, ca.SX]]
 
 @dataclass
 class State:
-    """A body on the way: rates, accelerations, and the force that its subtree needs."""
+    """A body in the recursion: rates, accelerations, and the force that its subtree needs."""
 
     omega: ca.SX
     alpha: ca.SX
@@ -46,12 +46,12 @@ class State:
 
 @dataclass(frozen=True)
 class Efforts:
-    """What the motion needs.
+    """Torques and ground reaction of a motion.
 
     Attributes:
         stance, swing: Torques of `RIGID_JOINTS`. Shape (5, 1), in Nm.
-        force: Of the ground on the stance foot, in the toe link's frame. Shape (3, 1), in N.
-        moment: Of the ground about the sole's middle, in the toe link's frame. In Nm.
+        force: Ground force on the stance foot, in the toe link's frame. Shape (3, 1), in N.
+        moment: Ground moment about the sole's middle, in the toe link's frame. In Nm.
     """
 
     stance: ca.SX
@@ -61,7 +61,7 @@ class Efforts:
 
 
 def leg_motion(q: ca.SX, v: ca.SX, a: ca.SX) -> tuple[Motion, dict[str, ca.SX]]:
-    """Every hinge of a leg from its five joints, and the slopes of the rods' hinges.
+    """Motion of every hinge of a leg from its five joints, and derivatives of the rods' hinges.
 
     Args:
         q, v, a: Angles, rates and accelerations of `RIGID_JOINTS`. Shape (5, 1).
@@ -87,7 +87,7 @@ def leg_motion(q: ca.SX, v: ca.SX, a: ca.SX) -> tuple[Motion, dict[str, ca.SX]]:
 
 @dataclass(frozen=True)
 class SymbolicBody:
-    """As `bodies.Body`, with symbols."""
+    """A body as `bodies.Body`, with symbols."""
 
     mass: ca.SX
     com: ca.SX
@@ -95,11 +95,11 @@ class SymbolicBody:
 
 
 class Recursion:
-    """One pass over the robot; make it, call `run`.
+    """One pass over the robot: construct it and call `run` once.
 
     Args:
-        asymmetry: Share of the pelvis's asymmetry: 1 as it is, 0 none, -1 its mirror image.
-        payload: Mass at the pelvis's centre of mass beside its own. In kg.
+        asymmetry: Factor on the pelvis's asymmetry: 1 the real one, 0 none, -1 its mirror image.
+        payload: Additional mass at the pelvis's centre of mass. In kg.
     """
 
     def __init__(self, asymmetry: ca.SX, payload: ca.SX) -> None:
@@ -111,7 +111,7 @@ class Recursion:
     def run(
         self, root: State, stance: tuple[ca.SX, ca.SX, ca.SX], swing: tuple[ca.SX, ca.SX, ca.SX]
     ) -> Efforts:
-        """Efforts for a motion.
+        """Torques and ground reaction for a motion.
 
         Args:
             root: Rates and accelerations of the right toe link at the toe joint.
@@ -147,7 +147,7 @@ class Recursion:
         return hinge, turn, rate, accel
 
     def _spread(self) -> None:
-        """Rates and accelerations from the right foot outward."""
+        """Propagate rates and accelerations outward from the right foot."""
         above = dict(zip(CHAIN, ("pelvis", *CHAIN), strict=False))
         for name in reversed(CHAIN):
             self._climb(name, above[name])
@@ -158,7 +158,7 @@ class Recursion:
                 self._descend(leg, name, "tarsus")
 
     def _climb(self, child: str, parent: str) -> None:
-        """From a link of the right leg to the one that carries it in the robot table."""
+        """Propagate from a link of the right leg to its parent in the robot table."""
         hinge, turn, rate, accel = self._hinge("right", child)
         below = self._states["right", child]
         spin = ca.vertcat(0.0, 0.0, rate)
@@ -191,9 +191,10 @@ class Recursion:
         )
 
     def _add_spin(self, leg: str) -> ca.SX:
-        """Inertia of the achilles rod about its length; returns what it asks of the knee. In Nm.
+        """Add the achilles rod's inertia about its length; returns its torque at the knee. In Nm.
 
-        The rod does not spin on its ball joint: the hip pitch link's rates along it are its own.
+        The rod does not spin on its ball joint: its rate along itself is that of the hip pitch
+        link.
         """
         angle, rate, _ = self._motion[leg]["knee"]
         inertia, hip = self._legs[leg].achilles_spin, self._states[leg, "hip_pitch"]
@@ -208,14 +209,14 @@ class Recursion:
         return -inertia * spin * ca.dot(hip.omega, change)
 
     def _between(self, leg: str, base: str, tip: str) -> ca.SX:
-        """Rotation of the body `tip` in the body `base`: both hang on the tarsus or its thigh."""
+        """Rotation of the body `tip` in the body `base`, along the chain between them."""
         if base == "foot_crank":
             return ca.mtimes(self._hinge(leg, base)[1].T, self._hinge(leg, tip)[1])
         turn = ca.mtimes(self._hinge(leg, "knee")[1], self._hinge(leg, "tarsus")[1])
         return ca.mtimes(turn, self._hinge(leg, tip)[1])
 
     def _collect(self) -> dict[tuple[str, str], ca.SX]:
-        """Torque of every hinge, from the outside in."""
+        """Torque of every hinge, from the outermost bodies inward."""
         for (leg, name), state in self._states.items():
             _load(state, self._pelvis if name == "pelvis" else self._legs[leg].bodies[name])
         torques: dict[tuple[str, str], ca.SX] = {}
@@ -242,7 +243,7 @@ class Recursion:
     def _project(
         leg: str, torques: dict[tuple[str, str], ca.SX], slopes: dict[str, ca.SX]
     ) -> ca.SX:
-        """Torques of the drives: what moves along with knee and toe adds to theirs."""
+        """Torques of the drives; torques of the rods' hinges add to those of knee and toe."""
         by_joint = {name: torques[leg, name] for name in RIGID_JOINTS}
         by_joint["knee"] += slopes["heel_spring"] * torques[leg, "heel_spring"]
         by_joint["knee"] -= torques[leg, "tarsus"]
@@ -255,7 +256,7 @@ def _key(leg: str, name: str) -> tuple[str, str]:
 
 
 def _load(state: State, body: Body | SymbolicBody) -> None:
-    """Force and moment that a body's own inertia needs."""
+    """Add the force and moment that a body's own inertia needs."""
     com, inertia = ca.SX(body.com), ca.SX(body.inertia)
     push = body.mass * state.point(com)
     turn = ca.mtimes(inertia, state.alpha) + ca.cross(state.omega, ca.mtimes(inertia, state.omega))
@@ -264,7 +265,7 @@ def _load(state: State, body: Body | SymbolicBody) -> None:
 
 
 def _pelvis(asymmetry: ca.SX, payload: ca.SX) -> SymbolicBody:
-    """The pelvis with its asymmetry scaled, and with its load."""
+    """The pelvis with scaled asymmetry and with its payload."""
     body = bodies.pelvis()
     com, inertia = ca.SX(ca.DM(body.com)), ca.SX(ca.DM(body.inertia))
     com[1] *= asymmetry
@@ -275,7 +276,7 @@ def _pelvis(asymmetry: ca.SX, payload: ca.SX) -> SymbolicBody:
 
 
 def foot_frame() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """The level foot (ahead, left, up) to the toe link's frame: v_toe = result @ v_foot. (3, 3)."""
+    """Rotation from level foot (ahead, left, up) to toe link: v_toe = result @ v_foot. (3, 3)."""
     bend = np.radians(50.0) - bodies.foot_tilt()
     c, s = np.cos(bend), np.sin(bend)
     pitch = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

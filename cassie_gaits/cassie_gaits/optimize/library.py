@@ -1,4 +1,4 @@
-"""A whole library: gaits solved next to each other, each certified, over several processes."""
+"""A whole library: gaits solved from their neighbours, each certified, in several processes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from cassie_gaits.optimize.solution import Outcome, Point, exchanged, point_of, 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What came of one request.
+    """Result of one request.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         gait: The gait with its certificate, or None.
-        outcome: Of the solver; None for a gait that was taken over from an earlier run.
-        reason: Why there is no gait, in a line; empty if there is one.
+        outcome: Outcome of the solver; None for a gait from an earlier run.
+        reason: Why there is no gait, in one line; empty if there is one.
     """
 
     request: Request
@@ -35,7 +35,7 @@ class Result:
 
 @dataclass
 class _Work:
-    """What is under way."""
+    """State of the running work."""
 
     nearer: dict[Request, list[Request]]
     waiting: list[Request]
@@ -46,7 +46,7 @@ class _Work:
 
     @property
     def pending(self) -> list[Future[Any]]:
-        """Everything that an executor has."""
+        """All futures that an executor works on."""
         return [*self.solving, *self.checking, *self.explaining]
 
 
@@ -55,15 +55,15 @@ def find(
 ) -> Iterator[Result]:
     """Solve and certify every request; results come as they are ready.
 
-    A gait starts from its mirror image if that is wanted too, else from its neighbour nearer to
-    rest, which makes neighbours alike and the solver quick; where that fails it starts from another
-    one, at last from the constant guess. Mirror images differ by the pelvis's asymmetry alone, so
-    the second takes a few iterations; it has its own certificate.
+    A gait starts from its mirror image if that is requested, too, otherwise from its neighbour
+    nearer to rest. This makes neighbours similar and the solver fast. If it fails, the gait starts
+    from another neighbour, and at last from the constant guess. Mirror images differ by the
+    pelvis's asymmetry only, so the second one takes a few iterations; it has its own certificate.
 
     Args:
-        requests: What is wanted, all different.
+        requests: Requests, all different.
         executor: Runs the work: local processes or a cluster.
-        done: Gaits that are there already; None for what is known to fail.
+        done: Gaits that exist already; None for requests that are known to fail.
     """
     work = _Work(neighbours(requests), [request for request in requests if request not in done])
     for request, gait in done.items():
@@ -82,10 +82,10 @@ def find(
 
 
 def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
-    """Of each request those to start from, best first.
+    """For each request the other requests from which it can start, best first.
 
-    One that goes to the right starts from its mirror image, which goes to the left; otherwise a
-    gait one step nearer to rest does: in turning, then to the side, then ahead.
+    A gait to the right starts from its mirror image to the left. Another gait starts from one that
+    is a step nearer to rest: in turning rate, then in lateral speed, then in sagittal speed.
     """
     names = ("yaw_rate", "vy", "vx")
     by_speeds = {tuple(getattr(r, name) for name in names): r for r in requests}
@@ -105,7 +105,7 @@ def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
 
 
 def _mirrored(speeds: tuple[float, ...]) -> tuple[float, ...]:
-    """Turning rate, speed to the side and ahead with left and right exchanged."""
+    """Turning rate, lateral and sagittal speed with left and right exchanged."""
     yaw_rate, vy, vx = speeds
     return -yaw_rate, -vy, vx
 
@@ -122,7 +122,7 @@ def _start_ready(work: _Work, executor: Executor) -> None:
 
 
 def _solve(work: _Work, executor: Executor, request: Request, nearer: list[Request]) -> None:
-    """From the first of `nearer` that has a point; the others are left to try."""
+    """Begin to solve from the first of `nearer` with a point; the others are tried later."""
     near = next((i for i, other in enumerate(nearer) if work.points.get(other)), None)
     point = None if near is None else _start(request, nearer[near], work.points[nearer[near]])
     left = [] if near is None else nearer[near + 1 :]
@@ -131,7 +131,7 @@ def _solve(work: _Work, executor: Executor, request: Request, nearer: list[Reque
 
 
 def _start(request: Request, other: Request, point: Point | None) -> Point | None:
-    """Where to begin for a request, from the point of another one."""
+    """Start point for a request, from the point of another one."""
     mirrored = (other.vx, -other.vy, -other.yaw_rate) == (request.vx, request.vy, request.yaw_rate)
     if point is None or request.symmetric or not mirrored:
         return point

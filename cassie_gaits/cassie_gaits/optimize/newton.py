@@ -18,32 +18,32 @@ from cassie_gaits.optimize.evaluation import Evaluation, Values
 FloatArray = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-6
-"""Of the scaled optimality conditions; the same as IPOPT's `tol`."""
+"""Tolerance of the scaled optimality conditions, as IPOPT's `tol`."""
 
 _TO_BOUNDARY = 0.99
-"""Part of the distance to a bound that a step may take."""
+"""Largest share of the distance to a bound that a step may take."""
 
 _SHORTEST = 1e-3
-"""Part of the longest step below which the search gives up."""
+"""Share of the longest step below which the line search stops without success."""
 
 _SHIFTS = (0.0, 1e-2, 1.0, 1e2, 1e4)
-"""Added to the Hessian's diagonal until the step is one towards a minimum."""
+"""Values added to the Hessian's diagonal, in turn, until the step leads towards a minimum."""
 
 _SOLVED, _FALL = 10.0, 0.2
-"""Error by barrier at which a barrier counts as solved, and by which the next one is smaller."""
+"""Ratio of error to barrier at which a barrier problem counts as solved, and factor of the next."""
 
 _PRICE_SCALE = 100.0
 _LESS = 1e-5
-"""Least relative progress that the filter takes for one."""
+"""Least relative progress that the filter accepts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Of unknowns and rows; equal where one is fixed, infinite where there is none.
+    """Bounds of unknowns and rows; equal for a fixed one, infinite for no bound.
 
     Attributes:
-        x_lower, x_upper: Shape (unknowns,).
-        lower, upper: Shape (rows,).
+        x_lower, x_upper: Bounds of the unknowns. Shape (unknowns,).
+        lower, upper: Bounds of the rows. Shape (rows,).
     """
 
     x_lower: FloatArray
@@ -54,12 +54,12 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Ended:
-    """Where the iteration ended.
+    """End of the iteration.
 
     Attributes:
-        unknowns: Shape (unknowns,).
-        status: In IPOPT's words.
-        iterations: Steps taken.
+        unknowns: Unknowns at the end. Shape (unknowns,).
+        status: Status, named as in IPOPT.
+        iterations: Number of steps.
     """
 
     unknowns: FloatArray
@@ -76,8 +76,8 @@ class _Iterate:
         w: Variables with bounds: free unknowns, then slacks of the inequalities. Shape (m,).
         low, high: Multipliers of the bounds of `w`. Shape (m,).
         prices: Multipliers of the rows. Shape (rows,).
-        values: Of the program at x.
-        miss: By how much rows differ from their targets and slacks. Shape (rows,).
+        values: Values of the program at x.
+        miss: Differences of rows from their targets or slacks. Shape (rows,).
     """
 
     x: FloatArray
@@ -91,7 +91,7 @@ class _Iterate:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """Change of `w` and the multipliers to go to."""
+    """Change of `w`, and the new multipliers."""
 
     change: FloatArray
     low: FloatArray
@@ -103,10 +103,10 @@ class Newton:
     """The barrier problem of one request.
 
     Args:
-        evaluation: Of the program.
-        bounds: Of unknowns and rows.
+        evaluation: Evaluation of the program.
+        bounds: Bounds of unknowns and rows.
         p: Parameters.
-        barrier: Weight of the logarithms where the iteration ends.
+        barrier: Weight of the logarithms at the end of the iteration.
 
     Source:
         Waechter and Biegler 2006, Secs. 2.1 to 2.3, with the slacks eliminated.
@@ -132,10 +132,10 @@ class Newton:
         """Iterate.
 
         Args:
-            start: Unknowns.
-            most: Steps at most.
-            inside: Least distance from the bounds in which the iteration begins.
-            barrier: With which it begins; it falls to that of the class.
+            start: Unknowns at the start.
+            most: Largest number of steps.
+            inside: Least distance from the bounds at the start.
+            barrier: Barrier at the start; it decreases to that of the class.
         """
         self._filter.clear()
         self._barrier = max(barrier, self._last)
@@ -156,7 +156,7 @@ class Newton:
         return Ended(at.x, "Maximum_Iterations_Exceeded", most)
 
     def _begin(self, start: FloatArray, inside: float) -> _Iterate:
-        """Inside the bounds, with the multipliers that belong there."""
+        """First iterate, inside the bounds, with the multipliers for that point."""
         n = len(self._free)
         x = np.clip(start, *self._x_bounds)
         rows = self._evaluation.cost_and_rows(x, self._p)[1]
@@ -183,7 +183,7 @@ class Newton:
         return miss
 
     def _error(self, at: _Iterate) -> float:
-        """How far the conditions of an optimum are from being met, scaled as in IPOPT."""
+        """Error of the optimality conditions, scaled as in IPOPT."""
         n = len(self._free)
         pull = at.high - at.low
         dual = at.values.cost_slope[self._free] + at.values.jacobian[:, self._free].T @ at.prices
@@ -232,7 +232,7 @@ class Newton:
         return _Step(change, low, high, prices)
 
     def _advance(self, at: _Iterate, step: _Step) -> bool:
-        """Go along a step as far as that is an improvement; says whether there is any."""
+        """Whether a step is an improvement for some length; goes along it by that length."""
         down, up = at.w - self._lower, self._upper - at.w
         longest = min(_reach(down, step.change), _reach(up, -step.change))
         size = self._search(at, step.change, longest)
@@ -267,7 +267,7 @@ class Newton:
                 better = new_merit <= merit + 1e-8 * size * slope + rounding
             else:
                 better = _better(new_missed, new_merit, missed, merit)
-            # Where only rounding is left, the last steps are Newton's own.
+            # If only rounding errors are left, accept Newton's full steps.
             better = better or (new_missed < 1e-7 and new_merit <= merit + rounding)
             if better and all(_better(new_missed, new_merit, *entry) for entry in self._filter):
                 if not steep:
@@ -284,14 +284,14 @@ class Newton:
 
 
 def _better(missed: float, merit: float, old_missed: float, old_merit: float) -> bool:
-    """Whether one of the two is smaller; never for what is not a number."""
+    """Whether one of the two is smaller; false for NaN."""
     return missed <= (1.0 - _LESS) * old_missed or (
         merit <= old_merit - _LESS * old_missed and missed < np.inf
     )
 
 
 def _reach(distance: FloatArray, change: FloatArray) -> float:
-    """Longest step, at most 1, that leaves a part of each distance."""
+    """Longest step, at most 1, that leaves a share of each distance to a bound."""
     shrinks = (change < 0.0) & np.isfinite(distance)
     if not shrinks.any():
         return 1.0
@@ -315,7 +315,7 @@ def _saddle(hessian: FloatArray, equations: FloatArray, right: FloatArray) -> Fl
 
 
 def _negative(factors: FloatArray, pivots: npt.NDArray[np.int32]) -> int:
-    """Negative eigenvalues of a matrix from LAPACK's factors L D L'."""
+    """Number of negative eigenvalues of a matrix, from LAPACK's factors L D L'."""
     single = pivots > 0
-    pairs = int((~single).sum()) // 2  # a block of two has one of each sign
+    pairs = int((~single).sum()) // 2  # a 2 x 2 block has one eigenvalue of each sign
     return int((factors.diagonal()[single] < 0.0).sum()) + pairs

@@ -1,7 +1,7 @@
-"""What a run has found so far: a line of JSON a gait, so that a run that was killed can go on.
+"""Results of a run so far: one line of JSON per gait, so that a run that was killed can go on.
 
-The first line says for which robot; each other line holds a request and its gait, certified, or the
-reason why there is none. A last line that was cut off counts as not written.
+The first line names the robot. Each other line has a request and its certified gait, or the reason
+why there is none. An incomplete last line is ignored.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ Found = dict[Request, Gait | str]
 
 
 class PartialFile:
-    """The file beside `out` in which a run leaves what it found.
+    """The file beside `out` in which a run stores its results.
 
     Args:
-        out: The library that is to be written.
+        out: Path of the library that is to be written.
     """
 
     def __init__(self, out: Path) -> None:
         self.path = out.with_name(out.name + ".partial")
 
     def begin(self, found: Found) -> None:
-        """Start anew, with what is there already."""
+        """Write a new file, with the results that exist already."""
         header = json.dumps({"model_hash": model_hash()})
         lines = [header, *(_line(request, result) for request, result in found.items())]
         self.path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def add(self, request: Request, result: Gait | str) -> None:
-        """Append one."""
+        """Append a result."""
         with self.path.open("a", encoding="utf-8") as file:
             file.write(_line(request, result) + "\n")
 
     def remove(self) -> None:
-        """The run came to its end."""
+        """Remove the file at the end of a run."""
         self.path.unlink(missing_ok=True)
 
     def read(self, wanted: Iterable[Request]) -> Found:
-        """What an earlier run found of what is wanted.
+        """Results of an earlier run for the requests in `wanted`.
 
         Raises:
             GaitLibraryError: if the file is for another robot or damaged before its last line, or
-                a gait in it differs from what was certified.
+                a gait in it differs from the certified one.
         """
         if not self.path.exists():
             return {}
@@ -94,7 +94,7 @@ def _parsed(line: str, index: int, path: Path) -> dict[str, Any]:
 
 
 def _key(document: object) -> str:
-    if isinstance(document, dict):  # -0.0 is 0.0
+    if isinstance(document, dict):  # turns -0.0 into 0.0
         document = {k: v + 0.0 if isinstance(v, float) else v for k, v in document.items()}
     return json.dumps(document, sort_keys=True)
 

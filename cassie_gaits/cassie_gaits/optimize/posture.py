@@ -1,8 +1,8 @@
 """Joint angles and torso attitude from outputs and passive coordinates, in closed form.
 
-The right foot stands level along the world's x axis on ground that rises by `slope` ahead, free
-to roll about the middle line of its sole. Nine outputs and two passive coordinates then fix
-every joint.
+The right foot is level along the world's x axis on ground that rises by `slope` ahead, free
+to roll about the middle line of its sole. Nine outputs and two passive coordinates then
+determine every joint.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cassie_gaits.optimize.inverse_dynamics import foot_frame
 from cassie_gaits.virtual_leg import HIP_OFFSET, KNEE_OFFSET, SHIN, THIGH, TOE_OFFSET
 
 COORDINATES = (*OUTPUTS, *PASSIVE)
-"""The eleven coordinates of a step: the outputs, then the passive two."""
+"""The eleven coordinates of a step: the nine outputs, then the two passive coordinates."""
 
 SIZE = len(COORDINATES)
 _AT = {name: i for i, name in enumerate(COORDINATES)}
@@ -27,7 +27,7 @@ _AT = {name: i for i, name in enumerate(COORDINATES)}
 
 @dataclass(frozen=True)
 class Posture:
-    """A posture of the step.
+    """One posture in a step.
 
     Attributes:
         stance, swing: Angles of hip_roll, hip_yaw, hip_pitch, knee, toe. Shape (5, 1), in rad.
@@ -84,11 +84,11 @@ def knee_and_lean(length: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def places(at: Posture) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Pelvis and swing sole from the stance sole, and the swing foot's attitude, in the world.
+    """Pelvis and swing sole relative to the stance sole, and the swing foot's attitude.
 
     Returns:
-        Positions of shape (3, 1) in m, and the rotation of the level swing foot (ahead, left,
-        up) to the world. Shape (3, 3).
+        Positions in the world of shape (3, 1) in m, and the rotation of the level swing foot
+        (ahead, left, up) to the world. Shape (3, 3).
     """
     torso = ca.mtimes([rods.about_z(at.torso[0]), _about_y(at.torso[1]), about_x(at.torso[2])])
     stance, _ = _sole_in_pelvis("right", at.stance)

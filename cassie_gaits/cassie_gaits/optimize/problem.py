@@ -21,11 +21,11 @@ FloatArray = npt.NDArray[np.float64]
 COST_SCALE = 1e-3
 
 GUESS = {"leg_length": 0.9}
-"""The constant first guess; coordinates not named here are zero. The solver goes from there to the
+"""The constant first guess; coordinates not named here are zero. From there the solver reaches the
 cheapest of several local optima. In m."""
 
 BARRIER = 1e-4
-"""Of the log barrier where the solver ends and where a neighbour begins."""
+"""Weight of the log barrier at which the solver ends and a neighbour's solution begins."""
 
 _IPOPT = {
     "print_level": 0,
@@ -33,10 +33,10 @@ _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-7,
     "acceptable_iter": 0,
-    # The barrier stays: it costs a thousandth, and gaits change smoothly with the speed.
+    # The final barrier increases the cost by 0.1 % and makes gaits change smoothly with the speed.
     "mu_target": BARRIER,
     "linear_solver": "mumps",
-    # Slower than an adaptive barrier, but it goes to the same optimum from any first guess.
+    # Slower than an adaptive barrier, but it reaches the same optimum from any first guess.
     "mu_strategy": "monotone",
 }
 
@@ -49,21 +49,21 @@ _FOLLOW = {
     "warm_start_slack_bound_frac": 1e-6,
     "warm_start_mult_bound_push": 1e-6,
 }
-"""To go from a neighbour's solution to the one that belongs with it."""
+"""Options to start from a neighbour's solution and to stay in its local optimum."""
 
 _FOLLOW_ITERATIONS = 120
-"""Most of the follower's; it takes 5 to 30, and another start does better than going on."""
+"""Most iterations of the follower; it takes 5 to 30, and beyond, another start is better."""
 
 
 class Problem:
-    """The program for symmetric or for general gaits; what a gait shall be are its parameters.
+    """The program for symmetric or for general gaits; its parameters are those of the request.
 
     Args:
-        symmetric: One step, its own mirror image, or two.
-        lean: Whether to leave out constraints that walking seldom meets. Whoever solves the lean
-            program looks at all of them afterwards.
+        symmetric: Whether the program has one step, mirrored, or two steps.
+        lean: Whether to omit constraints that walking seldom reaches. After solving the lean
+            program, the caller must check all constraints.
         limits: Bounds.
-        max_iterations: Of the solver.
+        max_iterations: Largest number of the solver's iterations.
     """
 
     def __init__(
@@ -103,28 +103,28 @@ class Problem:
 
     @cached_property
     def solver(self) -> ca.Function:
-        """IPOPT: x0, p, lbx, ubx, lbg, ubg to x, f, g and multipliers."""
+        """IPOPT as a function from x0, p, lbx, ubx, lbg, ubg to x, f, g and multipliers."""
         return self._ipopt({})
 
     @cached_property
     def follower(self) -> ca.Function:
-        """The same from a neighbour's solution, with its multipliers."""
+        """IPOPT for a start from a neighbour's solution and its multipliers."""
         return self._ipopt({**_FOLLOW, "max_iter": min(_FOLLOW_ITERATIONS, self._max_iterations)})
 
     @cached_property
     def evaluation(self) -> Evaluation:
-        """Of cost, rows and their derivatives for `newton`."""
+        """Evaluation of cost, rows and their derivatives for `newton`."""
         return Evaluation(self.blocks, self.unknowns, COST_SCALE)
 
     def prepare(self) -> None:
-        """Set up the solvers now rather than at the first gait."""
+        """Set up the solvers now, and not at the first gait."""
         self.solver.n_in()
         self.follower.n_in()
         self.evaluation.cost_and_rows(self.guess(), np.ones(self.parameters))
 
     @cached_property
     def values(self) -> ca.Function:
-        """x, p to scaled cost and constraints."""
+        """Function from x, p to scaled cost and constraints."""
         x, p, f, g = self._symbols()
         return ca.Function("values", [x, p], [f, g])
 
@@ -162,7 +162,7 @@ class Problem:
 
     @cached_property
     def derivatives(self) -> dict[str, ca.Function]:
-        """Of the cost, of the rows and of the Lagrangian, as IPOPT's interface takes them."""
+        """Derivatives of cost, rows and Lagrangian, in the form of IPOPT's interface."""
         x, p, *_ = self._symbols()
         slopes = [block.slope(x, p) for block in self.blocks]
         g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 1))
@@ -212,5 +212,5 @@ def _constant(values: dict[str, float], other: float) -> FloatArray:
 
 @cache
 def problem(*, symmetric: bool, lean: bool) -> Problem:
-    """The program with the table's limits, made once in a process."""
+    """The program with the table's limits, made once per process."""
     return Problem(symmetric=symmetric, lean=lean)

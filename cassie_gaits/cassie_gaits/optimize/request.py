@@ -1,4 +1,4 @@
-"""What a gait shall be, and what the optimization holds it to."""
+"""Requests for gaits, and bounds of the optimization."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TABLE_ONLY = {
     "pelvis_distance": 1.0,
     "detour": 1.0,
 }
-"""Where a request leaves the table alone."""
+"""Values of a request that do not tighten the table's bounds."""
 
 
 @dataclass(frozen=True)
@@ -46,26 +46,26 @@ class Request:
         step_time: Duration of a step. In s.
         clearance: Least height of the swing foot at mid-step. In m.
         slope: Rise of the ground ahead. In rad.
-        payload: Mass at the pelvis's centre of mass beside its own. In kg.
-        landing_speed: Largest speed of the foot down to the ground; the table allows 1. In m/s.
-        feet_apart: Least distance of the feet to the side; the table asks for 0.2. In m.
-        torso_pitch: Bound of torso pitch, up to 1.2 where it binds nothing. In rad.
-        torso_roll: Bound of torso roll, likewise. In rad.
-        hip_yaw: Bound of the hips' yaw beyond what turning takes, up to 1.2 likewise. In rad.
+        payload: Additional mass at the pelvis's centre of mass. In kg.
+        landing_speed: Largest downward speed of the landing foot; the table allows 1. In m/s.
+        feet_apart: Least lateral distance of the feet; the table requires 0.2. In m.
+        torso_pitch: Bound of torso pitch, up to 1.2, which is no constraint. In rad.
+        torso_roll: Bound of torso roll, up to 1.2, which is no constraint. In rad.
+        hip_yaw: Bound of the hips' yaw in addition to that for turning, up to 1.2. In rad.
         pelvis_distance: Largest distance of pelvis and stance foot; the table allows 1. In m.
-        detour: How far the swing foot goes beyond where it lifts off and lands, fore and aft, when
-            walking straight; turning gets room for the longer way of the outer foot. In m.
-        symmetric: Whether a left step is the mirror image of a right one, on a robot whose pelvis
-            is made symmetric. Otherwise two steps are found, for the robot as it is.
+        detour: Largest distance of the swing foot, fore and aft, beyond lift-off and landing when
+            walking straight; turning adds room for the outer foot's longer path. In m.
+        symmetric: Whether a left step is the mirror image of a right one, on a robot with a
+            symmetric pelvis. Otherwise two steps are found, for the real robot.
 
     Raises:
         GaitLibraryError: if a number is not finite or out of range, or a symmetric gait is to go
             sideways or turn.
 
-    Seven of these keep inside the table what it leaves wide: with `TABLE_ONLY` the cost is a fifth
-    lower, but the torso sways by 0.07 rad and leans by 0.2 rad, the legs are nearly straight and
-    the foot lands at 1 m/s, which a robot with springs, delays and the PD law of
-    eq:ytildecontrol does not follow.
+    Seven of these values are tighter than the table. With `TABLE_ONLY` the cost is a fifth
+    lower, but the torso rolls by 0.07 rad and pitches by 0.2 rad, the legs are nearly straight and
+    the foot lands at 1 m/s. A robot with springs, delays and the PD law of eq:ytildecontrol does
+    not follow such a gait.
 
     Source:
         Table `table:optimization_constraints`.
@@ -97,7 +97,7 @@ class Request:
 
     @property
     def name(self) -> str:
-        """For a line of progress."""
+        """Name of the request, for progress messages."""
         text = f"vx {self.vx:+.2f} m/s"
         if self.vy or self.yaw_rate:
             text += f", vy {self.vy:+.2f} m/s, yaw {self.yaw_rate:+.2f} rad/s"
@@ -106,20 +106,20 @@ class Request:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of the table, and how far inside them the solver stays.
+    """Bounds of the table, and margins of the solver.
 
-    The solver sees constraints at a number of instants; the margins keep what lies between them
-    inside the bounds.
+    The solver evaluates constraints at a number of instants; the margins keep the motion between
+    them within the bounds.
 
     Attributes:
-        friction: Largest ratio of ground force along the ground and across it.
-        feet_apart: Least distance of the feet to the side. In m.
-        pelvis_low, pelvis_high: Distance from the pelvis's origin to the stance foot. In m.
-        landing_speed: Largest speed of the foot down to the ground. In m/s.
+        friction: Largest ratio of tangential to normal ground force.
+        feet_apart: Least lateral distance of the feet. In m.
+        pelvis_low, pelvis_high: Bounds of the distance from pelvis's origin to stance foot. In m.
+        landing_speed: Largest downward speed of the landing foot. In m/s.
         foot_pitch: Bound of the swing foot's pitch against the ground. In rad.
-        definite: Least speed of the foot up at lift-off and down at landing. In m/s.
-        margin: Of lengths. In m.
-        share: Of friction and of the drives' torque and speed that is used.
+        definite: Least speed of the foot, upward at lift-off and downward at landing. In m/s.
+        margin: Margin of lengths. In m.
+        share: Largest used share of friction and of the drives' torque and speed.
         weight: c of the cost.
     """
 
@@ -151,7 +151,7 @@ def parameters(request: Request) -> list[float]:
 
 
 def as_document(request: Request) -> dict[str, float | bool]:
-    """For the library's file; without the payload where there is none, as in older files."""
+    """The request for the library's file; without a payload of 0, as in older files."""
     document = asdict(request)
     if not request.payload:
         del document["payload"]

@@ -1,7 +1,7 @@
 """Heel spring angle by the knee and foot crank angle by the toe, in closed form, as symbols.
 
-With rigid springs the tarsus keeps its attitude to the thigh, so the knee alone fixes the heel
-spring. `cassie_gaits.linkage` has the same loops for numbers and any spring deflection.
+With rigid springs the attitude of the tarsus to the thigh is constant, so the knee alone determines
+the heel spring. `cassie_gaits.linkage` has the same loops for numbers and any spring deflection.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def achilles_direction(knee: ca.SX) -> ca.SX:
 
 
 def _achilles_base(knee: ca.SX | ca.DM) -> tuple[npt.NDArray[np.float64], Any]:
-    """The tarsus's attitude to the hip pitch link, and the rod's base seen from the heel spring.
+    """The tarsus's attitude to the hip pitch link, and the rod's base from the heel spring.
 
     Returns:
         Attitude of shape (3, 3), and the base in the tarsus's axes, (3, 1) in m.
@@ -66,7 +66,7 @@ def _achilles_base(knee: ca.SX | ca.DM) -> tuple[npt.NDArray[np.float64], Any]:
         ca.DM(turn), ca.mtimes(about_z(knee - thigh.joint.zero), to_tarsus)
     )
     turned = robot.NEUTRAL_TARSUS - thigh.joint.zero - tarsus.joint.zero
-    # Knee, shin and tarsus turn about the same axis, so the order of these does not matter.
+    # Knee, shin and tarsus turn about the same axis, so their order does not matter.
     attitude = turn @ link_rotation(tarsus) @ np.array(about_z(ca.DM(turned)))
     base = ca.mtimes(ca.DM(attitude.T), ca.DM(_LINKS["achilles_rod"].position) - corner)
     return attitude, base - ca.DM(_LINKS["heel_spring"].position)
@@ -84,4 +84,4 @@ def _heel_angle(knee: ca.SX | ca.DM, sign: float) -> Any:
 
 
 _HEEL_SIGN = min((-1.0, 1.0), key=lambda sign: abs(float(_heel_angle(ca.DM(-1.2), sign))))
-"""Of the two ways to close the loop the spring's angle is the small one."""
+"""Sign of the loop's solution with the smaller angle, which is that of the spring."""

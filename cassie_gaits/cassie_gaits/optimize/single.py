@@ -1,6 +1,6 @@
 """One gait at a time, made while the robot walks: solved from the library's nearest, certified.
 
-What comes out depends on the conditions alone: not on earlier answers, and not on the clock.
+The result depends on the conditions only, not on earlier answers or the clock.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from cassie_gaits.optimize.request import Request
 from cassie_gaits.optimize.solution import Point, point_of, prepare_newton, solve
 
 SLOPE_STEP, PAYLOAD_STEP, SPEED_STEP = 0.01, 0.5, 0.01
-"""To which conditions are rounded, so that a noisy estimate asks for the same gait. In rad, kg and
-m/s or rad/s."""
+"""Steps to which conditions are rounded, so that a noisy estimate gives the same gait. In rad, kg
+and m/s or rad/s."""
 
-_RADIUS = 0.25  # m: a turn of 1 rad/s is as far from none as 0.25 m/s
-_PREPARED = 0.5  # m/s, of the gaits that `prepare` solves
+_RADIUS = 0.25  # m; in the distance of gaits, 1 rad/s of turning rate counts as 0.25 m/s
+_PREPARED = 0.5  # m/s, speed of the gaits that `prepare` solves
 
 
 class Result(enum.IntEnum):
-    """What came of it, in the numbers of Gait.msg."""
+    """Kinds of results, as the constants of Gait.msg."""
 
     FOUND = 0
     REFUSED = 1
@@ -36,12 +36,12 @@ class Result(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the robot is asked and is now.
+    """Commanded speeds, and present state of robot and ground.
 
     Attributes:
         vx, vy: Mean speed ahead and to the left. In m/s.
         yaw_rate: Mean turning rate to the left. In rad/s.
-        payload: Mass on the pelvis beside its own. In kg.
+        payload: Additional mass on the pelvis. In kg.
         slope: Rise of the ground ahead. In rad.
     """
 
@@ -60,14 +60,14 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What came of some conditions.
+    """Answer for some conditions.
 
     Attributes:
-        result: Kind.
-        conditions: For which the gait was made.
-        gait: With its certificate; None unless the result is FOUND.
-        reason: How it was found, or why not, in a line.
-        solve_time, certify_time: Of the processor. In s.
+        result: Kind of the result.
+        conditions: Conditions for which the gait was made.
+        gait: The gait, with its certificate; None unless the result is FOUND.
+        reason: How the gait was found, or why not, in one line.
+        solve_time, certify_time: Processor time. In s.
     """
 
     result: Result
@@ -82,10 +82,10 @@ class GaitMaker:
     """Makes gaits, each from the nearest of a library.
 
     Args:
-        library: Certified, made by this optimizer.
+        library: Certified library, made by this optimizer.
 
     Raises:
-        GaitLibraryError: if no gait of the library can be started from.
+        GaitLibraryError: if no gait of the library can serve as a start.
     """
 
     def __init__(self, library: GaitLibrary) -> None:
@@ -97,14 +97,14 @@ class GaitMaker:
             raise GaitLibraryError("the library has no gait of this optimizer to start from")
 
     def prepare(self) -> None:
-        """Make both programs and go through each once: the first gait need not wait for that."""
+        """Make both programs and solve each once, so that the first gait need not wait for that."""
         for symmetric in (True, False):
             prepare_newton(symmetric=symmetric)
             turn = 0.0 if symmetric else 0.1
             self.make(Conditions(_PREPARED, 0.0, turn, 0.0, 0.0))
 
     def make(self, conditions: Conditions) -> Answer:
-        """Solve and certify."""
+        """The answer for some conditions: solves for a gait and certifies it."""
         conditions = conditions.rounded()
         try:
             request = _request(conditions)
@@ -130,7 +130,7 @@ class GaitMaker:
         return Answer(Result.FOUND, conditions, gait, reason, *times)
 
     def _nearest(self, request: Request) -> Point:
-        """Where to begin: at the gait whose speeds are nearest."""
+        """Start point: that of the gait with the nearest speeds."""
 
         def distance(entry: tuple[Gait, Point]) -> float:
             gait = entry[0]
@@ -142,10 +142,10 @@ class GaitMaker:
 
 
 def _request(conditions: Conditions) -> Request:
-    """The request for such a gait.
+    """The request for some conditions.
 
     Raises:
-        GaitLibraryError: if a number is not finite or out of range, or it turns on a slope.
+        GaitLibraryError: if a number is not finite or out of range, or the gait turns on a slope.
     """
     straight = conditions.vy == 0.0 and conditions.yaw_rate == 0.0
     if conditions.slope != 0.0 and conditions.yaw_rate != 0.0:
@@ -161,5 +161,5 @@ def _request(conditions: Conditions) -> Request:
 
 
 def _round(value: float, step: float) -> float:
-    """To a multiple of a step, as its shortest decimal; not a number stays that."""
+    """`value`, rounded to a multiple of a step, as its shortest decimal; NaN stays NaN."""
     return round(round(value / step) * step, 6) + 0.0 if math.isfinite(value) else value

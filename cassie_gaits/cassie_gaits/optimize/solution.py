@@ -1,4 +1,4 @@
-"""Solving for a gait, and the gait that comes out."""
+"""Solution of the program, and the resulting gait."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from cassie_gaits.optimize.step_model import instant
 FloatArray = npt.NDArray[np.float64]
 
 TORQUE_DEGREE = 28
-"""Of the polynomials that stand for the torques in the file."""
+"""Degree of the polynomials of the torques in the file."""
 
 DIGITS = (9, 9, 6)
-"""Decimals of outputs, passive motion and torques in the file; the certificate is of those."""
+"""Decimals of outputs, passive motion and torques in the file; rounded values are certified."""
 
 TRAVEL_ROWS = 3
-"""Mean speeds, the last rows of a program of two steps."""
+"""Number of rows of mean speeds, the last rows of a program of two steps."""
 
 NEWTON_BARRIER = 2.5e-4
-"""Of the scaled cost; what IPOPT's `mu_target` comes to after its own scaling of the cost."""
+"""Barrier of the scaled cost, equal to IPOPT's `mu_target` after IPOPT's scaling of the cost."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One way to begin Newton's method: its arguments `inside`, `barrier` and `most`."""
+    """One start of Newton's method: its arguments `inside`, `barrier` and `most`."""
 
     inside: float
     barrier: float
@@ -44,21 +44,21 @@ class Attempt:
 
 
 NEAR = Attempt(inside=1e-3, barrier=NEWTON_BARRIER, most=20)
-"""From a neighbour of the library, where 8 to 13 steps are usual."""
+"""Attempt for a neighbour in the library, which usually takes 8 to 13 steps."""
 
 FAR = Attempt(inside=1e-2, barrier=1e-2, most=30)
-"""Where that does not get there: away from the bounds at first, which takes 14 to 27 steps."""
+"""Attempt if `NEAR` fails: starts farther from the bounds, which takes 14 to 27 steps."""
 
 LEEWAY = 1e-4
-"""Largest scaled violation in a solved gait: half of the margin that the limits keep."""
+"""Largest scaled violation in a solved gait: half of the limits' margin."""
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a solver ended, for a neighbour to start from.
+    """End point of a solver, from which a neighbour can start.
 
     Attributes:
-        unknowns: Of the program.
+        unknowns: Unknowns of the program.
         bound_prices, row_prices: Multipliers of bounds and constraints of the lean program; None
             if they are not known.
     """
@@ -70,17 +70,17 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of a request.
+    """Outcome of a request.
 
     Attributes:
-        request: What was asked for.
+        request: The request.
         gait: The gait, or None if there is none.
-        point: For neighbours to start from, or None if there is no gait.
-        status: In the solver's words.
-        iterations: Of the solver.
-        cost: Of both steps.
+        point: Start point for neighbours, or None if there is no gait.
+        status: Status of the solver.
+        iterations: Number of the solver's iterations.
+        cost: Cost of both steps.
         violation: Largest scaled violation.
-        unknowns: Where the solver ended, with a gait or without.
+        unknowns: Unknowns at the solver's end, with a gait or without.
         seconds: CPU time.
     """
 
@@ -96,14 +96,14 @@ class Outcome:
 
 
 def prepare(*, symmetric: bool) -> None:
-    """Set up now, in a second or two, what the first gait would need."""
+    """Set up everything that the first gait needs, which takes one or two seconds."""
     problem(symmetric=symmetric, lean=True).prepare()
     problem(symmetric=symmetric, lean=False).values.n_in()
     _torques().n_in()
 
 
 def prepare_newton(*, symmetric: bool) -> None:
-    """The same for `solve` from a neighbour without patience, which leaves IPOPT aside."""
+    """Set up everything for `solve` from a neighbour with `patient` false, without IPOPT."""
     for lean in (True, False):
         program = problem(symmetric=symmetric, lean=lean)
         program.evaluation.cost_and_rows(program.guess(), np.ones(program.parameters))
@@ -114,13 +114,13 @@ def prepare_newton(*, symmetric: bool) -> None:
 def solve(request: Request, near: Point | None = None, *, patient: bool = True) -> Outcome:
     """Find a gait.
 
-    The lean program is solved first. If its gait breaks one of the constraints that are left out
-    there, the whole program is solved from it.
+    The lean program is solved first. If its gait violates a constraint that the lean program omits,
+    the whole program is solved from this gait.
 
     Args:
-        request: What the gait shall be.
-        near: Where a neighbour ended, or None to start from the constant guess.
-        patient: Whether IPOPT goes on where Newton's method finds no way from the neighbour.
+        request: The request.
+        near: End point of a neighbour, or None to start from the constant guess.
+        patient: Whether IPOPT is used if Newton's method fails from the neighbour.
     """
     start = time.process_time()
     whole = problem(symmetric=request.symmetric, lean=False)
@@ -159,10 +159,10 @@ class _Found:
 
 
 def point_of(gait: Gait) -> Point:
-    """Where the solver ended for a gait that comes from a file.
+    """End point of the solver for a gait from a file.
 
     Raises:
-        GaitLibraryError: if the gait is not one of this tool's.
+        GaitLibraryError: if the gait was not made by this tool.
     """
     if gait.passive is None or gait.passive.shape[2] != grid.PASSIVE_DEGREE + 1:
         raise GaitLibraryError("the gait's passive motion is not this optimizer's")
@@ -175,7 +175,7 @@ def point_of(gait: Gait) -> Point:
 def exchanged(point: Point) -> Point:
     """The point of a gait of two steps with left and right exchanged.
 
-    Each step is held as one on the right leg, so they change places.
+    Each step is stored as one on the right leg, so the two steps change places.
     """
     x = _swapped(point.unknowns)
     if point.bound_prices is None or point.row_prices is None:
@@ -222,7 +222,7 @@ def _run(
     if near is None:
         solver, start = program.solver, {"x0": program.guess()}
     else:
-        # Without known multipliers zeros do: the follower's small barrier keeps it near.
+        # Zeros serve for unknown multipliers: the follower's small barrier keeps it near.
         solver, start = program.follower, {"x0": near.unknowns}
         if near.bound_prices is not None and near.row_prices is not None:
             start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
@@ -246,7 +246,7 @@ def _gait(found: _Found, seconds: float) -> Gait:
     steps = [_step(part, request, 1.0 - 2.0 * i) for i, part in enumerate(parts)]
     if request.symmetric:
         steps.append(steps[0])
-    # The step on the left leg is found as its mirror image.
+    # The step on the left leg is stored as its mirror image.
     rounded = [
         [np.round(part, digits) for part, digits in zip(step, DIGITS, strict=True)]
         for step in steps
@@ -295,7 +295,7 @@ def _step(
 
 @cache
 def _torques() -> ca.Function:
-    """Torques of the drives, left then right; that of the stance toe is zero by constraint."""
+    """Function for the drives' torques, left then right; zero for the stance toe by constraint."""
     at = instant()
     stance = ca.vertcat(at.efforts.stance[:4], 0.0)
     torques = ca.vertcat(at.efforts.swing, stance)

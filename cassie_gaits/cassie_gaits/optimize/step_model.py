@@ -1,7 +1,7 @@
-"""What the problem asks at one instant of a step and at the change of legs, as CasADi functions.
+"""Quantities of the problem at one instant and at the change of legs, as CasADi functions.
 
-Coordinates `y` are those of `posture.COORDINATES`; `yd` and `ydd` their rates per second. A step
-on the left leg is the mirror image of one on the right, so a change of legs mirrors.
+Coordinates `y` are those of `posture.COORDINATES`; `yd` and `ydd` are their time derivatives. A
+step on the left leg is the mirror image of one on the right, so a change of legs mirrors.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ GRAVITY = 9.81
 _SOLE = bodies.leg("right").sole
 
 FLIP = ca.DM([-1.0, -1.0, 1.0, 1.0, 1.0])
-"""How a leg's five joint angles change when left and right are exchanged."""
+"""Factors on a leg's five joint angles when left and right are exchanged."""
 
 
 @dataclass(frozen=True)
 class Instant:
-    """Symbols of one instant and what follows from them.
+    """Symbols of one instant, and quantities that follow from them.
 
     Attributes:
         y, yd, ydd: Coordinates and their rates. Shape (11, 1).
         slope: Rise of the ground ahead. In rad.
-        asymmetry, payload: Of the pelvis, see `inverse_dynamics.Recursion`.
-        posture: At `y`.
-        efforts: With gravity.
-        force, moment: Of the ground in the world's axes, about the stance sole. (3, 1).
+        asymmetry, payload: Parameters of the pelvis, see `inverse_dynamics.Recursion`.
+        posture: Posture at `y`.
+        efforts: Torques and ground reaction, with gravity.
+        force, moment: Ground force and moment about the stance sole, in the world's axes. (3, 1).
         stance_rate, swing_rate: Rates of the five joints. Shape (5, 1), in rad/s.
     """
 
@@ -51,7 +51,7 @@ class Instant:
 
 
 def instant() -> Instant:
-    """The robot in motion on its right foot."""
+    """The instant of a robot in motion on its right foot."""
     y, yd, ydd = (ca.SX.sym(name, SIZE) for name in ("y", "yd", "ydd"))
     slope, asymmetry, payload = (ca.SX.sym(name) for name in ("slope", "asymmetry", "payload"))
     at = posture(y, slope)
@@ -80,16 +80,16 @@ def foot_state(omega: ca.SX, alpha: ca.SX, accel: ca.SX) -> State:
 
 @dataclass(frozen=True)
 class Touchdown:
-    """Symbols at the change of legs and what must vanish there.
+    """Symbols at the change of legs, and residuals that must be zero there.
 
     Attributes:
         end, end_rate: Coordinates and rates at the end of a step. Shape (11, 1).
-        start, start_rate: Those at the start of the next step, mirrored. Shape (11, 1).
+        start, start_rate: Coordinates and rates at the start of the next step, mirrored. (11, 1).
         slope, asymmetry, payload: As in `Instant`; the next step's asymmetry is the negative.
         same_posture: Differences of torso and joints across the change. Shape (12, 1), in rad.
-        impulse: Of drives and of the foot's roll in the impact. Shape (11, 1), in Nms.
+        impulse: Impulses of drives and of the foot's roll in the impact. Shape (11, 1), in Nms.
         foot: Position of the swing sole at the end. Shape (3, 1), in m.
-        foot_velocity: Its velocity. Shape (3, 1), in m/s.
+        foot_velocity: Velocity of the swing sole at the end. Shape (3, 1), in m/s.
         foot_yaw: Turn of the swing foot against the stance foot. In rad.
         lift: Velocity of the next step's swing sole at its start. Shape (3, 1), in m/s.
     """
@@ -113,8 +113,8 @@ def touchdown() -> Touchdown:
     """The swing foot lands and becomes the stance foot.
 
     Source:
-        eq:impactMap, as inverse dynamics at rest without gravity with the jump of velocities for
-        acceleration: no drive and no roll of the foot gives an impulse.
+        eq:impactMap, as inverse dynamics at rest without gravity, with the jump of velocities as
+        acceleration: the impulses of all drives and of the foot's roll are zero.
     """
     end, end_rate, start, start_rate = (
         ca.SX.sym(name, SIZE) for name in ("end", "end_rate", "start", "start_rate")
@@ -149,7 +149,7 @@ def touchdown() -> Touchdown:
 
 
 def _difference(before: Posture, after: Posture) -> ca.SX:
-    """Of torso and joints across the change of legs, which mirrors."""
+    """Differences of torso and joints across the change of legs, which mirrors."""
     return ca.vertcat(
         after.torso[1] - before.torso[1],
         after.torso[2] + before.torso[2],

@@ -1,7 +1,7 @@
-"""A symbolic function as a list of instructions that are carried out at many instants at once.
+"""A symbolic function as a list of instructions that are executed at many instants at once.
 
-CasADi's own virtual machine spends most of its time on finding the next instruction. Here each is
-found once for `LANES` instants, and the processor's vector units carry it out.
+CasADi's own virtual machine spends most of its time on instruction dispatch. Here each instruction
+is dispatched once for `LANES` instants, and the processor's vector units execute it.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from cassie_gaits.errors import GaitLibraryError
 FloatArray = npt.NDArray[np.float64]
 
 LANES = 8
-"""Instants side by side: one or two registers of a processor with AVX."""
+"""Number of instants in parallel: one or two registers of a processor with AVX."""
 
 _OPERATIONS = (
     *("MUL", "ADD", "SUB", "DIV", "TWICE", "OUTPUT", "CONST", "NEG", "INPUT", "SQ", "SIN", "COS"),
     *("SQRT", "ACOS", "ATAN2", "INV", "ASIN", "FABS", "SIGN", "ASSIGN"),
 )
-"""What `_run` knows, in the order of its numbers."""
+"""Operations that `_run` knows, in the order of their codes."""
 
 
 class Tape:
     """A function of one vector whose output is a vector.
 
     Args:
-        name: For messages.
+        name: Name for messages.
         inputs: Symbols. Shape (n, 1).
         outputs: Expressions. Shape (m, 1), dense.
 
     Raises:
-        GaitLibraryError: if an operation is not one of those known here.
+        GaitLibraryError: if an operation is not known here.
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
@@ -80,7 +80,7 @@ def _run(
     inputs: FloatArray,
     outputs: FloatArray,
 ) -> None:
-    """Carry out the instructions, `LANES` instants after `LANES` instants."""
+    """Execute the instructions, for `LANES` instants at a time."""
     for first in range(0, inputs.shape[1], LANES):
         for k in range(code.shape[0]):
             kind, to, a, b = code[k, 0], code[k, 1], code[k, 2], code[k, 3]

@@ -1,10 +1,11 @@
 """`ros2 run cassie_gaits check_gaits FILE`: certify a gait library independently of its maker.
 
 Every gait is integrated on the 20-DoF model under its own torques, and every row of the table is
-looked at on 401 points. Then the certificates in the file are held against its content; --certify
-writes new ones where all is met. Exit status: 0 when all is met and the file's certificates hold, 1
-when not, 2 for a file that cannot be read or written. With --neighbours nothing is certified: it
-tells how far gaits are from those next to them, and where some sit in another optimum.
+checked at 401 points. Then the certificates in the file are compared with its content; --certify
+writes new ones if all requirements are met. Exit status: 0 if all requirements are met and the
+file's certificates are valid, 1 if not, 2 for a file that cannot be read or written. With
+--neighbours nothing is certified: the output is the distances of gaits to their neighbours, and the
+gaits that may be in another local optimum.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     jobs = "processes (default: one for each core)"
     parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
     parser.add_argument("--certify", action="store_true", help="write certificates into the file")
-    apart = "only tell how far the gaits are from their neighbours"
+    apart = "only print the distances of gaits to their neighbours"
     parser.add_argument("--neighbours", action="store_true", help=apart)
     options = parser.parse_args(given)
     try:
@@ -71,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check(gaits: Sequence[Gait], jobs: int) -> list[Gait]:
-    """Check and print each gait; gives those that meet everything, with new certificates."""
+    """Check and print each gait; returns those that meet all requirements, with certificates."""
     certified = []
     with local_processes(jobs) as pool:
         futures = [pool.submit(certify, gait) for gait in gaits]
@@ -90,7 +91,7 @@ def _check(gaits: Sequence[Gait], jobs: int) -> list[Gait]:
 
 
 def _hold_file(path: Path) -> int:
-    """Say whether the file can be walked on as it is."""
+    """Print whether the file can be loaded for walking; returns the exit status."""
     try:
         load_certified(path)
     except GaitLibraryError as error:

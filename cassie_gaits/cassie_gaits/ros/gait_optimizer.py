@@ -22,9 +22,9 @@ from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.srv import SolveGait
 from cassie_msgs.tunables import tunable
 
-_LOOK_PERIOD = 0.5  # s of wall time between looks at whether to stop
+_LOOK_PERIOD = 0.5  # s of wall time between checks for a request to stop
 BUDGET = 0.5
-"""Time for solve and certificate together, after which it is told that they take too long. In s."""
+"""Time of solver and certificate together, above which a warning is reported. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,18 +37,18 @@ class GaitOptimizerConfig:
         live=False,
     )
     payload: float = tunable(
-        -1.0, "kg", -1.0, 30.0, "Mass on the pelvis; -1 takes the estimate of each request"
+        -1.0, "kg", -1.0, 30.0, "Mass on the pelvis; -1: the estimate in each request"
     )
     slope: float = tunable(
-        -1.0, "rad", -1.0, 0.5, "Rise of the ground ahead; -1 takes the estimate of each request"
+        -1.0, "rad", -1.0, 0.5, "Rise of the ground ahead; -1: the estimate in each request"
     )
 
 
 class GaitOptimizerNode(Node):
-    """Answers each request with a certified gait, or with why there is none.
+    """Answers each request with a certified gait, or with the reason why there is none.
 
     Args:
-        stop: When to end.
+        stop: Request to end.
     """
 
     def __init__(self, stop: Stop) -> None:
@@ -59,7 +59,7 @@ class GaitOptimizerNode(Node):
         library = load_certified(library_path(self._config.gait_library))
         self._maker = GaitMaker(library)
         self._stop = stop
-        self._working = threading.Lock()  # a service call comes in the executor's thread
+        self._working = threading.Lock()  # a service call runs in the executor's thread
         self._diagnostics = Diagnostics(self)
         self._requests = LaneSubscription(
             self, GaitRequest, qos=EVERY, guard=(guard := OneWriter(GaitRequest))
@@ -98,7 +98,7 @@ class GaitOptimizerNode(Node):
         self._tell("gait", "" if answer.gait is not None else answer.reason)
 
     def _make(self, asked: Conditions) -> Answer:
-        """A gait for a request, with what the parameters say instead of its estimates."""
+        """A gait for a request; parameters may replace the request's estimates."""
         given = self._config
         if given.payload >= 0.0:
             asked = replace(asked, payload=given.payload)
@@ -129,9 +129,9 @@ class GaitOptimizerNode(Node):
 
 ABOUT = About(
     package="cassie_gaits",
-    text="Answers each request of the controller with a gait for what the robot is asked and is "
-    "now, certified, or with why there is none. The controller asks if its parameter gait_source "
-    "is optimizer.",
+    text="Answers each request of the controller with a certified gait for the commanded speeds "
+    "and the estimated robot, or with the reason why there is none. The controller sends requests "
+    "if its parameter gait_source is optimizer.",
     reads=(GaitRequest.TOPIC,),
     writes=(Gait.TOPIC, "/diagnostics"),
     services=("/cassie/solve_gait",),

@@ -3,8 +3,8 @@
 Without speeds it finds the paper's seven gaits; several values of --lateral and --yaw-rate make a
 grid.
 
-Exit status: 0 when every gait was found and certified (with --holes: all but that share) and the
-file is written; 1 when not, with the file left as it was; 2 for an impossible request.
+Exit status: 0 if every gait was found and certified (with --holes: all but that share) and the
+file is written; 1 if not, and the file is unchanged; 2 for an impossible request.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from cassie_gaits.optimize.solution import prepare
 from cassie_gaits.processes import available_cores, local_processes
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
-"""Of the seven gaits of the paper. In m/s."""
+"""Speeds of the seven gaits of the paper. In m/s."""
 
 DENSE = {
     "speeds": [round(0.1 * (i - 10), 1) for i in range(29)],
@@ -40,16 +40,16 @@ DENSE = {
     "yaw_rate": [round(0.3 * (i - 3), 1) for i in range(7)],
     "holes": 0.03,
 }
-"""What --grid stands for."""
+"""Values that --grid stands for."""
 
 SETTINGS = (
     *("step_time", "clearance", "slope", "landing_speed", "feet_apart"),
     *("torso_pitch", "torso_roll", "hip_yaw", "pelvis_distance", "detour"),
 )
-"""Options that every gait of a run has in common."""
+"""Options that all gaits of a run share."""
 
 CONNECT_TIMEOUT = 10.0
-"""Time in which a scheduler must answer and have a worker. In s."""
+"""Time within which a scheduler must answer and have a worker. In s."""
 
 _VERSION = "2"
 
@@ -85,21 +85,21 @@ def _parser() -> argparse.ArgumentParser:
     add("--grid", action="store_true", help=dense)
     add("--holes", type=float, default=0.0, help="share of the gaits that may be missing")
     add("--step-time", type=float, default=0.4, help="duration of a step, s")
-    add("--clearance", type=float, default=0.15, help="of the swing foot at mid-step, m")
+    add("--clearance", type=float, default=0.15, help="height of the swing foot at mid-step, m")
     add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
-    add("--landing-speed", type=float, default=0.25, help="largest, of the swing foot, m/s")
+    add("--landing-speed", type=float, default=0.25, help="largest of the landing foot, m/s")
     add("--feet-apart", type=float, default=0.25, help="least distance of the feet, m")
-    add("--torso-pitch", type=float, default=0.05, help="bound of it, rad")
-    add("--torso-roll", type=float, default=0.005, help="bound of it, rad")
-    add("--hip-yaw", type=float, default=0.005, help="bound beyond what turning takes, rad")
-    add("--pelvis-distance", type=float, default=0.97, help="largest, to the stance foot, m")
-    add("--detour", type=float, default=0.03, help="of the swing foot, fore and aft, m")
+    add("--torso-pitch", type=float, default=0.05, help="bound of torso pitch, rad")
+    add("--torso-roll", type=float, default=0.005, help="bound of torso roll, rad")
+    add("--hip-yaw", type=float, default=0.005, help="bound of hip yaw besides that to turn, rad")
+    add("--pelvis-distance", type=float, default=0.97, help="largest, to stance foot, m")
+    add("--detour", type=float, default=0.03, help="swing foot beyond its ends, fore and aft, m")
     add("--table-only", action="store_true", help="the last seven as wide as the paper's table")
-    add("--general", action="store_true", help="two steps on the robot as it is, not mirrored")
+    add("--general", action="store_true", help="two steps on the real robot, not mirrored")
     jobs = "processes (default: one for each core)"
     add("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
-    add("--scheduler", help="address of a Dask scheduler, in place of local processes")
-    add("--resume", action="store_true", help="take over what a run that was stopped has found")
+    add("--scheduler", help="address of a Dask scheduler, instead of local processes")
+    add("--resume", action="store_true", help="use the results of a run that was stopped")
     add("--import", dest="mat", type=Path, metavar="FILE.mat", help="FROST-style library to import")
     add("--out", type=Path, default=Path("gaits.json"), help="file to write; .json or .json.gz")
     return parser
@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace, start: float) -> int:
     if options.out.is_dir():
         raise GaitLibraryError(f"--out: {options.out} is a folder, expected a file")
     if options.mat is not None:
-        from cassie_gaits.mat_import import import_mat  # scipy's readers take their time
+        from cassie_gaits.mat_import import import_mat  # scipy's readers take long to load
 
         library = import_mat(options.mat)
         save_library(library, options.out)
@@ -143,7 +143,7 @@ def _run(options: argparse.Namespace, start: float) -> int:
 
 
 def _expand(options: argparse.Namespace) -> None:
-    """Put in what --grid and --table-only stand for, and check the rest."""
+    """Insert the values of --grid and --table-only, and check the other options."""
     if options.grid:
         vars(options).update(DENSE)
     if options.table_only:
@@ -174,7 +174,7 @@ def _requests(options: argparse.Namespace) -> list[Request]:
 def _search(
     requests: list[Request], options: argparse.Namespace, found: Found, partial: PartialFile
 ) -> None:
-    """Find what is missing; each result goes to `found` and to the partial file at once."""
+    """Find the missing gaits; each result is added to `found` and to the partial file at once."""
     done = {r: result if isinstance(result, Gait) else None for r, result in found.items()}
     start, before = time.monotonic(), len(found)
     if before == len(requests):
@@ -191,12 +191,12 @@ def _search(
 
 @contextlib.contextmanager
 def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executor]:
-    """A cluster, or local processes, which end with this one even when it is stopped."""
+    """A cluster, or local processes, which end with this process even if it is stopped."""
     if options.scheduler:
         with _cluster(options.scheduler, forms) as cluster:
             yield cluster
         return
-    # Forked processes share the programs, which take a second or two to set up.
+    # Forked processes share the programs, whose setup takes one or two seconds.
     for symmetric in forms:
         prepare(symmetric=symmetric)
     with local_processes(options.jobs) as pool:
@@ -207,7 +207,7 @@ def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executo
 def _cluster(address: str, forms: set[bool]) -> Iterator[Executor]:
     """A Dask cluster; it runs on when this command ends.
 
-    All of its workers set up the programs at once, not each when its first gait comes.
+    All workers set up the programs at the beginning, not at their first gait.
     """
     try:
         from distributed import Client, KilledWorker
@@ -232,7 +232,7 @@ def _cluster(address: str, forms: set[bool]) -> Iterator[Executor]:
             ]
             with client.get_executor(pure=False) as executor:
                 yield executor
-            del begun  # Dask drops what nobody holds
+            del begun  # Dask releases results without references
         except KilledWorker as error:
             raise GaitLibraryError(f"--scheduler {address}: {error}") from None
 

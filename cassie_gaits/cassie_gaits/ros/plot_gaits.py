@@ -1,10 +1,9 @@
 """`ros2 run cassie_gaits plot_gaits FILE`: pictures and a table of a gait library.
 
-Draws the nine outputs over phase, stick figures, torques against their limits, foot clearance,
-the ground force in the friction cone and the cost of transport over speed, of the gaits that go
-straight; of a grid also maps of cost, friction and torque over all speeds, and the outputs over
-turning rate and lateral speed. Exit status: 0, or 2 for a file that cannot be
-read.
+For the gaits that go straight it draws the nine outputs over phase, stick figures, torques against
+their limits, foot clearance, the ground force in the friction cone and the cost of transport over
+speed. For a grid it also draws maps of cost, friction and torque over all speeds, and the outputs
+over turning rate and lateral speed. Exit status: 0, or 2 for a file that cannot be read.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from cassie_gaits.gait_motion import Motion, motion
 from cassie_gaits.names import LEG_DRIVES
 
 MOST_STRIPS = 9
-"""Speeds with stick figures; of more, these many are picked evenly."""
+"""Largest number of speeds with stick figures; of more speeds, so many are chosen evenly."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="plot_gaits", description=__doc__)
     named = f"library to draw: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=Path, metavar="FILE", help=named)
-    parser.add_argument("--out", type=Path, help="folder for the pictures; FILE's name if left out")
+    parser.add_argument("--out", type=Path, help="folder for the pictures; by default FILE's name")
     options = parser.parse_args(given)
     try:
         library = load_library(library_path(str(options.file)))
@@ -52,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _draw(gaits: Sequence[Gait], folder: Path) -> None:
-    from cassie_gaits import gait_pictures as pictures  # matplotlib takes its time
+    from cassie_gaits import gait_pictures as pictures  # matplotlib takes long to load
 
     straight = [gait for gait in gaits if gait.vy == 0.0 and gait.yaw_rate == 0.0] or list(gaits)
     pictures.draw_outputs(straight, folder / "outputs.png")

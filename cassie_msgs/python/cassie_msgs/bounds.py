@@ -1,7 +1,7 @@
-"""Which numbers of a message are believed: bounds on both sides of every episode and seq.
+"""Lower and upper bounds on the episode and seq of received messages.
 
-A single number from far ahead would make everything that follows look old, and a number from the
-past would set a node back. Neither can come from a node that works.
+A single number far ahead would make all later messages look old, and a number from the past would
+set a node back. A node that works sends neither.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ LEAD = 600_000
 """Control ticks by which a stream may jump ahead: 20 minutes at 500 Hz, 5 at 2 kHz."""
 
 EPISODE_LEAD = 1 << 31
-"""Episodes by which a stream may jump ahead. They count on from the time at which the simulator
-started, in s."""
+"""Episodes by which a stream may jump ahead. The first episode's number is the time at which the
+simulator started, in s."""
 
 CONFIRMED = 3
-"""Messages that go on from each other, after which a jump beyond the bounds is believed: the
-stream did go on while nobody listened."""
+"""Consecutive messages after which a jump beyond the bounds is accepted: the stream went on while
+this node did not receive it."""
 
 
 def outside(name: str, value: int, low: int, high: int) -> str:
-    """What is wrong with a number; empty if it is within its bounds, which are permitted."""
+    """Error message for a number outside `low` .. `high`; empty if it is not. Bounds are inside."""
     return "" if low <= value <= high else f"{name} = {value} is outside {low} .. {high}"
 
 
@@ -34,13 +34,13 @@ class Progress:
         self.restart()
 
     def restart(self) -> None:
-        """The next message may carry any number."""
+        """Forget the stream: the next message may have any episode and seq."""
         self._last: tuple[int, int] | None = None
         self._refused: tuple[int, int] | None = None
         self._in_a_row = 0
 
     def goes_on(self, episode: int, seq: int) -> bool:
-        """Whether a message follows in the same episode, as all do on the way of every tick."""
+        """Whether a message follows in the same episode, which is the usual case at every tick."""
         last = self._last
         if last is None or episode != last[0] or not last[1] <= seq <= last[1] + LEAD:
             return False
@@ -48,7 +48,7 @@ class Progress:
         return True
 
     def refusal(self, episode: int, seq: int) -> str:
-        """Why a message is not believed; empty if it is, and the stream goes on from it."""
+        """Why a message is refused; empty if it is accepted, and the stream goes on from it."""
         if self.goes_on(episode, seq):
             return ""
         if self._last is None:
@@ -69,7 +69,7 @@ class Progress:
         return problem
 
     def _is_confirmed(self, episode: int, seq: int) -> bool:
-        """Whether refused messages have gone on from each other often enough."""
+        """Whether `CONFIRMED` refused messages have followed each other in order."""
         before, self._refused = self._refused, (episode, seq)
         follows = before is not None and before[0] == episode and 0 < seq - before[1] <= LEAD
         self._in_a_row = self._in_a_row + 1 if follows else 1

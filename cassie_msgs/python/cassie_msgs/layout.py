@@ -1,7 +1,7 @@
 """The messages of the control lane, field by field in the order of their .msg files.
 
-Units and the order within arrays stand there. See `cassie_msgs.sample` for what a
-`Sample` is; a test holds that these tables give the bytes ROS itself would send.
+The .msg files give units and the order within arrays. `cassie_msgs.sample` explains `Sample`. A
+test checks that these tables give the same bytes as ROS itself.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class RobotMode(IntEnum):
 
 
 class GaitResult(IntEnum):
-    """What came of a request for a gait, the constants of Gait.msg."""
+    """Result of a request for a gait, the constants of Gait.msg."""
 
     FOUND = 0
     REFUSED = 1
@@ -227,7 +227,7 @@ class ControllerStatus(Sample):
 
 
 class OperatorCommand(Sample):
-    """OperatorCommand.msg: what the operator wants, 50 Hz."""
+    """OperatorCommand.msg: command of an operator, 50 Hz."""
 
     TOPIC = "/cassie/operator_command"
     LAYOUT = (
@@ -269,7 +269,7 @@ class OperatorCommand(Sample):
 
 
 class GaitRequest(Sample):
-    """GaitRequest.msg: what a gait shall be made for."""
+    """GaitRequest.msg: the request for a gait."""
 
     TOPIC = "/cassie/gait_request"
     LAYOUT = (
@@ -289,7 +289,7 @@ class GaitRequest(Sample):
 
 
 class Gait(Sample):
-    """Gait.msg: a certified gait, or that there is none."""
+    """Gait.msg: a certified gait, or the statement that there is none."""
 
     TOPIC = "/cassie/gait"
     LAYOUT = (
@@ -324,7 +324,7 @@ SAMPLE_TYPES: tuple[type[Sample], ...] = (
     ControllerStatus,
     OperatorCommand,
 )
-"""Those of every run."""
+"""Sample types of every run."""
 
 GAIT_TYPES: tuple[type[Sample], ...] = (GaitRequest, Gait)
-"""Those of a run whose controller takes gaits from gait_optimizer."""
+"""Further sample types of a run whose controller takes gaits from gait_optimizer."""

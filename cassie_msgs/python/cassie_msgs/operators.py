@@ -1,7 +1,7 @@
-"""Which operator drives: one holds the lease, every one can stop, and nothing moves unarmed.
+"""Which operator drives: one holds the lease, each one can stop, and speeds must be armed.
 
-The simulator (or the robot) decides who holds the lease and tells it with each sensor sample; the
-supervisor follows it. Wall times come in as arguments, in s.
+The simulator (or the robot) decides which operator holds the lease and states it in each sensor
+sample; the supervisor follows. Wall times come in as arguments, in s.
 """
 
 from __future__ import annotations
@@ -14,52 +14,52 @@ import numpy as np
 from cassie_msgs.layout import OperatorCommand, RobotMode
 
 COMMAND_AGE = 0.5
-"""Age of a command from which its operator counts as lost. In s."""
+"""Time-out of an operator: age of its newest command. In s."""
 
 FORGOTTEN = 5.0
-"""Silence after which an operator is no longer listed. In s."""
+"""Time without a command after which an operator is no longer listed. In s."""
 
 MAX_OPERATORS = 32
-"""Operators that are listened to at a time; further ones are ignored."""
+"""Largest number of operators at a time; further ones are ignored."""
 
 REQUEST_TIME = 2.0
-"""For how long a request for the lease stands while the robot is not at rest yet. In s."""
+"""Time for which a request for the lease is valid while the robot is not at rest yet. In s."""
 
 STILL = 0.02
-"""Commanded speed up to which it counts as none: a stick in the middle. In m/s and rad/s."""
+"""Dead band of commanded speeds and leans, for a stick in the middle. In m/s, rad/s and m."""
 
 _SPEEDS = ("vx", "vy", "yaw_rate")
 _LEANS = ("com_x", "com_y")
 
 
 def neutral(command: OperatorCommand) -> bool:
-    """Whether no speed is asked for, nor a lean, where the robot rides."""
+    """Whether no speed is commanded and, in the Segway mode, no lean."""
     riding = int(command.mode) == RobotMode.SEGWAY
     names = _SPEEDS + _LEANS if riding else _SPEEDS
     return all(abs(float(getattr(command, name))) <= STILL for name in names)
 
 
 def resting(command: OperatorCommand) -> bool:
-    """Whether a command lets the robot stand, or be without power."""
+    """Whether a command lets the robot stand still, or be without power."""
     moves = int(command.mode) in (RobotMode.WALK, RobotMode.SEGWAY) or not neutral(command)
     return not moves or not command.power
 
 
 def without_speeds(command: OperatorCommand) -> None:
-    """Take the speeds out of a command, and the leans, where the robot rides."""
+    """Set the speeds in a command to zero and, in the Segway mode, the leans."""
     names = _SPEEDS + _LEANS if int(command.mode) == RobotMode.SEGWAY else _SPEEDS
     for name in names:
         getattr(command, name)[...] = 0.0
 
 
 class Refusals:
-    """What was wrong with messages of late: told once, and over once none was wrong for a while.
+    """Holds the first problem of a series of wrong messages, for one report per series.
 
     Args:
-        quiet: Time without a wrong message after which it is over. In s.
+        quiet: Time without a wrong message that ends a series. In s.
 
     Attributes:
-        problem: What was wrong with the first of them; empty when it is over.
+        problem: What was wrong with the first message; empty after the series ends.
     """
 
     def __init__(self, quiet: float = 1.0) -> None:
@@ -68,25 +68,25 @@ class Refusals:
         self.problem = ""
 
     def refuse(self, problem: str, now: float) -> None:
-        """A message was wrong."""
+        """Take in that a message was wrong at wall time `now`."""
         self._last = now
         self.problem = self.problem or problem
 
     def look(self, now: float) -> str:
-        """The problem that holds now."""
+        """The current problem; empty if there is none."""
         if self.problem and now - self._last > self._quiet:
             self.problem = ""
         return self.problem
 
 
 def sender_of(command: OperatorCommand) -> str:
-    """Who speaks, as the command says it; empty if it does not, or not in printable ASCII."""
+    """Name of the sender in a command; empty if there is none or it is not printable ASCII."""
     raw = command.sender.tobytes().rstrip(b"\0")
     return raw.decode("ascii") if raw.isascii() and raw.decode("ascii").isprintable() else ""
 
 
 def write_sender(command: OperatorCommand, name: str) -> None:
-    """Have a command say who speaks; what does not fit is cut off in front of the process."""
+    """Write the sender's name into a command. A long name is cut before its last "-"."""
     raw = name.encode("ascii", "replace")
     space = command.sender.size
     if len(raw) > space:
@@ -97,7 +97,7 @@ def write_sender(command: OperatorCommand, name: str) -> None:
 
 
 def check(command: OperatorCommand) -> str:
-    """Why a command means nothing; empty if it means something."""
+    """Why a command is invalid; empty if it is valid."""
     floats = command.floats
     if not np.isfinite(floats).all():
         return "a value is not finite"
@@ -112,9 +112,9 @@ _LARGEST = 1e6
 
 
 def key_of(writer: bytes) -> int:
-    """Number that stands for a writer in a message, from the identity that DDS gives it.
+    """Key of a writer as a number for messages, from the writer's identity in DDS.
 
-    The bytes left out name vendor, host and participant; those of one machine agree in them.
+    The omitted bytes name vendor, host and participant; they are equal for writers of one machine.
     """
     return int.from_bytes(writer[4:8] + writer[12:16], "little")
 
@@ -130,33 +130,36 @@ class _Operator:
 
 
 class Operators:
-    """The operators that speak, the lease, the power switch and the arming of speeds.
+    """The operators that send commands, the lease, the power switch and the arming of speeds.
 
-    - Lease: the first operator that speaks holds it. Another one gets it by an explicit request
-      (`take_over`) while the holder lets the robot rest. After a holder is silent for
-      `COMMAND_AGE`, the robot stops and stands; the lease then goes to whoever lets it rest: by a
-      command that asks for stand without a speed, or leaves the power off. On a Segway, which
+    - Lease: the first operator that sends a command holds the lease. Another one gets it on request
+      (`take_over`) while the holder lets the robot rest. After `COMMAND_AGE` without a command of
+      the holder, the robot stops and stands. Then the lease goes to an operator that lets the robot
+      rest: its command asks for stand without a speed, or has the power off. On a Segway, which
       cannot stand at once, `take_over` without a lean is enough.
-    - Power: as the holder has it. It comes on only while the holder asks for stand without a speed.
-      A new holder that has it off leaves it as it is until it had it on once.
-    - Emergency stop: `emergency_stop`, or power from true to false, of any operator; one that does
-      not hold the lease must say who it is. After that of another operator, or by
+    - Power: follows the holder's switch. Power comes on only while the holder commands the mode
+      stand without a speed. While a new holder's switch is off, power does not change until that
+      switch was on once.
+    - Emergency stop: `emergency_stop`, or power from true to false, of any operator. An operator
+      without the lease must state its name. After a stop by another operator, or by
       `emergency_stop`, power stays off until the holder switches it off and on again.
     - Arming: after a start, a new episode, a lost link or a change of the lease the speeds count
-      as zero until the holder's command had them at zero.
+      as zero until the holder has commanded zero speeds once.
 
-    Of the holder's command that means nothing only a power switch that moved to off counts; of
-    others' such commands nothing does.
+    An invalid command of the holder counts only if its power switch moved to off. Invalid commands
+    of other operators are ignored.
 
     Args:
-        scripted: Whether a script holds the lease, so that of the others just a stop counts.
+        scripted: Whether a script holds the lease, so that other operators can only stop.
 
     Attributes:
         power: Whether the drives shall have power.
         armed: Whether the holder's speeds count.
-        stopped_by: Who stopped the robot; empty unless power waits to be switched off and on.
+        stopped_by: Name of the operator that stopped the robot; empty unless power must be
+            switched off and on.
         refused: Why the holder's newest command was refused; empty if it was not.
-        power_refused: Why power does not come on although the holder has it on; empty if it may.
+        power_refused: Why power stays off although the holder's switch is on; empty if it may
+            come on.
     """
 
     def __init__(self, *, scripted: bool = False) -> None:
@@ -167,7 +170,7 @@ class Operators:
         self._reset()
 
     def reset(self) -> None:
-        """A new episode: without power, unarmed; who holds the lease keeps it."""
+        """Begin a new episode: without power, unarmed; the holder of the lease keeps it."""
         self.power = False
         self._reset()
 
@@ -178,7 +181,7 @@ class Operators:
         self._cycled = True
 
     def script(self, wanted: bool) -> bool:
-        """Whether the drives shall have power where a script, which holds the lease, wants it."""
+        """Whether the drives shall have power, by the command of a script that holds the lease."""
         if not wanted:
             self._cycled, self.stopped_by = True, ""
         self.power = wanted and self._cycled
@@ -188,9 +191,9 @@ class Operators:
         """Take in a command.
 
         Args:
-            command: What came; copied.
-            writer: Identity of who wrote it.
-            now: Wall time.
+            command: The received command; it is copied.
+            writer: Identity of the command's writer.
+            now: Wall time. In s.
         """
         operator = self._operators.get(writer)
         if operator is None:
@@ -208,7 +211,7 @@ class Operators:
         switched_off = had_power and not operator.power
         if holds:
             stopped = bool(command.emergency_stop)
-        else:  # a message that was made at random says nothing that reads like a name
+        else:  # random bytes seldom contain a readable name
             stopped = bool(sender_of(command)) and (bool(command.emergency_stop) or switched_off)
         if stopped:
             self._stop(operator.name)
@@ -227,9 +230,9 @@ class Operators:
             self.armed = bool(command.link) and (self.armed or neutral(command))
 
     def command(self, now: float) -> OperatorCommand | None:
-        """What the holder asks for, without its speeds while unarmed; None if it is silent.
+        """The holder's command, without speeds while unarmed; None after its time-out.
 
-        Owned by this object; valid until the next `take`.
+        The command is owned by this object and valid until the next `take`.
         """
         holder = self._heard_holder(now)
         if holder is None:
@@ -241,11 +244,11 @@ class Operators:
 
     @property
     def lease(self) -> int:
-        """Key of who holds the lease, also while that operator is silent; 0 before the first."""
+        """Key of the lease's holder, also after its time-out; 0 before the first operator."""
         return key_of(self._holder) if self._holder is not None else 0
 
     def follow(self, lease: int) -> None:
-        """Let the operator of this key hold the lease, as the robot says; 0 leaves it as it is."""
+        """Give the lease to the operator of this key, as the robot states; 0 changes nothing."""
         if lease in (0, self.lease):
             return
         for writer in self._operators:
@@ -253,7 +256,7 @@ class Operators:
                 self._give(writer)
 
     def holder(self, now: float) -> str:
-        """Name of who holds the lease; empty if nobody does."""
+        """Name of the lease's holder; empty if there is none or after its time-out."""
         holder = self._heard_holder(now)
         return holder.name if holder is not None else ""
 
@@ -265,7 +268,7 @@ class Operators:
         return f"{', '.join(others)} may drive after asking for stand without a speed"
 
     def others(self, now: float) -> list[str]:
-        """Names of the other operators that speak."""
+        """Names of the other operators that send commands."""
         return sorted(
             operator.name
             for writer, operator in self._operators.items()
@@ -274,11 +277,11 @@ class Operators:
 
     @property
     def ever(self) -> bool:
-        """Whether anybody has ever spoken."""
+        """Whether any operator has ever held the lease."""
         return self._holder is not None
 
     def gone(self, writers: Iterable[bytes]) -> None:
-        """Nodes are gone: their identities need not be remembered."""
+        """Forget the operators of nodes that are gone."""
         for writer in writers:
             if writer != self._holder:
                 self._operators.pop(writer, None)
@@ -302,7 +305,7 @@ class Operators:
             self._give(writer)
 
     def _give(self, writer: bytes) -> None:
-        """Have an operator hold the lease."""
+        """Give the lease to an operator."""
         operator = self._operators[writer]
         operator.asked = -1e9  # one request is granted once
         self._holder = writer
@@ -315,7 +318,7 @@ class Operators:
         self.stopped_by, self._cycled = name, False
 
     def _switch(self, holder: _Operator) -> None:
-        """The holder's power switch."""
+        """Follow the holder's power switch."""
         self.power_refused = ""
         if not holder.power:
             self._cycled, self.stopped_by = True, ""

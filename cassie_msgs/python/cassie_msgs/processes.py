@@ -1,4 +1,4 @@
-"""How local processes end: with the one that started them, and in time."""
+"""How local processes end: with the process that started them, and within a time-out."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ class _Timer(ctypes.Structure):
 
 
 def end_with_parent() -> None:
-    """In a child: be terminated when the process that started it dies, however it dies.
+    """Have this child process terminated when its parent process dies, for whatever reason.
 
-    On Linux; elsewhere it does nothing. The child must be started by a thread that lives as long as
-    its process.
+    This works on Linux; elsewhere it does nothing. The child must be started by a thread that lives
+    as long as the parent process.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
 
 
 def end_within(seconds: int, status: int) -> None:
-    """Have this process end after a time, even where no Python can run any more.
+    """End this process after a time, even if no Python code can run any more.
 
-    Then nothing is cleaned up: for a process that has done everything, and only takes leave. The C
-    library's timer calls its own `_exit`, which needs no interpreter.
+    Then nothing is cleaned up, so use it where only the shutdown remains. A timer of the C library
+    calls `_exit`, which needs no interpreter.
 
     Args:
-        seconds: From now. In s.
+        seconds: Time from now. In s.
         status: Exit status.
     """
     library = ctypes.CDLL(None)

@@ -1,4 +1,4 @@
-"""What an operator wants of the robot: set-points, mode, power and link."""
+"""What an operator commands: set-points, mode, power and link."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _NUMBERS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch",
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """One set of requests; `cassie_msgs.tunables.replace_checked` changes it within its ranges."""
+    """One command of an operator; `cassie_msgs.tunables.replace_checked` changes it in range."""
 
-    mode: str = tunable("stand", choices=MODES, description="Mode asked for")
+    mode: str = tunable("stand", choices=MODES, description="Commanded mode")
     vx: float = tunable(0.0, "m/s", -1.3, 4.5, "Speed forward; beyond 2.4 on a Segway")
     vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
     yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
@@ -35,15 +35,15 @@ class Request:
     power: bool = tunable(False, description="Drives powered; false is the emergency stop")
     link: bool = tunable(True, description="The operator's link is good")
     emergency_stop: bool = tunable(
-        False, description="No power while this is set, whoever holds the lease"
+        False, description="No power while this is set, whichever operator holds the lease"
     )
     take_over: bool = tunable(
-        False, description="Asks for the lease of the operator who drives; granted at rest"
+        False, description="Requests the lease from its holder; granted while the robot rests"
     )
 
 
 def write(request: Request, command: OperatorCommand) -> None:
-    """Fill the fields of a command; its header is left alone."""
+    """Fill the fields of a command; the header is not changed."""
     for name in _NUMBERS:
         getattr(command, name)[...] = getattr(request, name)
     command.mode[...] = _MODE_NUMBERS[request.mode]

@@ -40,7 +40,7 @@ SampleT = TypeVar("SampleT", bound="Sample")
 
 
 class LayoutError(ValueError):
-    """Received bytes do not fit the message they are said to be."""
+    """Received bytes do not fit the expected message type."""
 
 
 def header(raw: bytes | memoryview) -> tuple[int, int, int, int]:
@@ -53,7 +53,7 @@ def header(raw: bytes | memoryview) -> tuple[int, int, int, int]:
         (sec, nanosec, episode, seq).
 
     Raises:
-        LayoutError: if `raw` is shorter than that.
+        LayoutError: if `raw` is shorter.
     """
     if len(raw) < _HEADER.size:
         raise LayoutError(f"{len(raw)} bytes are too few for a header of {_HEADER.size} bytes")
@@ -78,12 +78,12 @@ class Sample:
         LAYOUT: (name, numpy type, count) of each field after the common header, in
             message order; count 1 is a scalar.
         TYPE: ROS name of the message type.
-        TOPIC: Topic it travels on.
+        TOPIC: Topic of the messages.
         DTYPE: Structured type of the whole serialized message, for reading bags.
-        SIZE: Its size, in bytes.
+        SIZE: Size of the serialized message, in bytes.
         RECORD: Structured type of the message without its encapsulation.
-        record: The message as one of these, for compiled functions. Shape (1,).
-        floats: All float64 fields, which stand together in every message, as one view.
+        record: The message as an array of type `RECORD`, for compiled functions. Shape (1,).
+        floats: One view of all float64 fields, which are contiguous in every message.
     """
 
     LAYOUT: ClassVar[tuple[Field, ...]] = ()
@@ -107,7 +107,7 @@ class Sample:
 
     def __init__(self) -> None:
         storage = np.zeros(self.SIZE + 8, np.uint8)
-        start = (4 - storage.ctypes.data) % 8  # the body, four bytes on, lies on 8 bytes
+        start = (4 - storage.ctypes.data) % 8  # aligns the body, four bytes on, to 8 bytes
         buffer = storage[start : start + self.SIZE]
         buffer[:4] = tuple(ENCAPSULATION)
         attributes = self.__dict__  # `__setattr__` guards the fields from here on
@@ -131,10 +131,10 @@ class Sample:
         object.__setattr__(self, name, value)
 
     def load(self, raw: bytes | memoryview) -> None:
-        """Copy a received message in.
+        """Copy a received message into this sample.
 
         Raises:
-            LayoutError: if its size or encoding is not that of this message type.
+            LayoutError: if size or encoding of `raw` is not that of this message type.
         """
         size = self.SIZE
         if len(raw) == size and raw[0] == _PLAIN and raw[1] == _LITTLE_ENDIAN:
@@ -153,7 +153,7 @@ class Sample:
         return self._memory.tobytes()
 
     def copy_from(self: SampleT, other: SampleT) -> None:
-        """Take over the content of another sample of the same type.
+        """Copy the content of another sample of the same type.
 
         Raises:
             LayoutError: if `other` is of another type.
@@ -163,14 +163,14 @@ class Sample:
         self._memory[:] = other._memory
 
     def answer(self, question: Sample) -> None:
-        """Take over stamp, episode and seq of the sample that this one answers."""
+        """Copy stamp, episode and seq of the sample that this one answers."""
         self._memory[_STAMP_OFFSET : _HEADER.size] = question._memory[_STAMP_OFFSET : _HEADER.size]
 
     def copy_tail(self, other: Sample, first: str) -> None:
-        """Take over the last fields, from `first` on, of a message that ends with the same ones.
+        """Copy the last fields, from `first` on, of a message that ends with the same fields.
 
         Raises:
-            LayoutError: if it does not.
+            LayoutError: if the two messages differ from `first` on.
         """
         start, source = self._tail(first), other._tail(first)
         if self.SIZE - start != other.SIZE - source:
@@ -180,7 +180,7 @@ class Sample:
     @classmethod
     @cache
     def _tail(cls, first: str) -> int:
-        """Where a field begins. In bytes."""
+        """Offset of a field. In bytes."""
         return int(dict(cls.DTYPE.fields or {})[first][1])
 
     @property
@@ -198,7 +198,7 @@ class Sample:
 
 
 def _cdr_dtype(layout: tuple[Field, ...], first: int) -> np.dtype[Any]:
-    """Structured type whose bytes are the CDR form of `layout`, `first` bytes on."""
+    """Structured type for the CDR form of `layout`, which begins at byte `first`."""
     names, formats, offsets = [], [], []
     end = 0  # counted from the end of the encapsulation header
     for name, scalar, count in layout:

@@ -1,20 +1,22 @@
-"""The schedule of lock-step and its time-outs, which every node keeps to.
+"""The schedule of lock-step and its time-outs, used by every node.
 
-On every `PERIOD_TICKS`-th state k a scripted operator and the supervisor publish what holds from
-tick k + `PERIOD_TICKS` on. So their answers cost the loop no time, and what holds at a tick does
-not depend on the machine.
+On every `PERIOD_TICKS`-th state k a scripted operator and the supervisor publish an answer that is
+valid from tick k + `PERIOD_TICKS` on. So their answers cost the loop no time, and which answer is
+valid at a tick does not depend on the machine.
 """
 
 from __future__ import annotations
 
 CONTROL_RATE = 500
-"""Control ticks in a second of robot time, unless nodes are told another. In Hz."""
+"""Default rate of control ticks, in robot time. In Hz."""
 
 PERIOD_TICKS = 10
-"""Control ticks between commands of a scripted operator and between modes, and their lead."""
+"""Control ticks between commands of a scripted operator and between modes. Each of these messages
+is sent as many ticks before it becomes valid."""
 
 GAIT_TICKS = 250
-"""Control ticks between requests for a gait, and the lead of each answer: 0.5 s at 500 Hz."""
+"""Control ticks between requests for a gait, and from a request until its answer becomes valid:
+0.5 s at 500 Hz."""
 
 STATUS_TICKS = 5
 """Control ticks between two messages of the controller's status."""
@@ -23,31 +25,30 @@ REPEAT_PERIOD = 0.5
 """Wall time after which an unanswered sensor sample is sent again. In s."""
 
 SILENT_AFTER = 0.8
-"""Wall time without samples after which the simulator counts as lost: beyond `REPEAT_PERIOD`.
-In s."""
+"""Time-out of the simulator: wall time without samples. More than `REPEAT_PERIOD`. In s."""
 
 ANSWER_AFTER = 0.7
-"""Wall time without an answer to samples that come, after which a node counts as lost. In s."""
+"""Time-out of a node: wall time without an answer while samples arrive. In s."""
 
 SCRIPT_TIMEOUT = 0.3
-"""Wall time that a scripted operator has to answer a state, once it takes part. In s."""
+"""Wall time within which a scripted operator must answer a state, once it takes part. In s."""
 
 SCRIPT_AGE = 0.5
-"""Age of a script's newest command from which it counts as lost in real time. In s."""
+"""Time-out of a script in real time: age of its newest command. In s."""
 
 SCRIPT_GONE = 3.0
-"""Wall time without a word of a scripted operator, after which another one may play. A pause does
-not count; a busy machine seldom holds a process up for as long. In s."""
+"""Wall time without a message of a scripted operator, after which another script may run. A pause
+does not count. A busy machine seldom delays a process by as much. In s."""
 
 START_TIMEOUT = 10.0
-"""Wall time in which the other nodes may appear at the start. In s."""
+"""Wall time within which the other nodes must appear at the start. In s."""
 
 
 def effective_seq(seq: int) -> int:
-    """Tick from which an answer to the state of tick `seq` holds."""
+    """Tick from which an answer to the state of tick `seq` is valid."""
     return seq + PERIOD_TICKS
 
 
 def period_of(tick: int) -> int:
-    """First tick of the period in which a tick lies: nothing that holds changes within it."""
+    """First tick of the period that contains a tick: modes and commands are constant within it."""
     return tick - tick % PERIOD_TICKS

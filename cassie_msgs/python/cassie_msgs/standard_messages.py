@@ -1,9 +1,9 @@
 """nav_msgs/Odometry, sensor_msgs/Imu and tf2_msgs/TFMessage as bytes, without message objects.
 
-Filling and serializing such a message costs 60 us in Python. As long as the names of its frames
-stay the same, its serialized form is a fixed table of offsets, as for the control lane (see
-`cassie_msgs.sample`): a `Writer` has the bytes with the figures left open, `read_rows` gives many
-messages as one structured array.
+To fill and serialize such a message costs 60 us in Python. As long as the names of its frames
+do not change, its serialized form is a fixed table of offsets, as for the control lane (see
+`cassie_msgs.sample`). A `Writer` has the bytes, in which only stamp and numbers change. `read_rows`
+gives many messages as one structured array.
 
 Source:
     OMG DDS-XTypes 1.3, 7.4.3 (plain CDR, XCDR1), as for `cassie_msgs.sample`.
@@ -31,13 +31,13 @@ _POSE = struct.Struct("<7d")
 
 @dataclass(frozen=True)
 class Kind:
-    """A message of a std_msgs/Header, further names, and doubles.
+    """A message that consists of a std_msgs/Header, further names, and doubles.
 
     Attributes:
         type: ROS name of the message type.
         names: Number of names: the header's frame, and those after it.
         doubles: Number of doubles.
-        fields: Of the doubles: the first one and how many, by name.
+        fields: Index of the first double and number of doubles of each field, by name.
     """
 
     type: str
@@ -67,14 +67,14 @@ IMU = Kind("sensor_msgs/msg/Imu", 1, 4 + 9 + 12 + 12, {"angular": (13, 3), "forc
 
 
 class Writer:
-    """One message, to be written again and again.
+    """One message, to be written many times.
 
     Args:
-        kind: Its kind.
-        frames: Its names.
+        kind: Kind of the message.
+        frames: Names in the message.
 
     Attributes:
-        figures: Its doubles, to be written in place. Shape (kind.doubles,).
+        figures: Doubles of the message, to be written in place. Shape (kind.doubles,).
     """
 
     def __init__(self, kind: Kind, *frames: str) -> None:
@@ -98,7 +98,7 @@ def layout(kind: Kind, raw: bytes) -> np.dtype[Any]:
     """Structured type of one serialized message: sec, nanosec and the fields of its kind.
 
     Raises:
-        LayoutError: if it is too short to be of this kind.
+        LayoutError: if `raw` is too short for this kind.
     """
     end = len(ENCAPSULATION) + _STAMP.size
     try:
@@ -133,7 +133,7 @@ def read_rows(kind: Kind, messages: Sequence[bytes]) -> npt.NDArray[Any]:
     """Many serialized messages as one structured array.
 
     Raises:
-        LayoutError: if one is not of this kind, or their names differ in length.
+        LayoutError: if a message is not of this kind, or their names differ in length.
     """
     if not messages:
         return np.zeros(0, _layout(kind, 16))
@@ -147,7 +147,7 @@ def read_transforms(raw: bytes) -> dict[str, tuple[float, ...]]:
     """Poses in a serialized tf2_msgs/TFMessage: x, y, z in m, quaternion x, y, z, w, by frame.
 
     Raises:
-        LayoutError: if it is no such message.
+        LayoutError: if `raw` is no such message.
     """
     poses: dict[str, tuple[float, ...]] = {}
     start = len(ENCAPSULATION)  # CDR aligns from here

@@ -1,7 +1,7 @@
-"""YAML read strictly, with bounded memory: the one reader of every file that people write.
+"""Strict YAML reader with bounded memory, for every file that people write.
 
-Stricter than YAML itself: a key may be given once, and there are no aliases (`*name`) or merge keys
-(`<<`), by which a small file can stand for one of any size. `1e3` is a number.
+It is stricter than YAML itself: a key may be given once. Aliases (`*name`) and merge keys (`<<`)
+are refused, as a small file with them can expand to any size. `1e3` is a number.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import Any
 import yaml
 
 MOST_BYTES = 4 * 2**20
-"""Of a file."""
+"""Largest size of a file. In bytes."""
 
 MOST_NODES = 100_000
-"""Keys, values, lists and mappings of a file."""
+"""Largest number of keys, values, lists and mappings in a file."""
 
 
-_LONGEST = 200  # characters of a reason
+_LONGEST = 200  # most characters of a reason
 
 
 class YamlError(ValueError):
@@ -74,10 +74,10 @@ _StrictLoader.add_implicit_resolver(
 
 
 def read_yaml(path: Path) -> Any:
-    """What a YAML file holds.
+    """The content of a YAML file.
 
     Raises:
-        YamlError: if it cannot be read, is a folder, device, pipe or socket, is larger than
+        YamlError: if the file cannot be read, is a folder, device, pipe or socket, is larger than
             `MOST_BYTES` or no text; and as `parse_yaml`.
     """
     try:
@@ -90,11 +90,11 @@ def read_yaml(path: Path) -> Any:
 
 
 def parse_yaml(text: str, name: str) -> Any:
-    """What a text in YAML holds; `name` stands for the file in messages.
+    """The content of a text in YAML; `name` names the file in messages.
 
     Raises:
-        YamlError: if it is not YAML, gives a key twice, has an alias or a merge key, or holds more
-            than `MOST_NODES` or something nested too deeply.
+        YamlError: if the text is not YAML, gives a key twice, has an alias or a merge key, has more
+            than `MOST_NODES` nodes, or is nested too deeply.
     """
     try:
         return yaml.load(text, _StrictLoader)

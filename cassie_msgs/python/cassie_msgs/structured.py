@@ -1,17 +1,17 @@
-"""Frozen dataclasses out of what a YAML file holds, and back.
+"""Conversion of YAML content to frozen dataclasses, and back.
 
-The annotations of a class say what a file may hold under the name of each field:
+The annotations of a class say what a file may contain under the name of each field:
 
     bool, int, float, str, tuple of floats     a value, within the range of its `tunable`
     a dataclass                                a mapping, with a key for each field
     tuple[dataclass, ...]                      a list of such mappings
     Mapping[str, dataclass]                    such mappings by name
-    Mapping[str, Any]                          a mapping that somebody else checks
+    Mapping[str, Any]                          a mapping that is checked elsewhere
     any of these | None                        that, or null
 
-A refusal names the path of the key as `--set` takes it (`pushes.0.force[2]`), the value and what is
-permitted. Rules about several fields stand in `__post_init__` of the class, which raises
-`ParameterError`. A class that people write in another form has a class method `from_content`.
+An error names the path of the key as `--set` takes it (`pushes.0.force[2]`), the value and the
+permitted values. Rules about several fields are in `__post_init__` of the class, which raises
+`ParameterError`. A class with another form in files has a class method `from_content`.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ ModelT = TypeVar("ModelT")
 
 
 def structure(cls: type[ModelT], content: object, where: str = "") -> ModelT:
-    """An instance of a class from what stands in a file.
+    """An instance of a class, from the content of a file.
 
     Args:
         cls: Frozen dataclass.
-        content: As YAML gives it; null is an empty mapping.
-        where: Path of its key, empty for a whole file.
+        content: Content as YAML gives it; null is an empty mapping.
+        where: Path of the content's key, empty for a whole file.
 
     Raises:
-        ParameterError: naming the key's path, its value and what is permitted.
+        ParameterError: naming the key's path, its value and the permitted values.
     """
     mapping = as_section(content, where)
     own = getattr(cls, "from_content", None)
@@ -47,7 +47,7 @@ def structure(cls: type[ModelT], content: object, where: str = "") -> ModelT:
 
 
 def structure_fields(cls: type[ModelT], mapping: Mapping[str, Any], where: str) -> ModelT:
-    """Like `structure`, by the fields alone."""
+    """Like `structure`, but without the class's own `from_content`."""
     fields = fields_of(typing.cast(Any, cls))
     refuse_unknown(mapping, [field.name for field, _ in fields], where)
     values = {}
@@ -65,10 +65,11 @@ def structure_fields(cls: type[ModelT], mapping: Mapping[str, Any], where: str) 
 
 
 def structure_entry(cls: type[ModelT], content: object, where: str) -> ModelT:
-    """Like `structure`, for one of several: it must be there.
+    """Like `structure`, for one entry of several, which must not be null.
 
     Raises:
-        ParameterError: as `structure`; the form of a wrong entry is what the class says in `FORM`.
+        ParameterError: as `structure`; for an entry that is no mapping, it names the `FORM` of the
+            class.
     """
     if not isinstance(content, Mapping):
         form = getattr(cls, "FORM", "a mapping of names to values")
@@ -87,10 +88,10 @@ def field_value(cls: type, name: str, given: object, where: str = "") -> Any:
 
 
 def unstructure(model: Any) -> dict[str, Any]:
-    """What `structure` makes the same instance of; what is nothing unless it is given is left out.
+    """The content from which `structure` makes the same instance, without optional null values.
 
     Raises:
-        TypeError: if it is no dataclass.
+        TypeError: if `model` is no dataclass.
     """
     own = getattr(model, "to_content", None)
     if own is not None:
@@ -104,10 +105,10 @@ def unstructure(model: Any) -> dict[str, Any]:
 
 
 def as_section(content: object, where: str) -> Mapping[str, Any]:
-    """What must be a mapping; null is an empty one.
+    """Content as a mapping; null is an empty mapping.
 
     Raises:
-        ParameterError: if it is something else.
+        ParameterError: if the content is something else.
     """
     if content is None:
         return {}
@@ -118,7 +119,7 @@ def as_section(content: object, where: str) -> Mapping[str, Any]:
 
 
 def refuse_unknown(mapping: Mapping[str, Any], known: Sequence[str], where: str) -> None:
-    """Raise a ParameterError that names the nearest known key if one is not known."""
+    """Raise a ParameterError that names the nearest known key if a key is unknown."""
     for key in mapping:
         if key not in known:
             message = unknown_name(str(key), known, "key")
@@ -130,11 +131,11 @@ def path_of(where: str, name: str) -> str:
     return f"{where}.{name}" if where else name
 
 
-_SHOWN = 60  # characters of a wrong value that a message shows
+_SHOWN = 60  # most characters of a wrong value in an error message
 
 
 def shown(content: object) -> str:
-    """The beginning of what may be a whole file."""
+    """The beginning of a value that may be as long as a file."""
     text = content if isinstance(content, str) else str(content)
     return repr(content) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."
 

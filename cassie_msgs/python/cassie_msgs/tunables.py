@@ -1,12 +1,12 @@
-"""Tunable figures: fields of frozen dataclasses with unit, range and description.
+"""Tunable parameters: fields of frozen dataclasses with unit, range and description.
 
-What can be tuned is declared once, as a field of a frozen dataclass:
+A parameter is declared once, as a field of a frozen dataclass:
 
     @dataclass(frozen=True, kw_only=True)
     class WalkGains:
         kp_knee: float = tunable(200.0, "Nm/rad", 0, 2000, "Stiffness of the knee drives")
 
-and the ROS parameters, their descriptors and the checks of YAML files come from it.
+The ROS parameters, their descriptors and the checks of YAML files come from this declaration.
 A field that is itself such a dataclass gives dotted names (`gains.kp_knee`).
 """
 
@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-_MOST_NAMES = 30  # that a message of one line lists
+_MOST_NAMES = 30  # most names that an error message lists
 _KEY = "tunable"
 ConfigT = TypeVar("ConfigT")
 
@@ -31,7 +31,7 @@ class ParameterError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Tunable:
-    """What is known of one tunable figure besides its value."""
+    """Metadata of one tunable field: everything besides its value."""
 
     unit: str
     low: float | None
@@ -42,7 +42,7 @@ class Tunable:
 
     @property
     def range_text(self) -> str:
-        """The permitted values in words, with the unit."""
+        """Text of the permitted values, with the unit."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if self.low is None and self.high is None:
@@ -56,8 +56,7 @@ class Tunable:
 class Entry:
     """One tunable field of an instance: dotted name, type, value and description.
 
-    `kind` is bool, int, float, str, or tuple for floats of number `length`
-    (None: any number).
+    `kind` is bool, int, float, str or tuple. A tuple holds `length` floats (None: any number).
     """
 
     name: str
@@ -79,20 +78,20 @@ def tunable(
     """A dataclass field that can be tuned.
 
     Args:
-        default: Its value when nothing else is said; `dataclasses.MISSING` if it must be given.
-        unit: SI unit, empty for a pure number, a switch or a word.
+        default: Default value; `dataclasses.MISSING` if a value must be given.
+        unit: SI unit, empty for a dimensionless number, a bool or a string.
         low: Least permitted value, of each element for a tuple; None for no bound.
         high: Greatest permitted value; None for no bound.
         description: One line for people.
-        live: Whether it may change while the node runs.
-        choices: For a word, the permitted ones.
+        live: Whether the value may change while the node runs.
+        choices: Permitted values of a string.
     """
     spec = Tunable(unit, low, high, description, live, tuple(choices))
     return dataclasses.field(default=default, metadata={_KEY: spec})
 
 
 def entries(instance: Any, prefix: str = "") -> Iterator[Entry]:
-    """Every tunable field of a dataclass instance, nested ones with dotted names."""
+    """Every tunable field of a dataclass instance; a nested field has a dotted name."""
     cls: Any = type(instance)
     for field, hint in fields_of(cls):
         value = getattr(instance, field.name)
@@ -115,7 +114,7 @@ def names(cls: Any) -> list[str]:
 
 
 def as_mapping(instance: Any) -> dict[str, Any]:
-    """Dotted name to value of every tunable field; tuples become lists."""
+    """Value of every tunable field by dotted name; tuples become lists."""
     return {
         entry.name: list(entry.value) if entry.kind is tuple else entry.value
         for entry in entries(instance)
@@ -123,10 +122,10 @@ def as_mapping(instance: Any) -> dict[str, Any]:
 
 
 def check(instance: Any) -> None:
-    """Hold every tunable field of `instance` against its type and range.
+    """Check every tunable field of `instance` against its type and range.
 
     Raises:
-        ParameterError: naming the field, its value and what is permitted.
+        ParameterError: naming the field, its value and the permitted values.
     """
     for entry in entries(instance):
         _check_value(entry)
@@ -137,7 +136,7 @@ def replace_checked(instance: ConfigT, **changes: Any) -> ConfigT:
 
     Args:
         instance: Dataclass instance.
-        **changes: Values by name; dotted names come in as `**{"gains.kp": 3.0}`.
+        **changes: Values by name; dotted names are passed as `**{"gains.kp": 3.0}`.
 
     Raises:
         ParameterError: if a name is unknown (the message names the nearest known one),
@@ -155,7 +154,7 @@ def from_mapping(cls: type[ConfigT], mapping: Mapping[str, Any]) -> ConfigT:
     """An instance of `cls` from a mapping as YAML gives it, nested or with dotted names.
 
     Raises:
-        ParameterError: if a name is unknown, a figure without default is missing, or a
+        ParameterError: if a name is unknown, a field without default is missing, or a
             value does not fit.
     """
     flat = flatten(mapping)
@@ -169,16 +168,16 @@ def from_mapping(cls: type[ConfigT], mapping: Mapping[str, Any]) -> ConfigT:
 
 
 def check_value(name: str, hint: Any, value: Any, spec: Tunable | None) -> Any:
-    """A value as YAML gives it, in the type of a field.
+    """A value from YAML, checked and converted to the type of its field.
 
     Args:
-        name: Its name, for messages.
+        name: Name of the value, for messages.
         hint: bool, int, float, str, or a tuple of floats.
-        value: What was given.
-        spec: Range; None if any value of the type will do.
+        value: Value that was given.
+        spec: Permitted values; None if every value of the type is permitted.
 
     Raises:
-        ParameterError: naming the value and what is permitted.
+        ParameterError: naming the value and the permitted values.
     """
     kind, length = _kind(hint)
     converted = _converted(hint, value)
@@ -188,7 +187,7 @@ def check_value(name: str, hint: Any, value: Any, spec: Tunable | None) -> Any:
 
 
 def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested mappings as one with dotted names.
+    """Nested mappings as one mapping with dotted names.
 
     Raises:
         ParameterError: if a name is given twice, nested and with dots.
@@ -204,7 +203,7 @@ def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def unknown_name(name: str, known: Iterable[str], what: str) -> str:
-    """Message for an unknown name: says the nearest known one, or all; of many, their groups."""
+    """Error message for an unknown name: the nearest known name, or all names or their groups."""
     choices = sorted(known)
     if near := difflib.get_close_matches(name, choices, n=1, cutoff=0.5):
         return f"unknown {what} {name}: did you mean {near[0]}?"
@@ -304,7 +303,7 @@ def _is_required(field: Any) -> bool:
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """A YAML or ROS value in the type of its field, where nothing is lost by it."""
+    """A YAML or ROS value in the type of its field, where the conversion is exact."""
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if typing.get_origin(hint) is tuple and not isinstance(value, (str, bytes)):

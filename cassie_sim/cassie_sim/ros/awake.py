@@ -1,10 +1,10 @@
-"""Processors that stay awake while a loop is in a hurry: in real time, or as fast as it goes.
+"""Keeps processors awake while the loop runs in real time, or as fast as it can.
 
-A processor with nothing to do goes to sleep. In a loop over several processes each one does so
-several times a tick, while the others compute, and waking up takes its time: tens of
-microseconds, many more in a virtual machine, and what follows runs with cold caches. Linux lets
-a process ask for no such delay for as long as it holds a file open; processors without work then
-wait in a loop of the kernel. It takes permission to write that file.
+An idle processor goes to sleep. In a loop over several processes each processor does so several
+times per tick, while others compute. To wake up takes tens of microseconds, many more in a virtual
+machine, and the code after it runs with cold caches. A Linux process can request no such delay as
+long as it holds a file open; idle processors then wait in a loop of the kernel. This needs
+permission to write that file.
 
 Source:
     Linux, Documentation/power/pm_qos_interface.rst: `/dev/cpu_dma_latency`.
@@ -25,10 +25,10 @@ class Awake:
     """A request to keep the processors awake, which ends with the process at the latest.
 
     Args:
-        device: Where the kernel takes such requests.
+        device: File to which such requests are written.
 
     Attributes:
-        refused: Why the last request could not be made; empty when it could.
+        refused: Why the last request failed; empty if it did not.
     """
 
     def __init__(self, device: Path = DEVICE) -> None:
@@ -42,7 +42,7 @@ class Awake:
         return self._file is not None
 
     def hold(self, wanted: bool) -> None:
-        """Make the request, or take it back; cheap while that stays as it is."""
+        """Make the request, or withdraw it; cheap while `wanted` does not change."""
         if wanted == self.held:
             return
         if self._file is not None:

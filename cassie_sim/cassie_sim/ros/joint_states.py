@@ -16,9 +16,9 @@ _PASSIVE_INDEX = [SENSED_JOINTS.index(name) for name in _PASSIVE]
 
 
 class JointStates:
-    """Drives by their own encoders, shin and tarsus by the joints'.
+    """Publisher of the drives by their own encoders, and of shin and tarsus by joint encoders.
 
-    The toes have both encoders; the drive's is the finer one.
+    The toes have both encoders; the drive's encoder has the finer resolution.
     """
 
     def __init__(self, node: Node) -> None:
@@ -31,7 +31,7 @@ class JointStates:
         self._no_effort = [0.0] * len(_PASSIVE)
 
     def publish(self, sample: Sensors) -> None:
-        """Publish the joints of a sample, where somebody listens."""
+        """Publish the joints of a sample, if there is a subscriber."""
         if not self._publisher.get_subscription_count():
             return
         position = sample.drive_position.tolist() + sample.joint_position[_PASSIVE_INDEX].tolist()

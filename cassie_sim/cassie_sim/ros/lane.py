@@ -1,4 +1,4 @@
-"""The simulator's end of the control lane, and what it publishes beside it."""
+"""The simulator's part of the control lane, and its other topics."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class SimulatorLane:
 
     Args:
         node: Node that the topics belong to.
-        control_rate: In Hz.
-        report: Where refused messages go.
+        control_rate: Rate of control ticks. In Hz.
+        report: Called with reports of refused messages.
         watch: Called with the plant after each sample, for film and window.
-        scripted: Whether a script's answers are waited for. A person's commands wake nobody: they
-            are taken once a tick, so that a flood of them costs no more than that.
+        scripted: Whether the lane waits for a script's answers. A person's commands do not wake
+            the loop: they are taken once per tick, so that a flood of them costs little.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class SimulatorLane:
         self._last_segway: list[tuple[str, bytes]] = []
 
     def announce(self, sample: Sensors, plant: Plant) -> None:
-        """Publish a new sample first, then what goes with it while the others compute."""
+        """Publish a new sample first, then further messages while the other nodes compute."""
         self._last_sample = raw = sample.to_bytes()
         self._sensors.publish_raw(raw)
         self._asked = (plant.episode, plant.seq)
@@ -118,7 +118,7 @@ class SimulatorLane:
         self._watch(plant)
 
     def repeat(self) -> None:
-        """Publish the last sample, truth and clock again; whoever waits that long may sleep."""
+        """Publish the last sample, truth and clock again, and let processors sleep."""
         self._awake.hold(False)
         self._sensors.publish_raw(self._last_sample)
         self._truth.publish(self._last_truth)
@@ -130,14 +130,14 @@ class SimulatorLane:
             self._segway[topic].publish(raw)
 
     def wait(self, timeout: float) -> None:
-        """Return when something arrives or `wake` is called, `timeout` s later at the latest."""
+        """Return when a message arrives or `wake` is called, after `timeout` s at the latest."""
         self._waiter.wait(timeout)
         self._take_command()
         for writer, raw in take_from_each(self._operator):
             self._take_operator_command(writer, raw)
 
     def missing(self) -> str:
-        """Who does not take part yet."""
+        """Text that names the nodes which do not take part yet."""
         absent = []
         if not self._sensors.matched:
             absent.append("nobody reads /cassie/sensors: is state_estimator running?")
@@ -146,7 +146,7 @@ class SimulatorLane:
         return " ".join(absent)
 
     def flush(self, timeout: float) -> None:
-        """Wait until what was published has arrived, at most `timeout` s."""
+        """Wait until all published messages have arrived, at most `timeout` s."""
         deadline = time.monotonic() + timeout
         self._sensors.flush(timeout)
         self._truth.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))

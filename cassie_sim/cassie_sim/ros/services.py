@@ -18,11 +18,11 @@ from cassie_sim.loop import SimulationLoop
 from cassie_sim.plant import Plant
 
 T = TypeVar("T")
-_TIMEOUT = 10.0  # s; the loop looks at requests between ticks and while it waits
+_TIMEOUT = 10.0  # s; the loop runs requests between ticks and while it waits
 
 
 class Services:
-    """Hands each call to the loop, and answers when the loop has done it."""
+    """Passes each call to the loop, and answers when the loop has run it."""
 
     def __init__(
         self, node: Node, loop: SimulationLoop, make_plant: Callable[[Any], Plant]
@@ -92,7 +92,7 @@ class Services:
         return self._answer(response, lambda: orders.hold_bar(self._loop.plant, bool(request.data)))
 
     def _answer(self, response: Any, action: Callable[[], str]) -> Any:
-        """Have the loop do it; the outcome or the reason why not goes into the response."""
+        """The response, with the result or the error of `action`, which the loop runs."""
         try:
             response.message = self._loop.requests.call(action).result(timeout=_TIMEOUT)
             response.success = True
@@ -104,7 +104,7 @@ class Services:
         return response
 
     def _reset(self, start: str, seed: int) -> int:
-        """Begin a new episode; an empty start and seed 0 keep what there is."""
+        """Begin a new episode; an empty start and seed 0 keep the present values."""
         loop = self._loop
         plant, scenario = loop.plant, loop.plant.scenario
         if start and start not in STARTS:

@@ -1,4 +1,4 @@
-"""Node `simulator`: Cassie in MuJoCo behind the topics of the real robot."""
+"""Node `simulator`: Cassie in MuJoCo, with the topics of the real robot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cassie_sim.simulator_config import SimulatorConfig, scenario_of
 from cassie_sim.video import Film, RenderError, frame_of
 from cassie_sim.window import Window
 
-_FLUSH = 1.0  # s; at the end, for what was published to arrive
+_FLUSH = 1.0  # s; time-out at the end, for published messages to arrive
 
 
 class Simulator(Node):
@@ -41,7 +41,7 @@ class Simulator(Node):
         scenario = scenario_of(self._config)
         plant = self._make_plant(scenario)
         load_kept("cassie_sim")
-        # Rises over restarts too: that is how the other nodes know.
+        # The episode rises over restarts, too, so that other nodes notice them.
         plant.episode = int(time.time()) & 0xFFFFFFFF
         self._film = self._start_film(plant)
         self._window = None if self._config.headless else Window(plant.model, plant.data)
@@ -141,7 +141,7 @@ class Simulator(Node):
 
 
 def _installed_meshes() -> str | None:
-    """URI of the meshes' folder, or None where they were not there when this was built."""
+    """URI of the meshes' folder, or None if there were no meshes when this package was built."""
     try:
         folder = Path(get_package_share_directory("cassie_sim"), "meshes")
     except PackageNotFoundError:
@@ -151,8 +151,8 @@ def _installed_meshes() -> str | None:
 
 ABOUT = About(
     package="cassie_sim",
-    text="Cassie in MuJoCo behind the topics of the real robot. Hanging in the gantry it waits for "
-    "power; the services reset, pause, push, hang up and let down, and with a Segway hold its bar.",
+    text="Cassie in MuJoCo with the topics of the real robot. By default it hangs in the gantry "
+    "and waits for power. Services reset, pause and push, move the gantry, hold a Segway's bar.",
     reads=("/cassie/motor_command", "/cassie/operator_command"),
     writes=(
         "/cassie/sensors",

@@ -1,4 +1,7 @@
-"""Node cmd_vel: Twist or TwistStamped of Nav2, teleop_twist_keyboard or Foxglove, to commands."""
+"""Node cmd_vel: operator commands from Twist or TwistStamped.
+
+Nav2, teleop_twist_keyboard or Foxglove send these messages.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,8 @@ TOPIC = "/cmd_vel"
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-_APART = 0.005  # s, at least, between commands, however fast velocities come
-_LOOK = 0.5  # s between two looks at who writes the topic
+_APART = 0.005  # s, least time between commands, at any rate of velocity commands
+_LOOK = 0.5  # s between two checks of the topic's writers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,24 +38,24 @@ class Config:
 
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
     timeout: float = tunable(
-        0.5, "s", 0.05, 5, "Time without a velocity command after which the robot is asked to stop"
+        0.5, "s", 0.05, 5, "Time without a velocity command after which a stop is commanded"
     )
     stand_after: float = tunable(
-        2.0, "s", 0, 1e6, "Time after the stop from which it is asked to stand"
+        2.0, "s", 0, 1e6, "Time after the stop from which stand is commanded"
     )
     power: bool = tunable(
-        False, description="Ask for power at the start; else by the service", live=False
+        False, description="Command power at the start; otherwise by the service", live=False
     )
 
 
 class CmdVel(Node):
-    """Sends what velocity commands ask for, a new one at once.
+    """Sends the operator command for velocity commands; a new one is sent at once.
 
-    A topic has one type: it is that of the first who writes it.
+    The topic has one type, that of its first writer.
     """
 
     def __init__(self, stop: process.Stop) -> None:
-        """Begin to listen.
+        """Create the node.
 
         Raises:
             ValueError: if a parameter is wrong.
@@ -78,7 +81,7 @@ class CmdVel(Node):
         self._look()
 
     def loop(self) -> None:
-        """Leave everything to the executor."""
+        """Wait for the stop; the executor does everything."""
         run_as(Place.OPERATOR)
         self._stop.wait()
 
@@ -94,7 +97,7 @@ class CmdVel(Node):
         self._commands.stand_after = config.stand_after
 
     def _look(self) -> None:
-        """Listen to the type that is written; say who writes too many."""
+        """Subscribe with the type that is written, and report several writers."""
         infos = self.get_publishers_info_by_topic(TOPIC)
         types = [info.topic_type for info in infos if info.topic_type in _TYPES]
         if types and self._type not in types:
@@ -146,7 +149,7 @@ class CmdVel(Node):
 ABOUT = About(
     package="cassie_teleop",
     text="Walks the robot by velocity commands, as Nav2, teleop_twist_keyboard and others send "
-    "them. It sends nothing until power is asked for or cut.",
+    "them. It sends nothing until power is commanded or cut.",
     reads=(TOPIC,),
     writes=("/cassie/operator_command", "/diagnostics"),
     services=("/cmd_vel/power", "/cmd_vel/take_over"),

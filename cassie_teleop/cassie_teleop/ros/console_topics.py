@@ -1,4 +1,4 @@
-"""What the console takes from topics, as raw bytes in turn with everything else it does."""
+"""The console's subscriptions, taken as raw bytes between its other work."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ONLOOKER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-_STATUS_AGE = 2.5  # s; the supervisor speaks once a second, whatever robot time does
+_STATUS_AGE = 2.5  # s; the supervisor sends a status at least once per second of wall time
 _REPORT_AGE = 3.0  # s after which a report on /diagnostics is forgotten
 _WARN = 1
 _MAX_REPORTS = 8
@@ -41,10 +41,10 @@ class ConsoleTopics:
     """Subscriptions of the console while a page is open.
 
     Attributes:
-        picture: Figures out of the control lane and /tf.
-        description: The robot; None before /robot_description was heard.
-        problem: Why it cannot be drawn; empty if it can.
-        holder: Who holds the lease, as the supervisor says.
+        picture: Values from the control lane and /tf.
+        description: The robot; None before /robot_description was received.
+        problem: Why the robot cannot be drawn; empty if it can.
+        holder: Name of the lease's holder, by the supervisor.
         new_episode: Whether an episode has begun since the last `take`.
     """
 
@@ -73,7 +73,7 @@ class ConsoleTopics:
         self._vehicle = RawSubscription(node, Odometry, "/segway/ground_truth", NEWEST)
 
     def close(self) -> None:
-        """Subscribe no longer."""
+        """End the subscriptions."""
         for each in (
             *(self._state, self._mode, self._controller, self._commands, self._transforms),
             *(self._statuses, self._diagnostics, self._descriptions, self._vehicle),
@@ -81,7 +81,7 @@ class ConsoleTopics:
             self._node.destroy_subscription(each.subscription)
 
     def take(self, now: float) -> None:
-        """Take what has come; of most topics only the newest counts."""
+        """Take received messages; of most topics only the newest one."""
         picture = self.picture
         self.new_episode = False
         if (raw := self._state.take_raw()) is not None:
@@ -107,7 +107,7 @@ class ConsoleTopics:
             self._describe(description.data)
 
     def robot(self, now: float) -> dict[str, Any] | None:
-        """What the supervisor says, for JSON; None while it is silent."""
+        """The supervisor's status, for JSON; None while the supervisor is silent."""
         status = self._status
         if status is None or now - self._status_at > _STATUS_AGE:
             return None
@@ -126,7 +126,7 @@ class ConsoleTopics:
         }
 
     def reports(self, now: float) -> list[str]:
-        """What nodes warn of on /diagnostics."""
+        """Warnings and errors of nodes on /diagnostics."""
         self._reports = {
             name: report for name, report in self._reports.items() if now - report[0] < _REPORT_AGE
         }
@@ -136,7 +136,7 @@ class ConsoleTopics:
         return warnings[:_MAX_REPORTS]
 
     def _follow_command(self, raw: bytes, now: float) -> None:
-        """What the operator who drives asks for; of any while nobody is known to."""
+        """Take in the command of the driving operator, or of any operator while none is known."""
         with suppress(ValueError):
             self._command.load(raw)
             if self.holder in ("", sender_of(self._command)):

@@ -1,4 +1,4 @@
-"""`doctor`: looks at a running robot for some seconds, says what is wrong and what to do."""
+"""`doctor`: observes a running robot for some seconds, and prints problems and remedies."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ _TOPICS = ("/clock", "/joy", "/cmd_vel", "/cassie/operator_command", "/cassie/su
 _TICKS = {"/cassie/sensors": Sensors, "/cassie/state": RobotState}
 _TICKS |= {"/cassie/motor_command": MotorCommand}
 _HEAD = struct.Struct("<4xiII4xQ")  # CDR: stamp, episode, seq
-_ANSWER = 3.0  # s for a node to tell its parameters
-_PATIENCE = 6.0  # s more for a writer that was not heard
+_ANSWER = 3.0  # s, time-out for a node to return its parameters
+_PATIENCE = 6.0  # s of additional time for a writer that was not heard
 _NODES = ("simulator", *list(LANE.values())[1:])
 _RELIABLE, _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
 class Doctor(Node):
-    """Listens; it publishes nothing and changes nothing."""
+    """Subscribes only; it publishes nothing and changes nothing."""
 
     def __init__(self) -> None:
         super().__init__("doctor", enable_rosout=False, start_parameter_services=False)
@@ -66,11 +66,11 @@ class Doctor(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, every)
 
     def listen(self, seconds: float) -> None:
-        """Look at some of the messages: those between two looks cost nothing here.
+        """Sample the messages at intervals: messages between two intervals cost nothing here.
 
-        A topic of every tick whose node or writer is there, and that of the sensors where any node
-        is, get up to `_PATIENCE` more until two samples came: on a busy machine, a reader may be
-        found late, and a word of discovery that is lost comes again after 3 s.
+        A topic of every tick gets up to `_PATIENCE` of additional time until two samples have come,
+        if its node or writer exists. So does the sensors' topic if any node exists. On a busy
+        machine a reader may be discovered late, and a lost discovery message is repeated after 3 s.
         """
         begin = time.monotonic()
         while (gone := time.monotonic() - begin - seconds) < 0.0 or (
@@ -82,7 +82,7 @@ class Doctor(Node):
                 rclpy.spin_once(self, timeout_sec=0.0)
 
     def _waits(self) -> bool:
-        """Whether a topic of every tick should be written and was hardly heard."""
+        """Whether a topic of every tick should have a writer but gave less than two samples."""
         nodes = {name.rpartition("/")[2] for name in self._names()}
         return any(
             len(heads) < 2
@@ -95,7 +95,7 @@ class Doctor(Node):
         )
 
     def facts(self) -> Facts:
-        """What was seen; asks the nodes of the loop for their parameters."""
+        """The observed facts; requests parameters from the nodes of the loop."""
         parameters = {name: dict(self._parameters_of(name)) for name in _NODES}
         status = self._status
         loop = self._reports.get("simulator: loop", (0, "", {}))
@@ -156,7 +156,7 @@ class Doctor(Node):
             self._reports[each.name] = (int.from_bytes(each.level, "little"), each.message, values)
 
     def _rate(self, topic: str) -> tuple[float, float | None]:
-        """Ticks by wall time, and robot time by wall time, of the newest episode."""
+        """Ticks per wall time, and ratio of robot time to wall time, of the newest episode."""
         heads = [h for h in self._heads[topic] if h[2] == self._heads[topic][-1][2]]
         if len(heads) < 2 or heads[-1][0] <= heads[0][0]:
             return 0.0, None
@@ -215,7 +215,7 @@ class Doctor(Node):
         return future.result() if future.done() else None
 
 
-# As it was before this process, or the one that started it, chose the loopback interface.
+# The range before this process, or the one that started it, selected the loopback interface.
 _DISCOVERY = (
     "LOCALHOST"
     if os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE") == str(PROFILE)
@@ -224,14 +224,14 @@ _DISCOVERY = (
 
 
 def _same(value: Any, default: Any) -> bool:
-    """Equal; whole numbers may stand for floats."""
+    """Whether two values are equal; an integer may stand for a float."""
     if isinstance(value, float) and isinstance(default, (int, float)):
         return math.isclose(value, default)
     return bool(value == default)
 
 
 def _files(parameters: dict[str, tuple[Any, Any]]) -> Iterator[tuple[str, str, bool]]:
-    """The gait library that the controller was given by path, and where its packages are."""
+    """The controller's gait library if it is given by path, and missing packages."""
     path = str(parameters.get("gait_library", ("", ""))[0])
     if "/" in path:
         yield "gait library", path, Path(path).is_file()
@@ -247,20 +247,22 @@ def _joysticks() -> list[Path]:
 
 
 def _folders() -> set[Path]:
-    """Where bags and logs are written."""
+    """Folders in which bags and logs are written."""
     logs = Path(os.environ.get("ROS_LOG_DIR", Path.home() / ".ros"))
     return {Path.cwd(), logs if logs.is_dir() else Path.home()}
 
 
 def main() -> None:
-    """Look, report and end: 0 fine, 1 something is wrong, 2 it could not look."""
+    """Examine the robot, report and end: 0 no problem, 1 a problem, 2 no examination possible."""
     parser = argparse.ArgumentParser(
         "ros2 run cassie_teleop doctor",
-        description="Looks at the running robot and says what is wrong and what to do, the "
-        "heaviest first. Exit status: 0 fine, 1 something is wrong, 2 it could not look.",
+        description="Examines the running robot and prints problems and remedies, the most severe "
+        "first. Exit status: 0 no problem, 1 a problem, 2 no examination possible.",
     )
     parser.add_argument("--json", action="store_true", help="facts and findings as JSON")
-    parser.add_argument("--seconds", type=_seconds, default=3.0, help="to look (default: 3)")
+    parser.add_argument(
+        "--seconds", type=_seconds, default=3.0, help="time to observe (default: 3)"
+    )
     options = parser.parse_args(own_arguments("doctor"))
     status = 2
     try:

@@ -24,13 +24,13 @@ class Config:
 
 
 class JoystickNode(Node):
-    """Publishes the device as it is; falls silent and looks for it again when it is unplugged."""
+    """Publishes the device's state; if it is unplugged, stops that and searches for it again."""
 
     def __init__(self, stop: process.Stop) -> None:
         """Open the device.
 
         Raises:
-            JoystickError: if there is none; the message lists those there are.
+            JoystickError: if there is no such device; the message lists all devices.
         """
         super().__init__("joystick")
         self._config = parameters.declare(self, Config())
@@ -41,7 +41,7 @@ class JoystickNode(Node):
         self.get_logger().info(f"reading {self._joystick.name}")
 
     def loop(self) -> None:
-        """Read and publish until stopped; SDL wants this on one thread."""
+        """Read and publish until stopped; SDL requires one thread for this."""
         while not self._stop.wait(1.0 / self._config.rate):
             try:
                 self._step()

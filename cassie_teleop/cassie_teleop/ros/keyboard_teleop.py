@@ -25,10 +25,10 @@ from cassie_teleop.ros.sender import Sender
 from cassie_teleop.ros.simulator_services import SimulatorServices
 from cassie_teleop.terminal import Terminal
 
-_ASKING = 1.0  # s, for which one key press asks for the lease
-_SHOWING = 0.1  # s between two drawings of the status lines
-_SILENCE = 1.0  # s, from which figures that came are no longer shown
-_SMOOTH = 0.2  # of a new figure, in the speeds shown as achieved
+_ASKING = 1.0  # s, duration of one request for the lease
+_SHOWING = 0.1  # s between two updates of the status lines
+_SILENCE = 1.0  # s, age from which received values are no longer shown
+_SMOOTH = 0.2  # weight of a new value in the low-pass of the achieved speeds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +39,10 @@ class Config:
 
 
 class KeyboardTeleop(Node):
-    """Sends what the keys have made, at a steady rate, from the first power key on."""
+    """Sends the request of the keys, at a constant rate, from the first power key on."""
 
     def __init__(self, stop: process.Stop) -> None:
-        """Take the terminal over.
+        """Open the terminal for keys.
 
         Raises:
             OSError: if the input is no terminal.
@@ -87,7 +87,7 @@ class KeyboardTeleop(Node):
                 elif answer := self._keyboard.press(key):
                     self._terminal.say(answer)
                 elif key.lower() == "o":
-                    due = 0.0  # an emergency stop does not wait its turn
+                    due = 0.0  # an emergency stop is sent at once
                 if self._keyboard.asks:
                     self._asked = time.monotonic()
             if time.monotonic() >= due:
@@ -98,7 +98,7 @@ class KeyboardTeleop(Node):
                 self._show()
 
     def close(self) -> None:
-        """Put the terminal back and send exactly one stop."""
+        """Restore the terminal and send exactly one stop."""
         self._terminal.close()
         if self._keyboard.request is not None:
             self._sender.send_last(without_link(self._keyboard.request))
@@ -110,7 +110,7 @@ class KeyboardTeleop(Node):
             self._sender.send(replace_checked(keyboard.request, take_over=keyboard.asks))
 
     def _order(self) -> None:
-        """Call services, and show what they answered."""
+        """Call services, and show their answers."""
         while self._keyboard.orders:
             self._simulator.call(self._keyboard.orders.pop(0), float(self._state.q[3]))
         while self._answers:
@@ -142,7 +142,7 @@ class KeyboardTeleop(Node):
         )
 
     def _told(self, text: str) -> None:
-        """Keep what a service has answered; called by the executor's thread."""
+        """Keep the answer of a service; called by the executor's thread."""
         self._answers.append(text)
 
     def _on_status(self, status: SupervisorStatus) -> None:

@@ -21,8 +21,8 @@ from cassie_teleop.radio import Radio, without_link
 from cassie_teleop.receiver import Receiver
 from cassie_teleop.ros.sender import Sender
 
-_APART = 0.005  # s, at least, between commands that nothing urgent is in
-_PAUSE = 0.002  # s between two messages: a flood of them is to cost the robot nothing
+_APART = 0.005  # s, least time between commands without a stop
+_PAUSE = 0.002  # s between two messages, so that a flood of them costs the robot nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,17 +33,17 @@ class Config:
         "taranis_qx7", description="Device file: a path, or a name in config/", live=False
     )
     enable_button: int = tunable(
-        -1, "", -1, 63, "Button held to move; -1 is the device file's", live=False
+        -1, "", -1, 63, "Button held to move; -1: from the device file", live=False
     )
     enable_turbo_button: int = tunable(
-        -1, "", -1, 63, "Button held to move fast; -1 is the device file's", live=False
+        -1, "", -1, 63, "Button held to move fast; -1: from the device file", live=False
     )
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
     joy_timeout: float = tunable(0.5, "s", 0.05, 5, "Age of /joy from which the link is lost")
 
 
 class RcTeleop(Node):
-    """Sends what the device asks for as it comes, and at once when it cuts power or stops."""
+    """Sends the device's requests as they come, and at once if one cuts power or stops."""
 
     def __init__(self, stop: process.Stop) -> None:
         """Read the device file and begin to send.
@@ -68,10 +68,10 @@ class RcTeleop(Node):
         self._stop = stop
         stop.on_request(self._waiter.wake)
         self._sent = -math.inf
-        self._due = time.monotonic()  # when the next command is sent
+        self._due = time.monotonic()  # time of the next command
 
     def loop(self) -> None:
-        """Send at the rate, and in between what the device asks for as it comes."""
+        """Send commands at the rate, and between them new requests of the device."""
         run_as(Place.OPERATOR)
         while not self._stop.requested:
             self._waiter.wait(max(0.0, self._due - time.monotonic()))
@@ -111,7 +111,7 @@ def device_path(name: str) -> Path:
     """Path of a device file given by path or by name.
 
     Raises:
-        ParameterError: if there is no such file; the message lists the names there are.
+        ParameterError: if there is no such file; the message lists all names.
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser()

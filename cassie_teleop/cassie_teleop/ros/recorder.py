@@ -1,4 +1,4 @@
-"""The page's record button: `ros2 run cassie_bags record` as a process beside the console."""
+"""The page's record button: runs `ros2 run cassie_bags record` as a separate process."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from cassie_msgs.processes import end_with_parent
 
-_TIMEOUT = 10.0  # s, for a recorder to write the end of its bag
-# s after which it is asked once more: Python can lose a signal that comes during an import
+_TIMEOUT = 10.0  # s for a recorder to write the end of its bag
+# s until the signal is repeated: Python can lose a signal that comes during an import
 _AGAIN = 2.5
 
 
@@ -22,15 +22,15 @@ class Recorder:
     """Starts and ends a recording.
 
     Args:
-        folder: Where bags go.
-        tell: Called with what becomes of a recording.
+        folder: Folder for bags.
+        tell: Called with text about a recording's begin and end.
     """
 
     def __init__(self, folder: Path, tell: Callable[[str], None]) -> None:
         self._folder, self._tell = folder, tell
         self._process: subprocess.Popen[bytes] | None = None
         self._file = Path()
-        self._asked: float | None = None  # when it was last told to end, if it was
+        self._asked: float | None = None  # time of the last request to end
         self._program = _program()
 
     @property
@@ -40,18 +40,18 @@ class Recorder:
 
     @property
     def file(self) -> str:
-        """Name of the bag that is being recorded; empty while none is."""
+        """Name of the bag that is being recorded; empty if there is none."""
         return "" if self._process is None else self._file.name
 
     def toggle(self) -> None:
-        """Begin a recording, or end the one that runs."""
+        """Begin a recording, or end the running one."""
         if self._process is None:
             self._start()
         elif self._asked is None:
             self._ask()
 
     def look(self) -> None:
-        """Tell how a recording has ended, if one has; ask again one that was told to end."""
+        """Report the end of a recording; repeat a request to end if it had no effect."""
         if self._process is None:
             return
         if (status := self._process.poll()) is None:
@@ -64,7 +64,7 @@ class Recorder:
         self._tell(told)
 
     def close(self) -> None:
-        """End the recording that runs, with all that was recorded."""
+        """End the running recording; the bag is complete."""
         if self._process is None:
             return
         for _ in range(round(_TIMEOUT / _AGAIN)):
@@ -74,7 +74,7 @@ class Recorder:
                 return
 
     def _ask(self) -> None:
-        """Have the recorder end, as by Ctrl-C; one that is ending already goes on with that."""
+        """Request the recorder's end, as by Ctrl-C; a recorder that is ending ignores it."""
         assert self._process is not None
         self._process.send_signal(signal.SIGINT)
         self._asked = time.monotonic()
@@ -87,7 +87,7 @@ class Recorder:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             command: list[str | Path] = [self._program, "-o", self._file]
-            # Ctrl-C in the terminal ends the console, which ends the recording.
+            # Ctrl-C in the terminal ends the console only, which then ends the recording.
             self._process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,

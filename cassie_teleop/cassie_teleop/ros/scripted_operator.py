@@ -1,4 +1,4 @@
-"""Node scripted_operator: plays a script on the robot's clock, in step with the loop."""
+"""Node scripted_operator: plays a script in robot time, in lock-step with the loop."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop import sight
 from cassie_teleop.script import ScriptedOperator
 
-# Every one counts for a rider, who looks at some of them by their time.
+# No message may be dropped: a rider uses messages of certain stamps.
 _TRUTH = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD_TICKS
 )
-_SIGHT_TIMEOUT = 0.5  # s of wall time for which an answer waits for what the rider sees
-_SILENCE = 1.0  # s of wall time without a state, from which it is reported
+_SIGHT_TIMEOUT = 0.5  # s of wall time, time-out of the wait for the rider's measurement
+_SILENCE = 1.0  # s of wall time without a state, after which that is reported
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Config:
 
 
 class ScriptedOperatorNode(Node):
-    """Answers every 10th state with the command of its time; a repeat from the cache."""
+    """Answers every 10th state with the command of its time; answers a repeat from the cache."""
 
     def __init__(self, stop: process.Stop) -> None:
         """Read the script.
@@ -109,7 +109,7 @@ class ScriptedOperatorNode(Node):
         self._wakes.limit()
 
     def _look(self, stamp_ns: int) -> None:
-        """Take in what the rider sees; wait for what he must have seen, but not for long."""
+        """Take in the rider's measurements; wait for the one that is due, up to a time-out."""
         if self._eyes is None:
             return
         deadline = time.monotonic() + _SIGHT_TIMEOUT
@@ -124,7 +124,7 @@ class ScriptedOperatorNode(Node):
 
 ABOUT = About(
     package="cassie_teleop",
-    text="Drives the robot by a script on the robot's clock, in step with the loop.",
+    text="Drives the robot by a script in robot time, in lock-step with the loop.",
     reads=("/cassie/state", "/cassie/ground_truth"),
     writes=("/cassie/operator_command", "/diagnostics"),
     parameters=(Config(),),

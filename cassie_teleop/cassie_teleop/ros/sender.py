@@ -19,7 +19,7 @@ class Sender:
     """Publisher of /cassie/operator_command for a person.
 
     Attributes:
-        name: Who speaks, as the commands say it.
+        name: Name of the sender in the commands.
     """
 
     def __init__(self, node: Node) -> None:
@@ -30,12 +30,12 @@ class Sender:
         write_sender(self._command, self.name)
 
     def send(self, request: Request) -> None:
-        """Send the requests as of now."""
+        """Send a request, stamped with the present time."""
         write(request, self._command)
         self._command.stamp_ns = time.time_ns()
         self._publisher.publish(self._command)
 
     def send_last(self, request: Request) -> None:
-        """Send the requests and wait until they have arrived, at most a second."""
+        """Send a request and wait until it has arrived, at most a second."""
         self.send(request)
         self._publisher.flush(_FLUSH)

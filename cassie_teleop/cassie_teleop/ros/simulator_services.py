@@ -1,4 +1,4 @@
-"""The simulator's services behind buttons and keys."""
+"""The simulator's services, as called by buttons and keys."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 from cassie_msgs.srv import Gantry, Push, Reset
 
 _LOWERED, _HUNG_UP = 0.82, 1.35  # m, heights of the pelvis
-_PUT_ON = 0.785  # m, where it crouches on a Segway
+_PUT_ON = 0.785  # m, height of the pelvis when crouched on a Segway
 _WINCH = 0.5  # m/s
 _PUSH, _PUSH_TIME = 120.0, 0.1  # N and s
 _SERVICES = {"gantry": Gantry, "reset": Reset, "push": Push, "hold_bar": SetBool}
@@ -35,9 +35,9 @@ class SimulatorServices:
     """Clients of the services.
 
     Args:
-        node: Node that calls.
-        tell: Called with what a service has answered, on the executor's thread.
-        done: Called with an order that was obeyed, there too.
+        node: Node that calls the services.
+        tell: Called with the answer of a service, on the executor's thread.
+        done: Called with an order that was done, on the executor's thread.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class SimulatorServices:
         }
 
     def available(self) -> list[str]:
-        """Orders whose service is there."""
+        """Orders whose service is available."""
         there = {name for name, client in self._clients.items() if client.service_is_ready()}
         return [order for order, service in _SERVICE_OF.items() if service in there]
 
@@ -60,8 +60,8 @@ class SimulatorServices:
         """Call the service of an order.
 
         Args:
-            order: One of those that `available` names; others are told.
-            yaw: The robot's heading, along which it is pushed. In rad.
+            order: One of `available`; any other order is reported.
+            yaw: Heading of the robot, the direction of a push. In rad.
         """
         client = self._clients[_SERVICE_OF[order]]
         if not client.service_is_ready():

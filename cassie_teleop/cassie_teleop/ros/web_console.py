@@ -1,4 +1,4 @@
-"""Node web_console: a browser page that shows and drives the robot, from topics alone."""
+"""Node web_console: a browser page that shows and drives the robot by topics only."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from cassie_teleop.ros.sender import Sender
 from cassie_teleop.ros.simulator_services import SimulatorServices
 
 _SHORTEST_TOKEN = 8  # characters
-_LOOK = 1.0  # s between two looks at the ROS graph
+_LOOK = 1.0  # s between two checks of the ROS graph
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +41,13 @@ class Config:
 
     host: str = tunable(
         "127.0.0.1",
-        description="Address to listen on; one that other computers reach needs the token",
+        description="Address to listen on; one that other computers can reach needs the token",
         live=False,
     )
     port: int = tunable(8080, "", 0, 65535, "Port to listen on; 0 is any free one", live=False)
     token: str = tunable(
         "",
-        description="What a browser must show; where it is needed, empty makes a new one",
+        description="Token that a browser must show; if one is needed, empty makes a new one",
         live=False,
     )
     rate: float = tunable(50.0, "Hz", 10, 200, "Rate of operator commands", live=False)
@@ -57,10 +57,11 @@ class Config:
 
 
 class WebConsole(Node):
-    """Pages on one side, topics on the other; without a page it subscribes to nothing.
+    """Connects pages with topics; without a page there are no subscriptions.
 
-    Pages and topics are served in turns on the main thread. Where robot time follows the wall clock
-    it runs before the browsers on the same computer, whose pictures are not to delay the sticks.
+    Pages and topics are served alternately on the main thread. Where robot time follows the wall
+    clock, this node has priority over browsers on the same computer, whose drawing must not delay
+    the sticks.
     """
 
     def __init__(self, stop: process.Stop) -> None:
@@ -68,7 +69,7 @@ class WebConsole(Node):
 
         Raises:
             ValueError: if a parameter is wrong.
-            OSError: if the port is taken.
+            OSError: if the port is in use.
         """
         super().__init__("web_console")
         self._config = parameters.declare(self, Config())
@@ -105,10 +106,10 @@ class WebConsole(Node):
             self._sender.send_last(self._last)
         self._recorder.close()
 
-    # what the pages do
+    # interface of the pages
 
     def join(self, page: int, address: str) -> dict[str, Any]:
-        """A page was opened; the first one starts the subscriptions."""
+        """Take in that a page was opened; the first one begins the subscriptions."""
         name = f"page {page} ({address})"
         self._console.join(page, name)
         self._pages.add(page)
@@ -119,7 +120,7 @@ class WebConsole(Node):
         return {"page": page, "name": name, "own": self._sender.name}
 
     def leave(self, page: int) -> None:
-        """A page is gone; the last one ends the subscriptions."""
+        """Take in that a page is gone; the last one ends the subscriptions."""
         self._console.leave(page)
         self._pages.discard(page)
         self._send()
@@ -129,9 +130,9 @@ class WebConsole(Node):
             self._topics = None
 
     def hear(self, page: int, message: Beat | Press | Slide) -> str:
-        """A page says something; sticks that drive and stops do not wait for their turn.
+        """Take in a message of a page; sticks of the driving page and stops are sent at once.
 
-        Of messages a page has `MAX_RATE` at most.
+        A page sends at most `MAX_RATE` messages per second.
         """
         now = time.monotonic()
         told = self._console.hear(page, message, now)
@@ -154,7 +155,7 @@ class WebConsole(Node):
         return self._console.link_age(page, time.monotonic()) > LINK_AGE
 
     def links(self) -> list[dict[str, Any]]:
-        """Links of the robot; none while it is not known."""
+        """Links of the robot; empty while the robot is not known."""
         return self._description.links if self._description is not None else []
 
     def mesh(self, index: int) -> Path | None:
@@ -162,14 +163,14 @@ class WebConsole(Node):
         meshes = self._description.meshes if self._description is not None else []
         return meshes[index] if index < len(meshes) else None
 
-    # what goes on beside
+    # periodic work
 
     async def _serve(self) -> None:
         ended, self._woken = asyncio.Event(), asyncio.Event()
         self._loop = asyncio.get_running_loop()
 
         def wake() -> None:
-            with suppress(RuntimeError):  # it has ended already
+            with suppress(RuntimeError):  # the server has ended already
                 self._loop.call_soon_threadsafe(ended.set)
 
         self._stop.on_request(wake)
@@ -178,7 +179,7 @@ class WebConsole(Node):
             tasks = [asyncio.create_task(work) for work in works]
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             self._last = self._console.last_request()
-            self._ending = True  # pages that close now say nothing any more
+            self._ending = True  # messages of pages that close now are ignored
             for task in tasks:
                 task.cancel()
         for task in done:
@@ -187,13 +188,13 @@ class WebConsole(Node):
     async def _send_commands(self) -> None:
         while True:
             wait = self._looked + 1.0 / self._config.rate - time.monotonic()
-            if wait > 0.0:  # after the last turn, or what a page has said since
+            if wait > 0.0:  # after the last turn, or a page's message since then
                 await asyncio.sleep(wait)
             elif not self._send() and not self._pages:
                 await self._woken.wait()
 
     def _send(self) -> bool:
-        """Send a command if there is something to say; says whether there was."""
+        """Whether there was a command to send; sends it."""
         now = self._looked = time.monotonic()
         request = None if self._ending else self._console.request(now)
         if request is not None:
@@ -217,14 +218,14 @@ class WebConsole(Node):
             await asyncio.sleep(_LOOK)
 
     def _look(self) -> None:
-        """See which nodes there are."""
-        # One of those who read operator commands is this node.
+        """Check which nodes exist."""
+        # One subscriber of operator commands is this node itself.
         heard = self.count_subscribers(OperatorCommand.TOPIC) > 1
         self._recorder.look()
         self._graph = {"orders": self._simulator.available(), "heard": heard}
 
     def _frame(self, topics: ConsoleTopics, now: float) -> tuple[str, str]:
-        """Figures of now, and what changes seldom."""
+        """JSON of the present values, and JSON of the values that seldom change."""
         topics.take(now)
         console, picture = self._console, topics.picture
         if topics.new_episode:
@@ -262,12 +263,12 @@ class WebConsole(Node):
         return 0.0 if self._topics is None else self._topics.picture.yaw
 
     def _tell(self, text: str) -> None:
-        """Show what a service has answered; called by the executor's thread."""
-        with suppress(RuntimeError):  # the page's thread has ended
+        """Show the answer of a service; called by the executor's thread."""
+        with suppress(RuntimeError):  # the pages' thread has ended
             self._loop.call_soon_threadsafe(self._show, text)
 
     def _show(self, text: str) -> None:
-        """Show a line to everyone."""
+        """Show a line on all pages."""
         self._console.notice = text
 
     def _configure(self, config: Config) -> None:
@@ -280,10 +281,10 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _token(config: Config) -> str:
-    """What a browser must show; empty for nothing.
+    """Token that a browser must show; empty for none.
 
     Raises:
-        ParameterError: if it is short enough to be guessed.
+        ParameterError: if the token is short enough to be guessed.
     """
     if config.token and len(config.token) < _SHORTEST_TOKEN:
         raise ParameterError(f"token has {len(config.token)} characters, needs {_SHORTEST_TOKEN}")
@@ -293,11 +294,11 @@ def _token(config: Config) -> str:
 
 
 def _address(host: str, port: int, token: str) -> str:
-    """Address to open, as others see this computer if it listens on all addresses."""
+    """Address to open; if the server listens on all addresses, the one that others can reach."""
     if host in ("0.0.0.0", "::"):
         host = socket.gethostname()
         with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.connect(("192.0.2.1", 9))  # sends nothing; tells the address it would send from
+            probe.connect(("192.0.2.1", 9))  # sends nothing; gives the local address for sending
             host = probe.getsockname()[0]
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/" + (f"?token={quote(token)}" if token else "")

@@ -1,1 +1,1 @@
-"""The typed model of an experiment file: every key, for all who read such files."""
+"""The typed model of an experiment file: every key, for all readers of such files."""

@@ -28,7 +28,7 @@ from cassie_msgs.structured import (
 from cassie_msgs.tunables import ParameterError, tunable
 
 TRACKED = ("vx", "vy", "yaw_rate", "height")
-"""Quantities that an operator commands and a run is judged by. In m/s, m/s, rad/s, m."""
+"""Quantities that an operator commands and a run is evaluated by. In m/s, m/s, rad/s, m."""
 
 PHASE_METRICS = (
     *TRACKED,
@@ -43,8 +43,8 @@ PHASE_METRICS = (
     "vx_max",
     "sole_pitch_deg",
 )
-"""What a phase can be bounded by: mean of each tracked quantity, RMS of its error, mean roll and
-pitch, greatest horizontal distance from the start of the phase, distance and turn from its start to
+"""Metrics of a phase: mean of each tracked quantity, RMS of its error, mean roll and pitch,
+greatest horizontal distance from the start of the phase, distance and turn from its start to
 its end, greatest mean speed over a second, least and greatest speed forward, and the pitch of the
 soles."""
 
@@ -65,12 +65,12 @@ RUN_METRICS = (
     "real_time_factor",
     "missed_share",
 )
-"""What a run can be bounded by: means and errors of the tracked quantities while the robot carries
-itself, time of the fall (NaN if none), greatest and final horizontal distance from where it began
-to carry itself, greatest tilt, least and greatest height, greatest ratio of a drive's torque to its
-limit, steps walked, greatest distance of a Segway from the middle of a gate (NaN without gates),
-robot time by wall time, ratio of control ticks without a new command where the wall clock sets the
-pace (NaN where robot time waits)."""
+"""Metrics of a run: means and errors of the tracked quantities while the robot carries its own
+weight, time of the fall (NaN if none), greatest and final horizontal distance from where it began
+to carry its own weight, greatest tilt, least and greatest height, greatest ratio of a drive's
+torque to its limit, steps walked, greatest distance of a Segway from the middle of a gate (NaN
+without gates), ratio of robot time to wall time, ratio of control ticks without a new command
+where the wall clock sets the pace (NaN where robot time waits)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +81,11 @@ class Bound:
 
     min: float | None = tunable(None, description="Least value")
     max: float | None = tunable(None, description="Greatest value")
-    target: float | None = tunable(None, description="Middle, in place of both")
-    tolerance: float | None = tunable(None, description="Half the width about the target")
+    target: float | None = tunable(None, description="Middle, instead of min and max")
+    tolerance: float | None = tunable(None, description="Half the width of the interval")
 
     def __post_init__(self) -> None:
-        """Refuse an interval that is not given in one way, or in which nothing lies."""
+        """Refuse an interval that is empty or not given in exactly one of the two forms."""
         ends = (self.min, self.max)
         if (self.target is None) != (self.tolerance is None) or (
             self.target is not None and ends != (None, None)
@@ -98,24 +98,24 @@ class Bound:
 
     @property
     def low(self) -> float:
-        """Least value that it holds."""
+        """Least value in the interval."""
         if self.target is not None and self.tolerance is not None:
             return self.target - self.tolerance
         return -math.inf if self.min is None else self.min
 
     @property
     def high(self) -> float:
-        """Greatest value that it holds."""
+        """Greatest value in the interval."""
         if self.target is not None and self.tolerance is not None:
             return self.target + self.tolerance
         return math.inf if self.max is None else self.max
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies in it; NaN never does."""
+        """Whether a value lies in the interval; NaN never does."""
         return self.low <= value <= self.high
 
     def __str__(self) -> str:
-        """The interval as people write it."""
+        """The interval as text for people."""
         if self.low == -math.inf:
             return f"<= {self.high:g}"
         return f">= {self.low:g}" if self.high == math.inf else f"{self.low:g} .. {self.high:g}"
@@ -132,10 +132,10 @@ class Phase:
 
     @classmethod
     def from_content(cls, mapping: Mapping[str, Any], where: str) -> Phase:
-        """From `{name, t0, t1}` and a bound under the name of each metric.
+        """A phase, from `{name, t0, t1}` and a bound under the name of each metric.
 
         Raises:
-            ParameterError: naming the key, its value and what is permitted.
+            ParameterError: naming the key, its value and the permitted values.
         """
         refuse_unknown(mapping, ("name", "t0", "t1", *PHASE_METRICS), where)
         for key in ("t0", "t1"):
@@ -156,7 +156,7 @@ class Phase:
         return cls(name, phase.t0, phase.t1, bounds)
 
     def to_content(self) -> dict[str, Any]:
-        """What `from_content` makes the same phase of."""
+        """The mapping from which `from_content` makes the same phase."""
         bounds = {name: unstructure(bound) for name, bound in self.bounds.items()}
         return {"name": self.name, "t0": self.t0, "t1": self.t1, **bounds}
 
@@ -165,7 +165,9 @@ class Phase:
 class Expectation:
     """Bounds that a run must keep."""
 
-    fell: bool | None = tunable(False, description="Whether it must fall; null: it may")
+    fell: bool | None = tunable(
+        False, description="Whether the robot must fall; null: either is accepted"
+    )
     lockstep_broken: bool = tunable(False, description="Whether lock-step may break")
     metrics: Mapping[str, Bound] = field(default_factory=dict, metadata={"known": RUN_METRICS})
     phases: tuple[Phase, ...] = ()

@@ -1,4 +1,4 @@
-"""An experiment file: what is run, on which robot, and what is expected of it.
+"""An experiment file: what is run, on which robot, and which result is expected.
 
 The simulator, the scripted operator and the experiments of cassie_bags read it here. `Experiment`
 is the list of keys; the README of cassie_bags explains them.
@@ -28,17 +28,19 @@ NODES = ("simulator", "estimator", "controller", "supervisor")
 class Experiment(Scenario):
     """All keys of an experiment file; a field is a key.
 
-    Parameters of nodes have dotted names. They are checked against what the node has by whoever
-    builds the node.
+    Parameters of nodes have dotted names. The code that builds a node checks them against the
+    parameters of that node.
     """
 
-    name: str = tunable("experiment", description="What it is called")
-    about: str = tunable("", description="What it is, in a sentence")
+    name: str = tunable("experiment", description="Name of the experiment")
+    about: str = tunable("", description="What the experiment is, in a sentence")
     seed: int = tunable(
-        0, "", 0, 2**63 - 1, "Draws robot and times; 0: the nominal robot at the written times"
+        0, "", 0, 2**63 - 1, "Seed of robot and times; 0: the nominal robot at the written times"
     )
     drawn: bool = tunable(False, description="Robot and times are final: nothing is drawn any more")
-    duration: float = tunable(0.0, "s", 0.0, 86400.0, "Robot time of the run; 0: until it ends")
+    duration: float = tunable(
+        0.0, "s", 0.0, 86400.0, "Robot time of the run; 0: until the run ends by itself"
+    )
     operator: tuple[OperatorStep, ...] = ()
     rider: RiderScript | None = None
     gait_library: str | None = tunable(None, description="Path of the gait library")
@@ -60,10 +62,12 @@ class Experiment(Scenario):
 
     @classmethod
     def from_content(cls, mapping: Mapping[str, Any], where: str) -> Experiment:
-        """From its keys. What `draw` leaves open is drawn from the seed, unless all is `drawn`.
+        """An experiment, from its keys.
+
+        Values that are missing under `draw` are drawn from the seed, unless `drawn` is set.
 
         Raises:
-            ParameterError: naming the key, its value and what is permitted.
+            ParameterError: naming the key, its value and the permitted values.
         """
         given = {"seed": 0, "drawn": False} | dict(mapping)
         seed, drawn = (field_value(cls, key, given[key], where) for key in ("seed", "drawn"))
@@ -75,25 +79,25 @@ class Experiment(Scenario):
 
     @property
     def scenario(self) -> Scenario:
-        """What the simulator takes of it."""
+        """The part of the experiment that the simulator uses."""
         return Scenario(**{entry.name: getattr(self, entry.name) for entry in fields(Scenario)})
 
     @property
     def parameters(self) -> dict[str, Mapping[str, Any]]:
-        """Parameters of each of `NODES`, by dotted name."""
+        """Parameters of each node in `NODES`, by dotted name."""
         return {node: getattr(self, node) for node in NODES}
 
 
 def read_experiment(path: Path, needs: Collection[str] = ()) -> Experiment:
-    """The experiment in a file; a list in it is what stands under `operator`.
+    """The experiment in a file. A file that is a list stands for the section `operator`.
 
     Args:
         path: YAML file.
-        needs: Keys that must be in it.
+        needs: Keys that the file must contain.
 
     Raises:
-        ParameterError: if it cannot be read, is no strict YAML, has an unknown key, lacks one or
-            has a wrong value; the message names file, path of the key, value and range.
+        ParameterError: if the file cannot be read, is no strict YAML, has an unknown key, lacks a
+            key or has a wrong value; the message names file, path of the key, value and range.
     """
     try:
         content = read_yaml(path)
@@ -111,17 +115,17 @@ def read_experiment(path: Path, needs: Collection[str] = ()) -> Experiment:
 
 
 def to_yaml(experiment: Experiment) -> str:
-    """The text of a file for this experiment. Numbers keep every bit."""
+    """The text of a file for this experiment. Numbers are written exactly."""
     content = unstructure(experiment)
     content = {key: content[key] for key in _FIRST} | content
     text: str = yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=100)
     return text
 
 
-_FIRST = ("name", "about", "seed", "drawn", "duration")  # in a file that is written
+_FIRST = ("name", "about", "seed", "drawn", "duration")  # first keys of a file that is written
 
 
 class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: object) -> bool:
-        """Write what stands in two places twice: aliases are not read."""
+        """Write an object that occurs twice in full each time: aliases are not read."""
         return True

@@ -1,7 +1,7 @@
 """What an experiment fixes about the plant: scene, start, events, delays and the robot drawn.
 
-A seed draws one robot out of many (`Draw.from_seed`). The drawn values stand in the scenario,
-so that nothing is drawn twice and a recording tells which robot it was.
+A seed determines one random robot (`Draw.from_seed`). The drawn values are stored in the scenario,
+so that nothing is drawn twice and a recording contains them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cassie_msgs.tunables import ParameterError, tunable
 
 STARTS = ("gantry", "standing")
 _ACTIONS = {"height": "lower", "release": "release", "hold": "hold"}
-"""Action of a move by the key that people write."""
+"""Action of a gantry move, by its key in an experiment file."""
 
 FAULT_KINDS = ("off", "stuck", "nan", "spike", "delay")
 
@@ -35,15 +35,15 @@ _ONE10 = (1.0,) * 10
 
 @dataclass(frozen=True, kw_only=True)
 class Draw:
-    """The robot that a seed stands for."""
+    """The robot that a seed determines."""
 
     initial_yaw: float = tunable(0.0, "rad", -math.pi, math.pi, "Heading at the start")
     joint_offset: PerDrive = tunable(_ZERO10, "rad", -0.2, 0.2, "Offset of each drive at the start")
     torque_constant: PerDrive = tunable(
-        _ONE10, "", 0.5, 1.5, "Real to nominal torque of each drive"
+        _ONE10, "", 0.5, 1.5, "Ratio of real to nominal torque of each drive"
     )
-    mass: float = tunable(1.0, "", 0.5, 1.5, "Real to nominal mass of every link")
-    friction: float = tunable(1.0, "", 0.1, 2.0, "Real to nominal friction of the ground")
+    mass: float = tunable(1.0, "", 0.5, 1.5, "Ratio of real to nominal mass of every link")
+    friction: float = tunable(1.0, "", 0.1, 2.0, "Ratio of real to nominal friction of the ground")
     attitude_bias: Pair = tunable(
         (0.0, 0.0), "rad", -0.1, 0.1, "Constant roll and pitch error of the IMU"
     )
@@ -54,10 +54,11 @@ class Draw:
 
     @staticmethod
     def from_seed(seed: int) -> Draw:
-        """One robot out of many.
+        """The random robot of a seed.
 
-        Initial yaw and joints within 2 degrees, torque constants 3 %, mass 2 %, friction 10 %
-        (uniform); errors of attitude normal, as those of the IMU in cassie_sim.
+        Initial yaw and joints are uniform within 2 degrees, torque constants within 3 %, mass
+        within 2 %, friction within 10 %. The IMU's errors of attitude are normal and clipped, its
+        other errors are uniform; their sizes are those of the IMU in cassie_sim.
         """
         rng = np.random.default_rng(seed)
         two_degrees = math.radians(2.0)
@@ -85,57 +86,61 @@ def _floats(array: npt.NDArray[np.float64]) -> Any:
 class Delays:
     """Delays beyond those of the drives."""
 
-    torque: float = tunable(0.0, "s", 0.0, 0.1, "From a set torque to its effect, beyond 3 ms")
-    set_point: float = tunable(0.0, "s", 0.0, 0.2, "From a motor command to the drives")
+    torque: float = tunable(
+        0.0, "s", 0.0, 0.1, "Latency from a commanded torque to its effect, in addition to 3 ms"
+    )
+    set_point: float = tunable(0.0, "s", 0.0, 0.2, "Latency from a motor command to the drives")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelScale:
-    """Factors on the model, on top of what a seed draws."""
+    """Factors on the model, multiplied with those that a seed draws."""
 
-    mass: float = tunable(1.0, "", 0.5, 2.0, "Mass and inertia of every link")
-    spring: float = tunable(1.0, "", 0.2, 5.0, "Stiffness of shin and heel springs")
-    friction: float = tunable(1.0, "", 0.05, 3.0, "Friction of the ground")
-    damping: float = tunable(1.0, "", 0.0, 10.0, "Viscous friction of the joints")
-    armature: float = tunable(1.0, "", 0.2, 5.0, "Reflected inertia of the drives")
-    torque: float = tunable(1.0, "", 0.3, 2.0, "Torque constants of the drives")
+    mass: float = tunable(1.0, "", 0.5, 2.0, "Factor on mass and inertia of every link")
+    spring: float = tunable(1.0, "", 0.2, 5.0, "Factor on stiffness of shin and heel springs")
+    friction: float = tunable(1.0, "", 0.05, 3.0, "Factor on the ground's friction")
+    damping: float = tunable(1.0, "", 0.0, 10.0, "Factor on viscous friction of the joints")
+    armature: float = tunable(1.0, "", 0.2, 5.0, "Factor on reflected inertia of the drives")
+    torque: float = tunable(1.0, "", 0.3, 2.0, "Factor on torque constants of the drives")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """A load fixed to the pelvis, of which the controller is not told."""
+    """A load fixed to the pelvis, unknown to the controller."""
 
     mass: float = tunable(0.0, "kg", 0.0, 30.0, "Mass of the load; 0: there is none")
-    x: float = tunable(0.0, "m", -0.3, 0.3, "Its centre ahead of the pelvis's centre of mass")
-    y: float = tunable(0.0, "m", -0.3, 0.3, "Its centre left of the pelvis's centre of mass")
-    z: float = tunable(0.1, "m", -0.3, 0.5, "Its centre above the pelvis's centre of mass")
+    x: float = tunable(0.0, "m", -0.3, 0.3, "Load's centre, ahead of the pelvis's centre of mass")
+    y: float = tunable(0.0, "m", -0.3, 0.3, "Load's centre, left of the pelvis's centre of mass")
+    z: float = tunable(0.1, "m", -0.3, 0.5, "Load's centre, above the pelvis's centre of mass")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Push:
-    """A constant force for a while."""
+    """A constant force on one body for a limited time."""
 
-    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
-    duration: float = tunable(0.1, "s", 0.0005, 100.0, "How long it lasts")
-    force: Vector = tunable(dataclasses.MISSING, "N", -5000.0, 5000.0, "In world axes")
-    body: str = tunable("pelvis", description="Name of the body")
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "Time at which the push begins")
+    duration: float = tunable(0.1, "s", 0.0005, 100.0, "Duration of the push")
+    force: Vector = tunable(dataclasses.MISSING, "N", -5000.0, 5000.0, "Force in world axes")
+    body: str = tunable("pelvis", description="Name of the body that is pushed")
 
 
 @dataclass(frozen=True, kw_only=True)
 class GantryMove:
-    """One order to the gantry: hold at a height, lower to a height and let go, or release."""
+    """One command to the gantry: hold at a height, lower to a height and release, or release."""
 
-    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
-    action: str = tunable("lower", choices=("hold", "lower", "release"), description="What to do")
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "Time at which the move begins")
+    action: str = tunable(
+        "lower", choices=("hold", "lower", "release"), description="Action of the gantry"
+    )
     height: float = tunable(0.9, "m", 0.2, 2.0, "Pelvis height to reach")
-    speed: float = tunable(0.1, "m/s", 0.01, 1.0, "Of the winch")
+    speed: float = tunable(0.1, "m/s", 0.01, 1.0, "Speed of the winch")
 
     @classmethod
     def from_content(cls, mapping: Mapping[str, Any], where: str) -> GantryMove:
-        """From its fields, or as people write it: `{t, height | release | hold, speed}`.
+        """A move, from its fields or the short form `{t, height | release | hold, speed}`.
 
         Raises:
-            ParameterError: naming the key, its value and what is permitted.
+            ParameterError: naming the key, its value and the permitted values.
         """
         if "action" in mapping:
             return structure_fields(cls, mapping, where)
@@ -154,33 +159,33 @@ class GantryMove:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFault:
-    """A sensor channel that fails for a while."""
+    """A sensor channel that fails for a limited time."""
 
-    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "When it begins")
-    duration: float = tunable(1e9, "s", 0.0, None, "How long it lasts")
+    t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "Time at which the fault begins")
+    duration: float = tunable(1e9, "s", 0.0, None, "Duration of the fault")
     channel: str = tunable(
         dataclasses.MISSING, description="Field of Sensors, with an index: drive_position.3"
     )
-    kind: str = tunable(dataclasses.MISSING, choices=FAULT_KINDS, description="How it fails")
+    kind: str = tunable(dataclasses.MISSING, choices=FAULT_KINDS, description="Kind of fault")
     size: float = tunable(
         1.0, "", -1e6, 1e6, description="Height of spikes, in the channel's unit; delay in s"
     )
 
     @classmethod
     def from_content(cls, mapping: Mapping[str, Any], where: str) -> SensorFault:
-        """From its fields.
+        """A fault, from its fields.
 
         Raises:
-            ParameterError: naming the key, its value and what is permitted.
+            ParameterError: naming the key, its value and the permitted values.
         """
-        if mapping.get("kind") is False:  # as YAML reads an off without quotes
+        if mapping.get("kind") is False:  # YAML reads an unquoted off as false
             mapping = {**mapping, "kind": "off"}
         return structure_fields(cls, mapping, where)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """Everything about the plant that an experiment fixes. See the fields' classes."""
+    """Everything about the plant that an experiment fixes. The fields' classes describe it."""
 
     scene: str = tunable("flat", description="Ground under the robot", live=False)
     scene_parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -195,15 +200,15 @@ class Scenario:
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> Scenario:
-        """From its keys alone, as YAML gives them.
+        """A scenario, from its keys as YAML gives them.
 
         Raises:
-            ParameterError: naming the key's path, its value and what is permitted.
+            ParameterError: naming the key's path, its value and the permitted values.
         """
         return structure(Scenario, mapping)
 
     def __post_init__(self) -> None:
-        """Put events in the order of time."""
+        """Sort the events by time."""
         for name in ("gantry", "pushes", "faults"):
             events = sorted(getattr(self, name), key=lambda event: float(event.t))
             object.__setattr__(self, name, tuple(events))

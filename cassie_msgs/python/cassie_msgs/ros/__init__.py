@@ -1,1 +1,1 @@
-"""What every node shares: the fast lane, parameters, and starting and stopping cleanly."""
+"""Code that all nodes share: the fast lane, parameters, start and shutdown."""

@@ -1,4 +1,4 @@
-"""What a node is, for `--help`: its topics, services and parameters."""
+"""Description of a node for `--help`: its topics, services and parameters."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from cassie_msgs.tunables import Entry, entries
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What a node is.
+    """Description of a node.
 
     Attributes:
-        package: That it belongs to.
-        text: What it does, in a sentence or two.
-        reads: Topics that it subscribes to.
-        writes: Topics that it publishes.
-        services: That it offers, beside those of its parameters.
-        parameters: Its configuration classes, with their defaults.
+        package: Package of the node.
+        text: What the node does, in a sentence or two.
+        reads: Topics that the node subscribes to.
+        writes: Topics that the node publishes.
+        services: Services of the node, without those of its parameters.
+        parameters: Configuration classes of the node, with their defaults.
     """
 
     package: str
@@ -33,7 +33,7 @@ class About:
 
 
 def help_text(name: str, about: About) -> str:
-    """What `--help` prints."""
+    """The text that `--help` prints."""
     width = max(60, min(110, shutil.get_terminal_size().columns))
     lines = [
         f"usage: ros2 run {about.package} {name} [--ros-args -p NAME:=VALUE ...]",

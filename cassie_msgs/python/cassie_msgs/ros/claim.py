@@ -1,9 +1,9 @@
 """One node of a kind in each ROS domain: the second one refuses to start.
 
-Two simulators, estimators, controllers or supervisors in one domain would speak for the same robot.
-Each takes a lock of its own file, which the system gives back when the process ends, however it
-ends; so nothing waits for discovery and of two that start at once just one goes on. Nodes on other
-machines are not seen here: `one_writer` names them.
+Two simulators, estimators, controllers or supervisors in one domain would control the same robot.
+So each node locks a file, one per kind and domain. The system releases the lock when the process
+ends, for whatever reason. Nothing waits for discovery, and of two nodes that start at once only one
+goes on. This lock does not cover nodes on other machines; `one_writer` reports them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DOMAINS = range(102)
 """ROS domains whose ports no operating system uses for other things."""
 
 RUN_DOMAINS = range(40, 100)
-"""Those of runs that choose a domain themselves."""
+"""ROS domains for runs that choose a domain themselves."""
 
 
 class SecondNodeError(ValueError):
@@ -53,7 +53,7 @@ class Claim:
 
     Args:
         node: The node; gets the parameter `allow_second`.
-        role: Its kind, such as "simulator".
+        role: Kind of the node, such as "simulator".
     """
 
     def __init__(self, node: Node, role: str) -> None:
@@ -65,7 +65,7 @@ class Claim:
         """Take the claim; it ends with the process.
 
         Raises:
-            SecondNodeError: if another one runs; the message names a domain that is free.
+            SecondNodeError: if another node has the claim; the message names a free domain.
         """
         if self._allow_second or _lock(self._domain, self._role) is not None:
             return
@@ -73,12 +73,12 @@ class Claim:
 
 
 def second(roles: str, domain: int, permission: str) -> SecondNodeError:
-    """The refusal of a second node; it names a domain that is free.
+    """The error for a second node; its message names a free domain.
 
     Args:
-        roles: What runs already.
-        domain: Where it runs.
-        permission: Parameter that starts another one beside it.
+        roles: Kinds of the nodes that run already.
+        domain: Domain in which they run.
+        permission: Parameter that permits a second node.
     """
     return SecondNodeError(
         f"another {roles} runs in ROS domain {domain}: stop it, or start this one with "
@@ -87,10 +87,10 @@ def second(roles: str, domain: int, permission: str) -> SecondNodeError:
 
 
 def free_domain() -> int:
-    """A domain in which no node that runs once is running on this machine.
+    """A domain in which no node with a claim runs on this machine.
 
     Raises:
-        SecondNodeError: if there is none.
+        SecondNodeError: if there is no such domain.
     """
     for domain in DOMAINS:
         if domain not in RUN_DOMAINS and not any(map(_is_held, _files(domain))):
@@ -99,12 +99,12 @@ def free_domain() -> int:
 
 
 def held_domains() -> set[int]:
-    """Domains in which a node that runs once is running on this machine."""
+    """Domains in which a node with a claim runs on this machine."""
     return {domain for domain in DOMAINS if any(map(_is_held, _files(domain)))}
 
 
 def held_roles(domain: int) -> set[str]:
-    """Kinds of the nodes that run once and are running in a domain on this machine."""
+    """Kinds of the nodes with a claim that run in a domain on this machine."""
     return {path.name.split(".")[1] for path in _files(domain) if _is_held(path)}
 
 
@@ -113,7 +113,7 @@ def run_domain() -> Iterator[int]:
     """A domain that no other run on this machine uses at the same time.
 
     Raises:
-        SecondNodeError: if all are taken.
+        SecondNodeError: if all domains are in use.
     """
     for offset in range(len(RUN_DOMAINS)):
         domain = RUN_DOMAINS[(os.getpid() + offset) % len(RUN_DOMAINS)]
@@ -139,7 +139,7 @@ def _files(domain: int) -> list[Path]:
 
 
 def _lock(domain: int, role: str) -> int | None:
-    """Descriptor of a lock that ends with the process; None if somebody holds it."""
+    """Descriptor of a lock that ends with the process; None if another process holds it."""
     try:
         descriptor = _opened(_file(domain, role))
     except OSError:
@@ -148,7 +148,7 @@ def _lock(domain: int, role: str) -> int | None:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            time.sleep(_PAUSE)  # it may be held by somebody who just looks
+            time.sleep(_PAUSE)  # a process that only checks the lock holds it for a moment
         else:
             return descriptor
     os.close(descriptor)
@@ -170,7 +170,7 @@ def _is_held(path: Path) -> bool:
 
 
 def _opened(path: Path) -> int:
-    """A lock file that may be another user's, which one may read but not write."""
+    """Descriptor of a lock file. Another user's file can be read but not written."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except PermissionError:

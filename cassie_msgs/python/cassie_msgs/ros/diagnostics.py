@@ -1,4 +1,4 @@
-"""What a node has to say about its health, on /diagnostics and in its log."""
+"""Diagnostics of a node, on /diagnostics and in its log."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Diagnostics:
         Periodic(node, 1.0, self.publish)
 
     def set(self, subject: str, level: int, message: str, **values: object) -> None:
-        """Say how `subject` is; cheap while neither level nor message changes.
+        """Set the state of `subject`; cheap while neither level nor message changes.
 
         Args:
-            subject: What the report is about, such as "loop"; the node's name is put before it.
+            subject: Subject of the report, such as "loop"; it is prefixed with the node's name.
             level: OK, WARN, ERROR or STALE.
             message: One line for people.
-            **values: Figures beside it.
+            **values: Further values of the report.
         """
         old = self._reports.get(subject)
         pairs = tuple((key, str(value)) for key, value in values.items())
@@ -51,7 +51,7 @@ class Diagnostics:
             self._log(level, f"{subject}: {message}")
 
     def publish(self) -> None:
-        """Send all reports as they are now."""
+        """Send the current state of all reports."""
         with self._lock:
             reports = list(self._reports.items())
         if not reports:
@@ -72,7 +72,7 @@ class Diagnostics:
         self._publisher.publish(array)
 
     def _log(self, level: int, text: str) -> None:
-        # rclpy tells callers apart by line, and refuses one that changes its severity.
+        # rclpy identifies callers by line, and refuses a caller that changes its severity.
         logger = self._node.get_logger()
         if level == OK:
             logger.info(text)

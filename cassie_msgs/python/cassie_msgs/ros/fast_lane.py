@@ -1,9 +1,9 @@
-"""Control-lane topics as serialized bytes, past rclpy's executor.
+"""Control-lane topics as serialized bytes, without rclpy's executor.
 
 A message object costs 40 to 50 us to take in Python and the executor adds 100 to 250 us
-to each; waiting for raw bytes and taking them as `inbox` does costs 10. A node that uses this
-has its loop on the main thread (wait, take, compute, publish), or answers in the thread that
-receives, and everything slow, such as parameters, services and timers, is on an executor in
+to each; waiting for raw bytes and taking them as `inbox` does costs 10 us. A node that uses this
+module has its loop on the main thread (wait, take, compute, publish), or answers in the thread
+that receives. Everything slow, such as parameters, services and timers, runs on an executor in
 another thread.
 
 Other nodes and tools see ordinary messages: it is the same topic and type.
@@ -33,20 +33,20 @@ from cassie_msgs.ros.one_writer import Guard
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
-# Writers are reliable and deep, so that a recorder can miss nothing.
+# Writers are reliable and have a long queue, so that a recorder misses no message.
 WRITER = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=100
 )
-# For onlookers: only the newest is of use.
+# For displays: only the newest message is needed.
 NEWEST = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=1
 )
-# Sensors, state and motor command on the lane: the newest of the writer that counts, which those of
-# others must not push out of the queue.
+# Sensors, state and motor command on the lane: the newest message of the accepted writer, which
+# messages of other writers must not displace from the queue.
 NEWEST_OF_ONE = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=100
 )
-# Mode and operator command: each holds for a tick of its own.
+# Mode and operator command: each message becomes valid at its own tick, so none may be dropped.
 EVERY = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=500
 )
@@ -66,12 +66,12 @@ class _NotForExecutors(CallbackGroup):
 
 
 def message_type(sample_type: type[Sample]) -> Any:
-    """The ROS message class a sample type lays out."""
+    """The ROS message class of a sample type."""
     return getattr(import_module("cassie_msgs.msg"), sample_type.__name__)
 
 
 class LanePublisher(Generic[SampleT]):
-    """Publishes samples of one type as the bytes they are."""
+    """Publishes samples of one type as their serialized bytes."""
 
     def __init__(
         self,
@@ -80,13 +80,13 @@ class LanePublisher(Generic[SampleT]):
         topic: str | None = None,
         qos: QoSProfile = WRITER,
     ) -> None:
-        """Create the publisher; `topic` defaults to the one the type travels on."""
+        """Create the publisher; `topic` defaults to the topic of the type."""
         self.topic = topic or sample_type.TOPIC
         self.publisher = node.create_publisher(message_type(sample_type), self.topic, qos)
         self._send = self.publisher.publish
 
     def publish(self, sample: SampleT) -> None:
-        """Send the sample as it is now."""
+        """Send the present content of the sample."""
         self._send(sample.to_bytes())
 
     def publish_raw(self, raw: bytes) -> None:
@@ -94,12 +94,12 @@ class LanePublisher(Generic[SampleT]):
         self._send(raw)
 
     def flush(self, timeout_s: float) -> bool:
-        """Wait until all reliable readers have what was sent; says whether they do."""
+        """Whether all reliable readers have received everything; waits `timeout_s` at most."""
         return bool(self.publisher.wait_for_all_acked(Duration(seconds=timeout_s)))
 
     @property
     def matched(self) -> int:
-        """Number of subscriptions that receive from here."""
+        """Number of subscriptions that receive from this publisher."""
         return int(self.publisher.get_subscription_count())
 
 
@@ -133,22 +133,22 @@ class RawSubscription:
         return None
 
     def read(self, raw: bytes) -> Any | None:
-        """The message in some bytes; None if they are none, which anybody may send."""
+        """The message in some bytes; None for invalid bytes, which any node may send."""
         try:
             return deserialize_message(raw, self._type)
         except RuntimeError:
             return None
 
     def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
-        """Meanwhile, have messages answered where they are received: see `Inbox.served`.
+        """Have messages answered in the receiving thread, within the context: see `Inbox.served`.
 
-        What `answer` raises comes out of the next `LaneWaiter.wait`.
+        The next `LaneWaiter.wait` raises what `answer` raises.
         """
         return self.inbox.served(answer)
 
     @property
     def matched(self) -> int:
-        """Number of publishers that send to here."""
+        """Number of publishers that send to this subscription."""
         return int(self.subscription.get_publisher_count())
 
 
@@ -167,24 +167,24 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
 
         Args:
             node: Node it belongs to.
-            sample_type: Of its messages.
-            topic: Where they come; by default the topic that the type travels on.
-            qos: How they are kept until they are taken.
-            guard: Which of them count; all by default.
+            sample_type: Type of the messages.
+            topic: Topic of the messages; by default that of the type.
+            qos: How messages are kept until they are taken.
+            guard: Decides which messages are accepted; by default all are.
         """
         super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos)
         self._drain = qos.depth > 1
         self._guard = guard
 
     def take_raw(self) -> bytes | None:
-        """The oldest message that counts and was not yet taken, as bytes; None if there is none."""
+        """The oldest accepted message not yet taken, as bytes; None if there is none."""
         taken = self._take()
         return None if taken is None else bytes(taken)
 
     def take_last(self, most: int) -> Iterable[bytes]:
-        """The last messages that count and were not yet taken, oldest first, at most so many.
+        """The last `most` accepted messages not yet taken, oldest first.
 
-        Whoever answers some of them may be held up; what is too old to matter is left out.
+        The caller may have been delayed, so messages that are too old to matter are dropped.
         """
         last: deque[bytes] = deque(maxlen=most)
         while (raw := self.take_raw()) is not None:
@@ -192,7 +192,7 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         return last
 
     def _take(self) -> memoryview | None:
-        """The oldest message that counts and was not yet taken, valid until the next call."""
+        """The oldest accepted message not yet taken, valid until the next call."""
         inbox, guard = self.inbox, self._guard
         taken = inbox.take()
         while guard is not None and taken is not None and not guard.admits(inbox.writer, taken):
@@ -200,10 +200,10 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         return taken
 
     def take_next(self, sample: SampleT) -> bool:
-        """Load the oldest message not yet taken; says whether there was one.
+        """Whether there was a message not yet taken; loads the oldest one into `sample`.
 
         Raises:
-            LayoutError: if it is not of this type's size.
+            LayoutError: if the message is not of this type's size.
         """
         taken = self._take()
         if taken is None:
@@ -212,10 +212,10 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         return True
 
     def take(self, sample: SampleT) -> bool:
-        """Load the newest message and drop older ones; says whether there was one.
+        """Whether there was a message not yet taken; loads the newest one and drops older ones.
 
         Raises:
-            LayoutError: if it is not of this type's size.
+            LayoutError: if the message is not of this type's size.
         """
         taken = self._take()
         if taken is None:
@@ -228,11 +228,11 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
 
 
 class LocalTopic(Generic[SampleT]):
-    """Samples handed from one node to another of the same process, as a `LaneSubscription`.
+    """Samples passed between two nodes of one process, with the interface of `LaneSubscription`.
 
     Attributes:
-        inbox: What a `LaneWaiter` waits for: this object itself.
-        descriptor: Readable when a sample has come that was not answered at once.
+        inbox: Object that a `LaneWaiter` waits for: this object itself.
+        descriptor: File descriptor, readable when a sample has come that was not answered at once.
     """
 
     def __init__(self) -> None:
@@ -243,14 +243,14 @@ class LocalTopic(Generic[SampleT]):
         self._answer: Callable[[], bool] | None = None
 
     def put(self, sample: SampleT) -> None:
-        """Hand a sample on; it is answered in this thread, where the other node can."""
+        """Pass a sample on; it is answered in this thread if the other node can do so."""
         self._newest = sample.to_bytes()
         if self._answer is None or not self._answer():
             os.eventfd_write(self.descriptor, 1)
 
     @contextmanager
     def served(self, answer: Callable[[], bool]) -> Iterator[None]:
-        """Meanwhile, have samples answered in the thread that hands them on."""
+        """Have samples answered in the thread that passes them on, within the context."""
         self._answer = answer
         try:
             yield
@@ -263,12 +263,12 @@ class LocalTopic(Generic[SampleT]):
             os.eventfd_read(self.descriptor)
 
     def take_raw(self) -> bytes | None:
-        """The newest sample, if it was not yet taken, as bytes."""
+        """The newest sample as bytes; None if it was taken already."""
         raw, self._newest = self._newest, None
         return raw
 
     def take(self, sample: SampleT) -> bool:
-        """Load the newest sample; says whether there was one."""
+        """Whether there was a sample not yet taken; loads it into `sample`."""
         raw = self.take_raw()
         if raw is not None:
             sample.load(raw)
@@ -278,18 +278,18 @@ class LocalTopic(Generic[SampleT]):
 def take_from_each(
     subscription: RawSubscription, most: int = 10, longest: int = 1000
 ) -> list[tuple[bytes, bytes]]:
-    """All messages not yet taken of a topic that several nodes write, oldest first.
+    """Messages not yet taken of a topic with several writers, oldest first.
 
-    Whoever floods the topic costs little more than taking the messages: of one writer the oldest
-    and the newest come, `most` in all.
+    A writer that floods the topic costs little more than taking its messages. Of more than `most`
+    messages of one writer, the first `most` - 1 and the newest are returned.
 
     Args:
-        subscription: Where they are.
-        most: Of one writer.
-        longest: Messages taken in one call; the others wait for the next.
+        subscription: Subscription of the topic.
+        most: Largest number of messages of one writer.
+        longest: Largest number of messages taken in one call; further ones wait for the next call.
 
     Returns:
-        Identity of the writer and message of each.
+        Identity of the writer and bytes of each message.
     """
     taken: list[tuple[bytes, bytes]] = []
     places: dict[bytes, list[int]] = {}
@@ -308,15 +308,15 @@ def take_from_each(
 
 
 class LaneWaiter:
-    """Waits until a message has come for one of some subscriptions, or `wake` is called.
+    """Waits until a message has come for one of several subscriptions, or `wake` is called.
 
-    What has come is told once: whoever waits takes all messages before the next wait.
+    A message ends one wait only, so the caller must take all messages before the next wait.
     """
 
     def __init__(
         self, node: Node, subscriptions: Iterable[RawSubscription | LocalTopic[Any]]
     ) -> None:
-        """Prepare to wait for these; the end of the node's context ends the wait, too."""
+        """Prepare to wait for `subscriptions`; the end of the node's context ends a wait, too."""
         self._inboxes = {inbox.descriptor: inbox for inbox in (s.inbox for s in subscriptions)}
         self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         weakref.finalize(self, os.close, self._bell)
@@ -324,13 +324,13 @@ class LaneWaiter:
         node.context.on_shutdown(self.wake)
 
     def wait(self, timeout_s: float) -> bool:
-        """Sleep until a message has come or somebody woke this, at most `timeout_s`.
+        """Sleep until a message has come or `wake` is called, at most `timeout_s`.
 
         Returns:
             True if a message has come.
 
         Raises:
-            BaseException: what answering one raised where it was received.
+            BaseException: what the answer to a message raised in the receiving thread.
         """
         ready, _, _ = select.select(self._descriptors, (), (), timeout_s)
         come = False
@@ -348,11 +348,11 @@ class LaneWaiter:
 
 
 class WakeLimiter:
-    """Sleeps through half of the time between messages that matter.
+    """Sleeps during half of the time between two relevant messages.
 
-    A node that answers every 10th message of a topic would wake for each of them just when
-    those who answer every one need the cores; asleep, it misses half of them. Its queue keeps
-    what comes meanwhile.
+    A node that answers every 10th message of a topic would wake up for every message, when nodes
+    that answer each one need the cores. Asleep, it skips half of these wake-ups. The queue keeps
+    messages that come meanwhile.
 
     Args:
         longest: Longest sleep, in s.
@@ -363,11 +363,11 @@ class WakeLimiter:
         self._last = time.monotonic()
 
     def limit(self) -> None:
-        """Sleep, right after a message that matters was answered."""
+        """Sleep; call this right after a relevant message was answered."""
         now = time.monotonic()
         time.sleep(min(0.5 * (now - self._last), self._longest))
         self._last = now
 
 
 def _ignore(_: object) -> None:
-    """Callback of a subscription no executor serves."""
+    """Callback of a subscription that no executor serves."""

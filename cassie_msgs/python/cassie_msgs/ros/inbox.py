@@ -1,10 +1,10 @@
-"""A subscription's messages, past rclpy: announced on a file descriptor, taken as plain bytes.
+"""A subscription's messages without rclpy: announced on a file descriptor, taken as plain bytes.
 
-rclpy takes a message in 15 us and waits for one in 20 to 50, most of it to tell the middleware
-again and again which subscriptions it waits for. Below rclpy, ROS itself calls a C function
-when a message has come. Here that function is the C library's own `eventfd_write`, so that the
-thread which receives needs no Python to wake the one that waits, and a wait is one system call.
-Where even that is too long, the thread which receives answers itself: see `Inbox.served`.
+rclpy takes a message in 15 us. A wait for one costs it 20 to 50 us, mostly because it tells the
+middleware each time which subscriptions it waits for. Below rclpy, ROS itself calls a C function
+when a message has come. Here that function is the C library's `eventfd_write`. So the receiving
+thread needs no Python to wake the waiting thread, and a wait is one system call.
+Where even that takes too long, the receiving thread answers itself: see `Inbox.served`.
 
 Source:
     rcl/subscription.h: `rcl_subscription_set_on_new_message_callback`,
@@ -49,7 +49,7 @@ class _Bytes(ctypes.Structure):
 
 
 class _Info(ctypes.Structure):
-    """`rmw_message_info_t`, what is known of a message beside its content."""
+    """`rmw_message_info_t`, the metadata of a message."""
 
     _fields_ = (
         ("sent", ctypes.c_int64),
@@ -68,11 +68,11 @@ class _Text(ctypes.Structure):
     _fields_ = (("text", ctypes.c_char * 1024),)
 
 
-# These calls return at once; giving up the interpreter for them would cost more than they do.
+# These calls return at once; releasing the interpreter lock for them would cost more than they do.
 _rcutils = ctypes.PyDLL("librcutils.so")
 _take = ctypes.PyDLL("librcl.so").rcl_take_serialized_message
 _take.argtypes = (ctypes.c_void_p,) * 4
-# These may wait for the thread that receives, and that one for the interpreter.
+# These calls may wait for the receiving thread, which may wait for the interpreter lock.
 _rcl = ctypes.CDLL("librcl.so")
 _take_patiently = _rcl.rcl_take_serialized_message
 _take_patiently.argtypes = (ctypes.c_void_p,) * 4
@@ -81,8 +81,8 @@ _call_on_message.argtypes = (ctypes.c_void_p,) * 3
 _Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)
 _rcutils.rcutils_get_default_allocator.restype = _Allocator
 _rcutils.rcutils_get_error_string.restype = _Text
-# It is called with what it was registered with and the number of messages: the descriptor and
-# what to add to it.
+# ROS calls it with the registered pointer and the number of messages. For `eventfd_write` these are
+# the descriptor and the number to add.
 _RING = ctypes.cast(ctypes.CDLL(None).eventfd_write, ctypes.c_void_p)
 
 
@@ -90,11 +90,11 @@ class Inbox:
     """The messages that have come for one subscription.
 
     Args:
-        handle: Of an rclpy subscription, which no executor serves.
+        handle: Handle of an rclpy subscription that no executor serves.
 
     Attributes:
-        descriptor: Becomes readable when a message comes; `clear` makes it unreadable again,
-            before the messages are taken, all of them.
+        descriptor: File descriptor that becomes readable when a message comes. Call `clear`, which
+            makes it unreadable again, and then take all messages.
     """
 
     def __init__(self, handle: Any) -> None:
@@ -113,7 +113,7 @@ class Inbox:
             )
         )
         self._capacity = 0
-        self._receiver = 0  # thread that answers; 0: none does, -1: not known yet
+        self._receiver = 0  # thread that answers; 0: none, -1: not known yet
         self._callback: Any = None
         self._error: BaseException | None = None
         self._view = memoryview(b"")
@@ -122,17 +122,17 @@ class Inbox:
 
     @contextlib.contextmanager
     def served(self, answer: Callable[[], bool]) -> Iterator[None]:
-        """Have messages answered by the thread that receives them, without waking another.
+        """Have messages answered by the receiving thread, without waking another thread.
 
         Args:
-            answer: Called in that thread when a message has come. If it returns False, or
-                raises, the descriptor becomes readable as usual. It must not wait for another
-                message: nobody else is there to receive it.
+            answer: Called in the receiving thread when a message has come. If it returns False,
+                or raises, the descriptor becomes readable as usual. It must not wait for another
+                message: no other thread would receive it.
         """
         here = threading.get_ident()
 
         def call(_: int | None, count: int) -> None:
-            # What came before is told by this thread, which holds what the other one waits for.
+            # This thread announces earlier messages; it holds the lock the other thread waits for.
             if threading.get_ident() == here or not self._answered(answer):
                 os.eventfd_write(self.descriptor, count)
 
@@ -149,7 +149,7 @@ class Inbox:
 
     def _answered(self, answer: Callable[[], bool]) -> bool:
         if self._receiver == -1:
-            ctypes.pythonapi.PyGILState_Ensure()  # Python keeps what it made for this thread
+            ctypes.pythonapi.PyGILState_Ensure()  # Python keeps its state for this thread
             self._receiver = threading.get_ident()
         try:
             return answer()
@@ -161,7 +161,7 @@ class Inbox:
         """Make the descriptor unreadable until the next message comes.
 
         Raises:
-            BaseException: what `answer` raised in the thread that receives.
+            BaseException: what `answer` raised in the receiving thread.
         """
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self.descriptor)
@@ -190,17 +190,17 @@ class Inbox:
 
     @property
     def receiving(self) -> bool:
-        """Whether this thread receives; no message can have come since the one that it answers."""
+        """Whether this thread receives; then no message can have come since the one it answers."""
         return self._receiver == threading.get_ident()
 
     @property
     def writer(self) -> bytes:
-        """Identity of who wrote the message taken last, as DDS knows it."""
+        """DDS identity of the writer of the message taken last."""
         return self._writer.tobytes()
 
     @property
     def number(self) -> int | None:
-        """Number of the message taken last among those of its writer; None if DDS has none."""
+        """Sequence number, by its writer, of the message taken last; None if DDS has none."""
         number = int(self._info.number_sent)
         return None if number == _UNKNOWN else number
 
@@ -211,7 +211,7 @@ class Inbox:
 
 
 def _close(handle: Any, descriptor: int, content: _Bytes) -> None:
-    # A subscription that is destroyed already calls nobody any more.
+    # A subscription that is destroyed already makes no more calls.
     with contextlib.suppress(_rclpy.InvalidHandle), handle:
         _call_on_message(handle.pointer, None, None)
     os.close(descriptor)

@@ -1,9 +1,9 @@
 """One writer per topic of the control lane.
 
-DDS delivers what any node of the domain writes. A receiver therefore binds to the writer whose
-message it first believed, known by the identity that DDS gives with each message. What others
-write on the topic is dropped and reported, by the name of their node, until the first writer is
-gone from the graph; then the next one counts.
+DDS delivers the messages of every node in the domain. A receiver therefore binds to the writer of
+the first message that it accepts, by the identity that DDS gives with each message. Messages of
+other writers are dropped and reported with the names of their nodes. When the first writer has left
+the graph, the receiver binds to the next.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from cassie_msgs.ros.periodic import Periodic
 from cassie_msgs.sample import Sample, place
 
 LOOK_PERIOD = 0.5
-"""Wall time between two looks at the graph. In s."""
+"""Wall time between two checks of the graph. In s."""
 
 Report = Callable[[str, str], Any]
-"""Takes a subject and what is wrong with it, empty when nothing is."""
+"""Takes a subject and its problem, which is empty when there is none."""
 
 UNKNOWN = "an unknown node"
 
@@ -43,21 +43,21 @@ class _Gid(ctypes.Structure):
 
 
 class Guard(Protocol):
-    """Decides which messages of a subscription count."""
+    """Decides which messages of a subscription are accepted."""
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
-        """Whether a message counts, by the identity of its writer and its bytes."""
+        """Whether a message is accepted, by the identity of its writer and its bytes."""
 
 
 class OneWriter:
     """Admits the messages of one writer; a `Guard`.
 
     Args:
-        sample_type: Of the messages.
-        in_order: Whether episode and seq have to go on from message to message (`Progress`).
+        sample_type: Type of the messages.
+        in_order: Whether episode and seq must stay within the bounds of `Progress`.
 
     Attributes:
-        writer: Identity of the writer that counts; empty before the first.
+        writer: Identity of the accepted writer; empty before the first.
         refused: Why the newest message of that writer was refused; empty if it was not.
     """
 
@@ -69,7 +69,7 @@ class OneWriter:
         self._progress = Progress() if in_order else None
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
-        """Whether a message counts. One that has no header counts: its reader refuses it."""
+        """Whether a message is accepted. A message without a header is: its reader refuses it."""
         if writer != self.writer and self.writer:
             return False
         if len(raw) < self._size:
@@ -88,20 +88,20 @@ class OneWriter:
         return True
 
     def release(self) -> None:
-        """The writer is gone: the next message binds."""
+        """Forget the writer, which is gone: the next message binds."""
         self.writer = b""
         if self._progress is not None:
             self._progress.restart()
 
 
 class WriterWatch:
-    """Looks at the graph twice a second: who writes which topic, who is gone, who is one too many.
+    """Checks the graph twice a second for writers that are gone and for second writers.
 
     Args:
-        node: Node whose topics these are.
-        guards: Of its subscriptions.
-        publishers: Its rclpy publishers on the control lane.
-        report: Gets what is wrong, by topic.
+        node: Node whose topics are checked.
+        guards: Guards of the node's subscriptions.
+        publishers: The node's rclpy publishers on the control lane.
+        report: Called with the problem of each topic.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class WriterWatch:
         Periodic(node, LOOK_PERIOD, self.look)
 
     def look(self) -> None:
-        """Release guards whose writer is gone, report second writers."""
+        """Release guards whose writer is gone, and report second writers."""
         nameless: set[bytes] = set()
         for guard in self._guards:
             names = writers(self._node, guard.topic)
@@ -131,13 +131,13 @@ class WriterWatch:
         self._nameless = nameless
 
     def _known(self, names: Mapping[bytes, str], nameless: set[bytes]) -> dict[bytes, str]:
-        """Without writers that were just discovered, whose node's name is still to come."""
+        """`names` without writers that were just discovered and whose node's name is not known."""
         nameless |= {gid for gid, name in names.items() if name == UNKNOWN}
         return {gid: name for gid, name in names.items() if gid not in nameless - self._nameless}
 
 
 def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
-    """What is wrong with who writes a topic; empty if nothing is."""
+    """Problem with the writers of a topic; empty if there is none."""
     if not guard.writer:
         return ""
     if others := [names[gid] for gid in names if gid != guard.writer]:
@@ -147,7 +147,7 @@ def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
 
 
 def writers(node: Node, topic: str) -> dict[bytes, str]:
-    """Names of the nodes that write a topic, by the identity of the writer."""
+    """Name of the node of each writer of a topic, by the writer's identity."""
     return {
         bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name.replace(_NAMELESS, UNKNOWN)
         for info in node.get_publishers_info_by_topic(topic)
@@ -155,7 +155,7 @@ def writers(node: Node, topic: str) -> dict[bytes, str]:
 
 
 def identity(publisher: Any) -> bytes:
-    """Identity under which others receive the messages of an rclpy publisher."""
+    """Identity that receivers see with the messages of an rclpy publisher."""
     gid = _Gid()
     with publisher.handle:
         handle = _rcl.rcl_publisher_get_rmw_handle(publisher.handle.pointer)

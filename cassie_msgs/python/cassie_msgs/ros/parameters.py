@@ -1,4 +1,4 @@
-"""ROS parameters out of tunable dataclasses, declared once, with one check for both."""
+"""ROS parameters from tunable dataclasses: declared once, with the same check for both."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from cassie_msgs.tunables import (
 )
 
 ConfigT = TypeVar("ConfigT")
-_HUGE = 1e300  # stands for an open end, a range has no other way to say it
+_HUGE = 1e300  # stands for no bound, as a range must have two ends
 _HUGE_INT = 2**62
 
 
 def descriptor(entry: Entry) -> ParameterDescriptor:
-    """What `ros2 param describe` tells of a tunable: description, unit, range, default.
+    """Descriptor of a tunable for `ros2 param describe`: description, unit, range, default.
 
-    The default is what follows the last "default " of constraints or description, as JSON.
+    The default stands after the last "default " of constraints or description, as JSON.
     """
     spec = entry.spec
     text = f"{spec.description} ({spec.range_text})" if spec.range_text else spec.description
     default = f"default {json.dumps(entry.value)}"
-    # Dynamic typing lets a whole number stand for a float; the check of tunables holds types.
+    # Dynamic typing accepts an integer for a float; the check of tunables checks the types.
     result = ParameterDescriptor(
         name=entry.name, description=text, read_only=not spec.live, dynamic_typing=True
     )
@@ -59,7 +59,7 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
 
 
 def default_of(descriptor: ParameterDescriptor) -> Any:
-    """The default that a descriptor tells, None if it tells none."""
+    """The default in a descriptor; None if there is none."""
     for text in (descriptor.additional_constraints, descriptor.description):
         _, found, value = text.rpartition("default ")
         if found:
@@ -71,14 +71,14 @@ def default_of(descriptor: ParameterDescriptor) -> Any:
 
 
 def declare(node: Node, config: ConfigT) -> ConfigT:
-    """Declare every tunable of `config` and read what the user set.
+    """Declare every tunable of `config` and read the user's values.
 
     Args:
         node: Node that gets the parameters.
-        config: Instance of a tunable dataclass, the defaults.
+        config: Instance of a tunable dataclass, with the defaults.
 
     Returns:
-        A copy with the user's values.
+        A copy of `config` with the user's values.
 
     Raises:
         ParameterError: naming parameter, value and range, if a value does not fit.
@@ -97,16 +97,15 @@ def declare(node: Node, config: ConfigT) -> ConfigT:
 
 
 def on_change(node: Node, get: Callable[[], ConfigT], put: Callable[[ConfigT], None]) -> None:
-    """Follow changes of the parameters `declare` made, while the node runs.
+    """Follow changes of the parameters that `declare` made, while the node runs.
 
-    A change that does not fit is refused with the reason; of several in one call none
-    holds then.
+    An invalid change is refused with the reason; then no other change of the same call is made.
 
     Args:
         node: Node with the parameters.
-        get: Returns the configuration in force.
-        put: Takes the changed one; called on the executor's thread. A ValueError it
-            raises refuses the change.
+        get: Returns the present configuration.
+        put: Called with the changed configuration, on the executor's thread. If it raises
+            ValueError, the change is refused.
     """
     known = set(names(type(get())))
 
@@ -124,10 +123,10 @@ def on_change(node: Node, get: Callable[[], ConfigT], put: Callable[[ConfigT], N
 
 
 def refuse_unknown(*nodes: Node) -> None:
-    """Hold that every parameter the user gave is one that a node of this process has.
+    """Check that every parameter from the user belongs to a node of this process.
 
     Raises:
-        ParameterError: naming the first that is not, and the nearest known one.
+        ParameterError: naming the first unknown parameter, and the nearest known one.
     """
     known = [name for node in nodes for name in node._parameters]
     given = [name for node in nodes for name in node._parameter_overrides]

@@ -1,4 +1,4 @@
-"""What a node does now and then, beside its loop."""
+"""Periodic calls of a node, besides its loop."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from rclpy.node import Node
 
 
 class Periodic:
-    """Calls a function at intervals of wall time, in a thread of its own, while its node lives.
+    """Calls a function at intervals of wall time, in its own thread, while its node lives.
 
     To serve a timer, rclpy's executor needs the interpreter for half a millisecond, and a control
-    tick has to wait for that. Here it is held for the call alone.
+    tick must wait for that. Here the interpreter is held during the call only.
 
     Args:
         node: Node whose context ends the calls.
-        period: Between calls, in s. The first comes after it.
-        call: What is called. What it raises ends a process that `process.run` runs.
+        period: Time between calls, and before the first call, in s.
+        call: The function. An exception in it ends a process that `process.run` runs.
     """
 
     def __init__(self, node: Node, period: float, call: Callable[[], object]) -> None:
@@ -28,7 +28,7 @@ class Periodic:
         threading.Thread(target=self._run, name="periodic", daemon=True).start()
 
     def end(self) -> None:
-        """Call it no more."""
+        """End the calls."""
         self._ended.set()
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""A node as a process: started, stopped and refused in the same way everywhere."""
+"""A node as a process: start, stop and errors work in the same way for all nodes."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from cassie_msgs.ros.scheduling import step_back
 from cassie_msgs.ros.transport import use_loopback
 
 LEAVE_TIMEOUT = 2
-"""Wall time for a node to take leave of DDS. In s.
+"""Time-out for a node to shut DDS down, in wall time. In s.
 
-Fast DDS 2.14 waits for ever, as busy as it can be, for a callback that waits for it in turn, if
-another node leaves just then. What the others have to know, they know before.
+Fast DDS 2.14 can deadlock, in a busy wait: it waits for a callback that waits for it, if another
+node leaves at the same time. Everything that other nodes must know is sent before.
 """
 
-_SWITCH_INTERVAL = 5e-4  # s; the executor's thread may hold the interpreter no longer
+_SWITCH_INTERVAL = 5e-4  # s; longest time for which the executor's thread holds the interpreter
 _ARGUMENT_ERRORS = (_rclpy.UnknownROSArgsError, _rclpy.RCLInvalidROSArgsError)
 _SHUTDOWN_ERRORS = (_rclpy.RCLError, _rclpy.InvalidHandle, ExternalShutdownException)
 
 
 class Stop:
-    """Whether the process shall end, and whom to wake when it shall."""
+    """Request to end the process, and the function to call then."""
 
     def __init__(self) -> None:
         self._event = threading.Event()
@@ -52,7 +52,7 @@ class Stop:
         return self._event.is_set()
 
     def request(self, exit_code: int = 0) -> None:
-        """Ask the process to end, from any thread; the first exit code above 0 stays."""
+        """Ask the process to end, from any thread; the first exit code above 0 is kept."""
         self.exit_code = self.exit_code or exit_code
         self._event.set()
         for wake in self._wakers:
@@ -60,7 +60,7 @@ class Stop:
                 wake()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Sleep until the process shall end, at most `timeout_s`; says whether it shall."""
+        """Whether the process shall end; sleeps until then, at most `timeout_s`."""
         return self._event.wait(timeout_s)
 
     def on_request(self, wake: Callable[[], None]) -> None:
@@ -73,17 +73,17 @@ class Stop:
 def run(name: str, build: Callable[[Stop], Any], about: About | None = None) -> None:
     """Run one node until Ctrl-C, SIGTERM or the end of its loop; does not return.
 
-    With `about`, `--help` prints what the node is and ends, and an argument that is not ROS's is
-    refused; without, arguments are the caller's.
+    With `about`, `--help` prints the node's description and ends the process, and arguments that
+    are not for ROS are refused. Without `about`, the caller handles the arguments.
 
     `build(stop)` makes the node, an rclpy `Node`, or several as an object with `nodes`. Their
-    parameters, services and timers are served by an executor in another thread. If it has a
-    method `loop()`, that runs on the main thread and should return soon after
-    `stop.requested`; if it has `close()`, that is called at the end, when nothing else is
-    published any more. A node that may run once in a domain has a `claim.Claim` as `claim`.
+    parameters, services and timers are served by an executor in another thread. A method `loop()`
+    of the result runs on the main thread and should return soon after `stop.requested`. Its method
+    `close()` is called at the end, when nothing else is published any more. A node that may run
+    once in a domain has a `claim.Claim` as `claim`.
 
     Exit status: 0 at the end or when stopped; 2 with one line on stderr if `build` raises
-    ValueError or OSError, such as for a wrong parameter; 1 if something broke, in any thread.
+    ValueError or OSError, such as for a wrong parameter; 1 after an exception in any thread.
     """
     if about is not None:
         _read_arguments(name, about)
@@ -124,7 +124,7 @@ def _argument_error(error: Exception) -> str:
 
 
 def _read_arguments(name: str, about: About) -> None:
-    """Answer `--help`, and refuse what nobody would read."""
+    """Answer `--help`, and refuse arguments that the node would not read."""
     words = own_arguments(name)
     if {"-h", "--help"} & set(sys.argv[1:]):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may close before the end
@@ -156,14 +156,14 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
     try:
         with executor_thread(stop, *nodes):
             gc.collect()
-            gc.freeze()  # what exists by now lives as long as the process
+            gc.freeze()  # objects that exist by now live as long as the process
             sys.setswitchinterval(_SWITCH_INTERVAL)
             getattr(node, "loop", stop.wait)()
     except _SHUTDOWN_ERRORS:
         if not stop.requested:
             raise
     finally:
-        # Now that no timer and no subscription can say anything any more.
+        # Only now, when no timer and no subscription can publish any more.
         if hasattr(node, "close"):
             node.close()
     sys.stdout.flush()
@@ -177,9 +177,9 @@ def _run(name: str, build: Callable[[Stop], Any], stop: Stop) -> int:
 
 @contextlib.contextmanager
 def executor_thread(stop: Stop, *nodes: Node) -> Iterator[None]:
-    """Serve the nodes' parameters, services and timers in a thread of their own.
+    """Serve the nodes' parameters, services and timers in their own thread.
 
-    It sleeps until there is something to serve: to wake costs it half a millisecond of the
+    The thread sleeps until there is something to serve: to wake up costs half a millisecond of the
     interpreter's time.
     """
     executor = SingleThreadedExecutor()
@@ -203,7 +203,7 @@ def executor_thread(stop: Stop, *nodes: Node) -> Iterator[None]:
 
 
 def _end_on_errors(stop: Stop) -> None:
-    """Have what a thread raises end the process, with its traceback and status 1."""
+    """End the process after an exception in any thread, with its traceback and status 1."""
 
     def end(error: threading.ExceptHookArgs) -> None:
         sys.__excepthook__(error.exc_type, error.exc_value or error.exc_type(), error.exc_traceback)
@@ -216,13 +216,13 @@ def follow_signals(stop: Stop, *more: signal.Signals) -> None:
     """Have SIGINT and SIGTERM request the stop at once, also while the main thread waits in C.
 
     Python runs its signal handlers between bytecodes only, and a wait set does not return
-    for a signal; the wake-up descriptor is written by the C handler itself. A handler that set the
-    stop's event would wait for ever if the main thread were about to wait for it, as both take the
-    event's lock: hence the thread.
+    for a signal. The C handler itself writes the wake-up descriptor, which a thread here reads. A
+    Python handler that sets the stop's event could deadlock: if the main thread is about to wait
+    for the event, both take the event's lock.
 
     Args:
-        stop: What is requested.
-        *more: Further signals that request it.
+        stop: The stop that is requested.
+        *more: Further signals that request the stop.
     """
     ends = {signal.SIGINT, signal.SIGTERM, *more}
     reader, writer = os.pipe()

@@ -1,14 +1,15 @@
-"""When a process of the control lane runs: before all others, or after the chain it stands beside.
+"""Scheduling of the processes of the control lane: real-time priority, or a lower priority.
 
 Where robot time follows the wall clock, the nodes of the loop run as real-time processes if the
-system permits it: Linux runs a thread with the policy SCHED_FIFO before all ordinary ones, so that
-a busy machine delays it no more than an idle one does, and locked memory is not written out to
-disk. Both take a permission, which two lines of limits.conf give.
+system permits it. Linux runs a thread with the policy SCHED_FIFO before all ordinary ones, so a
+busy machine delays it no more than an idle one. Locked memory is not swapped to disk. Both need a
+permission, which two lines of limits.conf give.
 
-In lock-step, robot time waits for whoever is late. There, nodes beside the chain from sample to
-command give way: one state goes to several nodes, and the one in the chain must not get it last.
+In lock-step, robot time waits for late nodes. There, nodes outside the chain from sample to command
+have a lower priority: one state goes to several nodes, and the chain's node must not run last.
 
-What a person drives with stands behind both, but before the browser that draws the page.
+The nodes with which a person drives have a lower real-time priority than both, but run before the
+browser that draws the page.
 
 Source:
     Linux, sched(7) and mlock(2).
@@ -27,23 +28,23 @@ CHAIN_PRIORITY = 50
 """Real-time priority of the nodes from a sample to its command."""
 
 BESIDE_PRIORITY = 30
-"""That of nodes beside the chain, which have several ticks for their answers."""
+"""Real-time priority of nodes outside the chain, which have several ticks for their answers."""
 
 OPERATOR_PRIORITY = 20
-"""That of a person's stick or page, for which a person waits."""
+"""Real-time priority of a person's joystick or page."""
 
 BESIDE_NICENESS = 10
-"""Niceness of nodes beside the chain, in lock-step."""
+"""Niceness of nodes outside the chain, in lock-step."""
 
 LIMITS = "'cassie - rtprio 60' and 'cassie - memlock unlimited' in /etc/security/limits.conf"
-"""What gives a user, here called cassie, the permission."""
+"""Lines that give a user, here called cassie, the permission."""
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Place(Enum):
-    """Where a node stands on the control lane."""
+    """Role of a node on the control lane, with its real-time priority."""
 
     CHAIN = CHAIN_PRIORITY
     BESIDE = BESIDE_PRIORITY
@@ -51,13 +52,13 @@ class Place(Enum):
 
 
 class Scheduling:
-    """Has a process run as its place on the control lane wants it.
+    """Sets the scheduling of a process by its place on the control lane.
 
-    What an operator's console starts, such as a recorder, runs as an ordinary process.
+    A child process of an operator's console, such as a recorder, runs as an ordinary process.
 
     Args:
-        say: Gets one line, once, where the system does not permit real-time scheduling.
-        place: Of the node.
+        say: Called once, with one line, if the system does not permit real-time scheduling.
+        place: Place of the node.
     """
 
     def __init__(self, say: Callable[[str], None], place: Place = Place.CHAIN) -> None:
@@ -67,7 +68,10 @@ class Scheduling:
         self._told = False
 
     def follow(self, wall_paced: bool) -> None:
-        """Robot time follows the wall clock, or waits; cheap while that stays as it is."""
+        """Set the scheduling for robot time that follows the wall clock, or waits.
+
+        This is cheap while `wall_paced` does not change.
+        """
         if wall_paced is self._wall_paced:
             return
         before, self._wall_paced = self._wall_paced, wall_paced
@@ -87,9 +91,9 @@ class Scheduling:
 
 
 def run_as(place: Place) -> str:
-    """Run all threads before ordinary processes, in locked memory; says what prevents it.
+    """Run all threads before ordinary processes, in locked memory; returns what prevents it.
 
-    For a node that a person drives with, which does not follow robot time.
+    A node with which a person drives calls this itself, as it does not follow robot time.
     """
     heirs = os.SCHED_RESET_ON_FORK if place is Place.OPERATOR else 0
     if problem := _schedule(os.SCHED_FIFO | heirs, place.value):
@@ -100,34 +104,34 @@ def run_as(place: Place) -> str:
 
 
 def step_back() -> None:
-    """Run as an ordinary process again, for one that takes leave."""
+    """Run as an ordinary process again, before the process ends."""
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
         _schedule(os.SCHED_OTHER, 0)
 
 
 def _give_way(niceness: int) -> None:
-    """Have other processes come first.
+    """Let other processes run first.
 
-    Linux shares the processors among sessions, and niceness counts inside of each only. A process
-    that leads its own session, as a launcher starts it, sets that of the session as well. As a
-    batch job it takes no processor from whoever has just sent it something.
+    Linux shares the processors among sessions, and niceness counts within a session only. A process
+    that leads its own session, as a launcher starts it, sets the session's niceness as well. As a
+    batch job, the process does not preempt a process that has just sent it a message.
     """
     for thread in _threads():
-        with contextlib.suppress(OSError):  # it has just ended
+        with contextlib.suppress(OSError):  # the thread has just ended
             os.setpriority(os.PRIO_PROCESS, thread, niceness)
     _schedule(os.SCHED_BATCH, 0)
     if os.getsid(0) == os.getpid():
-        with contextlib.suppress(OSError):  # no such groups, or changed a moment ago
+        with contextlib.suppress(OSError):  # no such groups, or too soon after the last change
             Path("/proc/self/autogroup").write_text(str(niceness), encoding="ascii")
 
 
 def _schedule(policy: int, priority: int) -> str:
-    """Give all threads of this process a policy; says what prevents it, empty if nothing does."""
+    """Set the policy of all threads of this process; returns what prevents it, or empty."""
     for thread in _threads():
         try:
             os.sched_setscheduler(thread, policy, os.sched_param(priority))
         except ProcessLookupError:
-            continue  # it has just ended
+            continue  # the thread has just ended
         except OSError as error:
             return error.strerror or str(error)
     return ""

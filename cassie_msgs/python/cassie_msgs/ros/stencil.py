@@ -1,8 +1,8 @@
-"""Standard messages whose size is fixed, as serialized bytes with the figures left open.
+"""Standard messages of fixed size, as serialized bytes in which only the numbers change.
 
 A sensor_msgs/JointState costs 25 to 45 us to fill and serialize in Python, nearly all of it
-for names that never change. A `Stencil` serializes such a message once, finds where the
-figures went, and writes new ones there.
+for names that never change. A `Stencil` serializes such a message once, finds the offsets of the
+numbers, and writes new ones there.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from rclpy.serialization import serialize_message
 
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4  # after the encapsulation header: every message here begins with its header
-_MARK = 1.2345678901234567e-289  # no figure of a robot, and its bytes are in no text
-_SECONDS_MARK = -2_012_345_678  # likewise
+_MARK = 1.2345678901234567e-289  # no value of a robot, and its bytes are in no text
+_SECONDS_MARK = -2_012_345_678  # no stamp of a robot, and its bytes are in no text
 
 
 class Stencil:
-    """Serialized form of one message, with its stamp and some of its figures to be written.
+    """Serialized form of one message, into which the stamp and some numbers are written.
 
     Args:
-        message: Any message that begins with a std_msgs/Header, with everything in it that
-            stays; sequences have their final length.
+        message: Any message that begins with a std_msgs/Header, with all constant content;
+            sequences have their final length.
         fields: Runs of doubles to write, such as ("pose.pose.position", 3): a float, a
             sequence of floats or a message of floats, and how many doubles it holds.
 
@@ -42,7 +42,7 @@ class Stencil:
         self._bytes = bytearray(serialize_message(message))
 
     def fill(self, stamp_ns: int, *values: Sequence[float]) -> bytes:
-        """The message with this stamp, in ns, and these figures, a sequence for each field."""
+        """The message with this stamp, in ns, and these numbers, a sequence for each field."""
         raw = self._bytes
         _STAMP.pack_into(raw, _STAMP_OFFSET, *divmod(stamp_ns, 1_000_000_000))
         for (offset, run), figures in zip(self._runs, values, strict=True):
@@ -51,10 +51,10 @@ class Stencil:
 
 
 class TransformStencil:
-    """Serialized tf2_msgs/TFMessage, with one stamp and all transforms to be written.
+    """Serialized tf2_msgs/TFMessage, into which one stamp and all transforms are written.
 
     Args:
-        message: The message with the frames that stay.
+        message: The message with its frames, which are constant.
     """
 
     def __init__(self, message: Any) -> None:
@@ -77,7 +77,7 @@ class TransformStencil:
         """The message with this stamp, in ns, in every header.
 
         Args:
-            stamp_ns: In ns.
+            stamp_ns: Stamp. In ns.
             poses: x, y, z in m and quaternion x, y, z, w of each transform. Shape (n, 7).
         """
         self._words[self._stamps] = divmod(stamp_ns, 1_000_000_000)
@@ -91,7 +91,7 @@ def _place(numbers: npt.NDArray[Any], mark: float) -> int:
 
 
 def _offset(message: Any, path: str, count: int) -> int:
-    """Where the doubles of a field stand, found by marking them."""
+    """Offset of the doubles of a field, found by writing a mark into them."""
     *parents, name = path.split(".")
     owner = reduce(getattr, parents, message)
     value = getattr(owner, name)

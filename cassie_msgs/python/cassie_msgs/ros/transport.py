@@ -1,10 +1,10 @@
-"""How the processes of one machine reach each other.
+"""Transport between the processes of one machine.
 
-With `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`, rmw_fastrtps carries messages through shared
-memory. A process that is killed leaves its end of it behind, and whoever writes there next
-waits for it, for seconds, in the middle of a publish. Over the loopback interface nobody
-waits for the dead, at the same speed for messages of this size; and with announcements that
-are closer together, nodes find each other in tenths of a second instead of seconds.
+With `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`, rmw_fastrtps sends messages through shared
+memory. A process that is killed leaves its segment behind, and the next writer to it blocks for
+seconds in the middle of a publish. On the loopback interface no writer waits for a dead process,
+at the same speed for messages of this size. With more frequent announcements, nodes find each other
+in tenths of a second instead of seconds.
 """
 
 from __future__ import annotations
@@ -17,29 +17,30 @@ from pathlib import Path
 PROFILE = Path(__file__).parent / "loopback.xml"
 
 QUIET = 0.5
-"""Discovery is over once nothing was found for this long. In s."""
+"""Time without a new node after which discovery is over. In s."""
 
 ALONE = 4.0
-"""The same while nobody was found at all: on a busy machine the first answers take longer. In s."""
+"""Time without any node after which discovery is over: on a busy machine the first answers take
+longer than later ones. In s."""
 
 LONGEST = 10.0
-"""That discovery may take. In s."""
+"""Longest time of discovery. In s."""
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 def use_loopback(environment: MutableMapping[str, str] = os.environ) -> bool:
-    """Have this process, where it is meant for this machine only, use the loopback interface.
+    """Use the loopback interface in this process if its discovery range is this machine only.
 
     Call it before `rclpy.init`. An environment that asks for another range, profile or
-    middleware stays as it is.
+    middleware is not changed.
 
     Args:
         environment: Variables to read and change.
 
     Returns:
-        Whether they were changed.
+        Whether variables were changed.
     """
     middleware = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
     profiles = {environment.get(name, str(PROFILE)) for name in _PROFILE_VARIABLES}
@@ -49,7 +50,7 @@ def use_loopback(environment: MutableMapping[str, str] = os.environ) -> bool:
         return False
     for name in _PROFILE_VARIABLES:
         environment[name] = str(PROFILE)
-    # LOCALHOST would add shared memory to whatever the profile says.
+    # LOCALHOST would add shared memory to the transports of the profile.
     environment[_RANGE] = "SYSTEM_DEFAULT"
     return True
 
@@ -58,7 +59,7 @@ def wait_for_discovery(look: Callable[[], Collection[object]]) -> None:
     """Wait until discovery finds nothing new.
 
     Args:
-        look: What was found so far, without oneself.
+        look: Returns what was found so far, without this process.
     """
     begin = changed = time.monotonic()
     found: Collection[object] = ()
