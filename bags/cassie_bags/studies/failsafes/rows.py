@@ -215,6 +215,16 @@ def _supervisor_lost(run: WallPaced, rng: Rng, state: str) -> None:
         run.run(1.5)
 
 
+def _supervisor_riding(run: WallPaced, rng: Rng, state: str) -> None:
+    for _ in range(3):
+        run.silent.add(SUPERVISOR)
+        run.run(float(rng.uniform(0.2, 2.0)))
+        run.silent.discard(SUPERVISOR)
+        run.run(float(rng.uniform(0.2, 2.0)))
+        _hold_ride(run)
+    run.run(3.0)
+
+
 def _torque_sensor(rng: Rng, t: float) -> dict[str, Any]:
     kind = str(rng.choice(["off", "stuck", "nan", "spike"]))
     channel = f"drive_torque.{rng.integers(10)}"
@@ -457,5 +467,14 @@ ROWS = (
         _link_lost_and_sensor,
         ON_FOOT,
         _any_sensor,
+    ),
+    Row(
+        "supervisor_riding",
+        "The mode supervisor is silent again and again on a Segway",
+        "0.4 s",
+        "the controller brakes and rides on by itself",
+        "restart it if it stays silent",
+        _supervisor_riding,
+        ("ride",),
     ),
 )
