@@ -117,6 +117,8 @@ class Console:
             self._stop(now)
             return ""
         if isinstance(message, Press) and message.button == RECORD:
+            if self.driver not in (None, page):
+                return self._who_drives()
             self.orders.append(RECORD)
             return ""
         if now - message.echo > LINK_AGE:

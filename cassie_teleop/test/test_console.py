@@ -55,6 +55,15 @@ def test_nothing_is_said_before_a_page_drives_and_power_waits_for_its_button():
     assert pages.request().power
 
 
+def test_while_a_page_drives_no_other_page_records():
+    pages = driving(2)
+    assert pages.press(2, "record") == "page 1 drives"
+    assert not pages.console.orders
+    assert pages.press(1, "record") == "" and list(pages.console.orders) == ["record"]
+    pages.press(1, "leave")
+    assert pages.press(2, "record") == ""  # a robot that nobody drives by a page, or a replay
+
+
 def test_power_asked_for_again_while_it_is_on_does_not_stop_a_walk():
     pages = driving()
     pages.beat(1, forward=1.0)

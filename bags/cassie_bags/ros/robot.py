@@ -254,7 +254,9 @@ def _arguments() -> argparse.Namespace:
         description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
         "when the robot can be driven, and end them all on Ctrl-C, or when one of them ends. "
         "Their output goes into files.",
-        epilog="Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong arguments.",
+        epilog="Each node's --help lists its topics and parameters, such as `ros2 run cassie_sim "
+        "simulator --help`. Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong "
+        "arguments.",
     )
     parser.add_argument(
         "--scene",

@@ -152,7 +152,8 @@ def _installed_meshes() -> str | None:
 ABOUT = About(
     package="cassie_sim",
     text="Cassie in MuJoCo with the topics of the real robot. By default it hangs in the gantry "
-    "and waits for power. Services reset, pause and push, move the gantry, hold a Segway's bar.",
+    "and waits for power. Services reset, pause and push, and move the gantry. "
+    "In scene segway it also has the topics /segway and the service /cassie/hold_bar.",
     reads=("/cassie/motor_command", "/cassie/operator_command"),
     writes=(
         "/cassie/sensors",

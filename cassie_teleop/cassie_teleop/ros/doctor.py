@@ -258,6 +258,8 @@ def main() -> None:
         "ros2 run cassie_teleop doctor",
         description="Examines the running robot and prints problems and remedies, the most severe "
         "first. Exit status: 0 no problem, 1 a problem, 2 no examination possible.",
+        epilog="Reads the ROS graph, /diagnostics, /cassie/supervisor_status, "
+        f"/cassie/operator_command and {', '.join(LANE)}; requests parameters of the nodes.",
     )
     parser.add_argument("--json", action="store_true", help="facts and findings as JSON")
     parser.add_argument(

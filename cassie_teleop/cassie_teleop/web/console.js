@@ -222,6 +222,7 @@ function showButtons() {
     button.title = robot?.[mode] || "would be entered now";
   }
   find("recording").hidden = status.recording === null;
+  find("record").disabled = status.driver !== null && !mine;
   find("record").textContent = status.recording ? "End recording" : "Record";
   find("record").classList.toggle("on", Boolean(status.recording));
   put("bag", status.recording ?? "");
