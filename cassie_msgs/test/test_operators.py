@@ -138,6 +138,8 @@ def test_nobody_drives_on_the_robot_of_a_silent_operator(driven):
         assert driven.vx is None and driven.holder == ""
     told = "b-2 may drive after asking for stand without a speed"
     assert driven.operators.waiting(driven.now) == told
+    driven.say(b"C" * 24, command(""))  # noise that says nothing like a name
+    assert driven.holder == ""
     driven.say(B, command("b-2"))
     assert driven.holder == "b-2" and not driven.operators.waiting(driven.now)
     driven.say(B, walk("b-2"))

@@ -134,9 +134,9 @@ class Operators:
 
     - Lease: the first operator that sends a command holds the lease. Another one gets it on request
       (`take_over`) while the holder lets the robot rest. After `COMMAND_AGE` without a command of
-      the holder, the robot stops and stands. Then the lease goes to an operator that lets the robot
-      rest: its command asks for stand without a speed, or has the power off. On a Segway, which
-      cannot stand at once, `take_over` without a lean is enough.
+      the holder, the robot stops and stands. Then the lease goes to an operator with a name that
+      lets the robot rest: its command asks for stand without a speed, or has the power off. On a
+      Segway, which cannot stand at once, `take_over` without a lean is enough.
     - Power: follows the holder's switch. Power comes on only while the holder commands the mode
       stand without a speed. While a new holder's switch is off, power does not change until that
       switch was on once.
@@ -298,8 +298,10 @@ class Operators:
         if self._holder is None:
             self._give(writer)
         elif holder is None:
-            rides = int(operator.command.mode) == RobotMode.SEGWAY
-            if resting(operator.command) or (asks and rides and neutral(operator.command)):
+            command = operator.command
+            rides = int(command.mode) == RobotMode.SEGWAY
+            lets_rest = resting(command) or (asks and rides and neutral(command))
+            if lets_rest and sender_of(command):
                 self._give(writer)
         elif asks and resting(holder.command):
             self._give(writer)
