@@ -6,13 +6,14 @@ import pytest
 import rclpy
 
 from cassie_msgs.layout import Mode, OperatorCommand
+from cassie_msgs.ros import one_writer
 from cassie_msgs.ros.fast_lane import (
     EVERY,
     LanePublisher,
     LaneSubscription,
     take_from_each,
 )
-from cassie_msgs.ros.one_writer import OneWriter, WriterWatch, identity, writers
+from cassie_msgs.ros.one_writer import RETURN_TIME, OneWriter, WriterWatch, identity, writers
 
 
 def until(holds, timeout=10.0):
@@ -85,6 +86,23 @@ def test_it_counts_once_the_first_is_gone(node, others):
     assert lane.heard() == [3]
     lane.watch.look()
     assert lane.reports[Mode.TOPIC] == ""
+
+
+def test_a_writer_that_seemed_gone_returns_to_its_place(monkeypatch):
+    """The machine had stood still for longer than the lease; a stranger's modes threw it down."""
+    now = [10.0]
+    monkeypatch.setattr(one_writer.time, "monotonic", lambda: now[0])
+    guard, (first, stranger, another) = OneWriter(Mode), (bytes([k] * 16) for k in range(3))
+    mode = memoryview(Mode().to_bytes())
+    assert guard.admits(first, mode) and not guard.admits(stranger, mode)
+    guard.release()
+    assert not guard.admits(stranger, mode)
+    assert guard.admits(first, mode) and not guard.admits(stranger, mode)
+    guard.release()
+    assert guard.admits(another, mode)  # a node that starts anew
+    guard.release()
+    now[0] += RETURN_TIME
+    assert guard.admits(stranger, mode)
 
 
 def test_a_number_from_the_future_of_the_writer_itself_is_refused_and_reported(node, others):

@@ -4,11 +4,16 @@ DDS delivers the messages of every node in the domain. A receiver therefore bind
 the first message that it accepts, by the identity that DDS gives with each message. Messages of
 other writers are dropped and reported with the names of their nodes. When the first writer has left
 the graph, the receiver binds to the next.
+
+On a machine that stands still for longer than the lease of a DDS participant, every writer seems to
+have left, and returns. So for `RETURN_TIME` a writer that was dropped before does not get the place
+of one that left. A node that starts anew gets it at once.
 """
 
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
@@ -22,12 +27,16 @@ from cassie_msgs.sample import Sample, place
 LOOK_PERIOD = 0.5
 """Wall time between two checks of the graph. In s."""
 
+RETURN_TIME = 3.0
+"""Wall time in which a writer that left the graph may return to its place. In s."""
+
 Report = Callable[[str, str], Any]
 """Takes a subject and its problem, which is empty when there is none."""
 
 UNKNOWN = "an unknown node"
 
 _GID_SIZE = 16
+_MOST_DROPPED = 100  # writers that are remembered
 _NAMELESS = "_NODE_NAME_UNKNOWN_"  # just discovered, or no ROS node
 _rcl = ctypes.PyDLL("librcl.so")
 _rmw = ctypes.PyDLL(f"lib{get_rmw_implementation_identifier()}.so")
@@ -65,13 +74,20 @@ class OneWriter:
         self.topic = sample_type.TOPIC
         self.writer = b""
         self.refused = ""
+        self._dropped: set[bytes] = set()
+        self._free_from = 0.0
         self._size = sample_type.SIZE
         self._progress = Progress() if in_order else None
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
         """Whether a message is accepted. A message without a header is: its reader refuses it."""
-        if writer != self.writer and self.writer:
-            return False
+        if writer != self.writer:
+            if self.writer:
+                if len(self._dropped) < _MOST_DROPPED:
+                    self._dropped.add(writer)
+                return False
+            if writer in self._dropped and time.monotonic() < self._free_from:
+                return False
         if len(raw) < self._size:
             return True
         progress = self._progress
@@ -88,8 +104,9 @@ class OneWriter:
         return True
 
     def release(self) -> None:
-        """Forget the writer, which is gone: the next message binds."""
+        """Forget the writer, which is gone: the next message of another one binds."""
         self.writer = b""
+        self._free_from = time.monotonic() + RETURN_TIME
         if self._progress is not None:
             self._progress.restart()
 
