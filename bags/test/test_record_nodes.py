@@ -387,7 +387,7 @@ def test_a_replay_publishes_every_message_with_its_type(
     assert time.monotonic() - started >= 0.5
     processes.check("replay")
     processes.stop("record")
-    processes.check("record")
+    processes.check("record", "replay")
     assert same(read_recording(copy), messages) == [], processes.log("record").read_text()
     with AnyReader([copy]) as reader:
         assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
