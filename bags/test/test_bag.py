@@ -267,6 +267,17 @@ def test_the_last_message_of_an_episode_keeps_its_time_behind_the_first_of_the_n
     assert time_of(8, 4_000_000) == 8_000_000
 
 
+def test_a_topic_that_is_read_long_after_another_one_keeps_its_own_time():
+    """A recorder was held up: 0.6 s of the ground truth got the time of the newest sample."""
+    messages, clock = glide_messages(4.0), RobotClock()
+    times = {
+        topic: [clock.time_of(topic, raw, 0) for raw in messages[topic]]
+        for topic in (RobotState.TOPIC, Sensors.TOPIC, GROUND_TRUTH_TOPIC)
+    }
+    assert times[GROUND_TRUTH_TOPIC] == times[Sensors.TOPIC]
+    assert times[Sensors.TOPIC] == [tick * TICK_NS for tick in range(2000)]
+
+
 def test_without_a_robot_time_runs_as_the_wall_clock():
     clock = RobotClock()
     clock.run_on_wall(5_000)

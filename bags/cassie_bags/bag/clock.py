@@ -18,7 +18,9 @@ _EPISODIC = frozenset(LANE_TOPICS) - {OperatorCommand.TOPIC}  # a person's comma
 _STAMPED = (frozenset(TYPES) - frozenset(LANE_TOPICS)) | {CLOCK_TOPIC}
 _STAMP = struct.Struct("<4xiI")
 _STAMP_AND_EPISODE = struct.Struct("<4xiII")
-_PLAUSIBLE = 1_000_000_000  # ns, largest difference of a stamp without episode from the newest one
+# A stamp without episode may lie so far before the last one of its topic, or after the newest
+# time, in ns.
+_PLAUSIBLE = 1_000_000_000
 
 
 class RobotClock:
@@ -35,7 +37,8 @@ class RobotClock:
     def __init__(self) -> None:
         self.now = 0
         self.known = False
-        self._start = 0
+        self._start = self._first = 0
+        self._last: dict[str, int] = {}  # robot time by topic without an episode
         self._starts: dict[int, int] = {}  # start time by episode
         self._episode: int | None = None
         self._wall_start: int | None = None
@@ -62,7 +65,7 @@ class RobotClock:
             if topic in _EPISODIC:
                 return max(0, self._of_lane(raw))
             if topic in _STAMPED:
-                return max(0, self._of_stamped(raw))
+                return max(0, self._of_stamped(topic, raw))
         if self._wall_start is not None:
             self.now = max(self.now, wall_time - self._wall_start)
         return self.now
@@ -84,14 +87,18 @@ class RobotClock:
         self.now = max(self.now, time)
         return time
 
-    def _of_stamped(self, raw: bytes) -> int:
+    def _of_stamped(self, topic: str, raw: bytes) -> int:
         seconds, nanoseconds = _STAMP.unpack_from(raw)
         stamp = seconds * 1_000_000_000 + nanoseconds
         if self._episode is None:
             self._begin(stamp)
         time: int = self._start + stamp
-        if self._episode is not None and abs(time - self.now) > _PLAUSIBLE:
+        # Where the recorder was held up, one topic may lie far behind another.
+        oldest = self._last.get(topic, self._first)
+        plausible = oldest - _PLAUSIBLE <= time <= self.now + _PLAUSIBLE
+        if self._episode is not None and not plausible:
             return self.now  # of another episode
+        self._last[topic] = time
         self.now = max(self.now, time)
         return time
 
@@ -100,4 +107,5 @@ class RobotClock:
         if self._wall_start is not None:
             self._start = self.now - stamp
             self._wall_start = None
+        self._first = self._start + stamp
         self.known = True
