@@ -103,6 +103,10 @@ def test_a_writer_that_seemed_gone_returns_to_its_place(monkeypatch):
     guard.release()
     now[0] += RETURN_TIME
     assert guard.admits(stranger, mode)
+    now[0] += 1.0
+    assert not guard.admits(another, mode)  # started in place of a silent one, which is known yet
+    guard.release()
+    assert guard.admits(another, mode)
 
 
 def test_a_number_from_the_future_of_the_writer_itself_is_refused_and_reported(node, others):

@@ -313,6 +313,7 @@ ABOUT = About(
         "/cassie/controller_status",
         "/cassie/supervisor_status",
         "/cassie/operator_command",
+        "/segway/ground_truth",
         "/tf",
         "/robot_description",
         "/diagnostics",

@@ -6,8 +6,8 @@ other writers are dropped and reported with the names of their nodes. When the f
 the graph, the receiver binds to the next.
 
 On a machine that stands still for longer than the lease of a DDS participant, every writer seems to
-have left, and returns. So for `RETURN_TIME` a writer that was dropped before does not get the place
-of one that left. A node that starts anew gets it at once.
+have left, and returns. So for `RETURN_TIME` a writer that was dropped beside a live one does not
+get its place. A node that was started in place of a silent one gets the place at once.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ UNKNOWN = "an unknown node"
 
 _GID_SIZE = 16
 _MOST_DROPPED = 100  # writers that are remembered
+_ALIVE = 0.5  # s after its last message for which a writer counts as live
 _NAMELESS = "_NODE_NAME_UNKNOWN_"  # just discovered, or no ROS node
 _rcl = ctypes.PyDLL("librcl.so")
 _rmw = ctypes.PyDLL(f"lib{get_rmw_implementation_identifier()}.so")
@@ -75,7 +76,7 @@ class OneWriter:
         self.writer = b""
         self.refused = ""
         self._dropped: set[bytes] = set()
-        self._free_from = 0.0
+        self._heard = self._free_from = 0.0
         self._size = sample_type.SIZE
         self._progress = Progress() if in_order else None
 
@@ -83,7 +84,8 @@ class OneWriter:
         """Whether a message is accepted. A message without a header is: its reader refuses it."""
         if writer != self.writer:
             if self.writer:
-                if len(self._dropped) < _MOST_DROPPED:
+                live = time.monotonic() < self._heard + _ALIVE
+                if live and len(self._dropped) < _MOST_DROPPED:
                     self._dropped.add(writer)
                 return False
             if writer in self._dropped and time.monotonic() < self._free_from:
@@ -101,6 +103,7 @@ class OneWriter:
                 self.refused = ""
         if not self.writer:
             self.writer = writer
+        self._heard = time.monotonic()
         return True
 
     def release(self) -> None:
