@@ -113,6 +113,27 @@ def test_a_law_that_was_not_measured_again_keeps_its_figure_and_run():
     assert after[4] == "1"
 
 
+def test_other_robots_have_a_column_of_their_own_beside_the_first_ones():
+    row = stored("speed.+0.5")
+    (result, *_) = row.results.values()
+    result = dataclasses.replace(
+        result, origin=dataclasses.replace(result.origin, seeds="101 to 110"), measured=0.04
+    )
+    others = dataclasses.replace(
+        row, results={"robots 101 to 110": dataclasses.replace(result, met=False)}
+    )
+    text = merge(merge(UNNOTED, [others], ORDER), [row], ORDER)
+    walking = text.partition("## Walking\n")[2].partition("\n## ")[0]
+    assert line(walking, "capability")[2:] == [
+        "measured", "met", "run", "paper's law", "run", "robots 101 to 110", "met", "run",
+    ]  # fmt: skip
+    cells = line(text, row.title)
+    assert cells[2:4] == [f"{row.results['measured'].measured:.3g} (0 of 2 fell)", "yes"]
+    assert cells[7:9] == ["0.04 (0 of 2 fell)", "no"]
+    assert run(text, int(cells[9]))[2] == "101 to 110"
+    assert merge(text, [], ORDER) == text
+
+
 def test_rows_stand_in_their_sections_in_the_order_of_the_sweep():
     text = merge("# Results\n", list(reversed(STORED)), ORDER)
     assert titles(text) == [row.title for row in STORED]

@@ -101,7 +101,7 @@ def words_over_bars(figure: Figure) -> list[str]:
 
 
 def test_pushes_lie_in_their_directions_as_strong_as_they_were_survived():
-    axes = panel(picture(ROWS), "Pushes, stepping in place")
+    axes = panel(picture(ROWS), "Pushes, in place")
     assert axes.get_theta_direction() == 1  # to the left is counterclockwise,
     assert axes.get_theta_offset() == pytest.approx(math.pi / 2)  # and ahead is up
     angles = {"fore": 0, "left": 90, "aft": 180, "right": 270}
@@ -115,7 +115,7 @@ def test_pushes_lie_in_their_directions_as_strong_as_they_were_survived():
 
 
 def test_a_limit_that_was_not_found_is_hollow():
-    axes = panel(picture(ROWS), "Pushes, walking")
+    axes = panel(picture(ROWS), "Pushes, 0.5 m/s")
     shown = {
         round(math.degrees(line.get_xdata()[0])): line.get_markerfacecolor() == "white"
         for line in axes.lines
@@ -131,7 +131,7 @@ def test_a_limit_that_was_not_found_is_hollow():
 
 def test_lines_join_no_directions_that_are_farther_apart_than_a_quarter():
     rows = [row for row in ROWS if row.name in ("push_walking.fore", "push_walking.left")]
-    axes = panel(picture(rows), "Pushes, walking")
+    axes = panel(picture(rows), "Pushes, 0.5 m/s")
     (line,) = (x for x in axes.lines if x.get_color() == BLUE and x.get_marker() == "None")
     angles, values = line.get_data()
     assert np.degrees(angles[:2]) == pytest.approx([0.0, 90.0])

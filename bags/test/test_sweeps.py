@@ -230,6 +230,16 @@ def test_phases_spread_over_two_steps():
     assert delays[-1] == pytest.approx(0.9 * 2.0 * step_time(0.0))
 
 
+@pytest.mark.parametrize("name", [row.name for row in all_rows()])
+def test_every_row_has_other_robots_do_what_the_first_ones_do(name: str):
+    (row,) = chosen_rows([name])
+    level, chosen = row.levels[row.first], {"seeds": 2, "phases": 4}
+    first, others = (row.trials(Budget(**chosen, first=n), level) for n in (1, 101))
+    assert [trial.seed for trial in others] == [100 + trial.seed for trial in first]
+    for one, other in zip(first, others, strict=True):
+        assert other.window == one.window
+
+
 def trials_of(name: str, level: float, budget: Budget) -> list[Trial]:
     (chosen,) = chosen_rows([name])
     return chosen.trials(budget, level)
@@ -270,6 +280,12 @@ def test_blind_steps_and_ice_are_spread_over_a_stride():
     ice = trials_of("friction.ice", 0.12, Budget(seeds=4))
     first = [trial.content["scene_parameters"]["stretches"][0]["length"] for trial in ice]
     np.testing.assert_allclose(first, starts)
+
+
+def test_obstacles_of_other_robots_are_spread_over_the_same_stride():
+    first, others = (trials_of("stairs.up", 0.17, Budget(seeds=4, first=seed)) for seed in (1, 101))
+    for one, other in zip(first, others, strict=True):
+        assert one.content["scene_parameters"] == other.content["scene_parameters"]
 
 
 def test_a_push_has_its_impulse_and_direction():

@@ -52,6 +52,12 @@ def _add_extent(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", type=positive, help="robots for each setting (10)")
     parser.add_argument(
+        "--first",
+        type=positive,
+        default=1,
+        help="seed of the first robot (1); another one makes a column of results of its own",
+    )
+    parser.add_argument(
         "--phases", type=positive, help="times within two steps for pushes and stops (10)"
     )
     parser.add_argument("--seconds", type=seconds, help="length of the measured part, in s (40)")

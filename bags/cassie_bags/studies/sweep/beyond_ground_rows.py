@@ -185,7 +185,7 @@ def _stride() -> float:
 
 def _further(seed: int, budget: Budget) -> float:
     """Part of a stride by which a seed's obstacle is shifted, over all phases. In m."""
-    return _stride() * (seed - 1) / budget.seeds
+    return _stride() * (seed - budget.first) / budget.seeds
 
 
 def _turning(name: str, title: str, speed: float) -> Row:

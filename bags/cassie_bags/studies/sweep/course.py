@@ -38,12 +38,13 @@ class Budget:
     """Extent of the runs.
 
     Attributes:
-        seeds: Number of robots for each setting; their seeds begin at 1.
+        seeds: Number of robots for each setting.
         phases: Number of times within two steps at which events happen.
         seconds: Length of the part over which speeds are measured. In s.
         beyond: Number of levels to try after one that meets the target; None: until one does not
             hold.
         changes: `key=value` words for every run.
+        first: Seed of the first robot; the others have the seeds that follow.
     """
 
     seeds: int = 10
@@ -51,16 +52,18 @@ class Budget:
     seconds: float = 40.0
     beyond: int | None = None
     changes: tuple[str, ...] = ()
+    first: int = 1
 
     def each_seed(self) -> range:
         """The seeds."""
-        return range(1, self.seeds + 1)
+        return range(self.first, self.first + self.seeds)
 
     def each_phase(self, speed: float) -> list[tuple[float, int]]:
         """Delays that are spread over two steps at a speed (s), each with a seed."""
         stride = 2.0 * step_time(speed)
         return [
-            (stride * index / self.phases, 1 + index % self.seeds) for index in range(self.phases)
+            (stride * index / self.phases, self.first + index % self.seeds)
+            for index in range(self.phases)
         ]
 
 

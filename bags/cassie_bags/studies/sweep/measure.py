@@ -18,7 +18,7 @@ from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.results import check_folder
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
-from cassie_bags.studies.sweep.results_file import merge
+from cassie_bags.studies.sweep.results_file import MEASURED, PAPERS, merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.table import (
     StoredRow,
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
 FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
 """Extent of the runs, by default and with --quick."""
-
-MEASURED, PAPERS = "measured", "paper's law"
-"""Names of the variants."""
 
 
 def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
@@ -63,12 +60,15 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
         _check_mergeable(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), now))
-    return 0 if all(results[MEASURED][row.name].met for row in rows) else 1
+    shipped = results[_variant(arguments, MEASURED)]
+    return 0 if all(shipped[row.name].met for row in rows) else 1
 
 
 def command(arguments: argparse.Namespace) -> str:
     """The command that repeats the measurement, without options that do not change results."""
-    words = [*arguments.rows, "--seeds", arguments.seeds, "--phases", arguments.phases]
+    words = [*arguments.rows, "--seeds", arguments.seeds]
+    words += [] if arguments.first == 1 else ["--first", arguments.first]
+    words += ["--phases", arguments.phases]
     words += ["--seconds", f"{arguments.seconds:g}"]
     words += [] if arguments.beyond is None else ["--beyond", arguments.beyond]
     for change in arguments.set:
@@ -85,14 +85,27 @@ def command(arguments: argparse.Namespace) -> str:
 def seeds(arguments: argparse.Namespace) -> str:
     """Seeds of the drawn robots, in words."""
 
-    def up_to(last: int) -> str:
-        return f"1 to {last}" if last > 1 else "1"
+    def up_to(count: int) -> str:
+        return _span(arguments.first, count)
 
     fewer = arguments.compare_seeds or arguments.seeds
     if arguments.no_compare or fewer >= arguments.seeds:
         return up_to(arguments.seeds)
     name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
     return f"{up_to(arguments.seeds)}; {name} {up_to(fewer)}"
+
+
+def _span(first: int, count: int) -> str:
+    """Seeds in words."""
+    return f"{first} to {first + count - 1}" if count > 1 else f"{first}"
+
+
+def _variant(arguments: argparse.Namespace, name: str) -> str:
+    """Name of a variant, which names the robots unless they are the first ones."""
+    if arguments.first == 1:
+        return name
+    robots = f"robots {_span(arguments.first, arguments.seeds)}"
+    return robots if name == MEASURED else f"{name}, {robots}"
 
 
 def _measure(
@@ -102,10 +115,11 @@ def _measure(
     from cassie_bags.studies.run_trial import experiment_of  # loading robot and law takes seconds
 
     own = spelled_out(arguments.set)
-    variants: dict[str, tuple[str, ...]] = {MEASURED: own}
+    shipped = _variant(arguments, MEASURED)
+    variants: dict[str, tuple[str, ...]] = {shipped: own}
     if not arguments.no_compare:
         name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
-        variants[name] = (*own, *spelled_out([arguments.compare]))
+        variants[_variant(arguments, name)] = (*own, *spelled_out([arguments.compare]))
     for changes in variants.values():
         experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
     budget = Budget(
@@ -114,6 +128,7 @@ def _measure(
         arguments.seconds,
         arguments.beyond,
         own,
+        arguments.first,
     )
     kept, every = arguments.out / "sweeps.json", all_rows()
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
@@ -132,9 +147,9 @@ def _measure(
             results[name][row.name] = dataclasses.replace(result, origin=made)
             save(kept, every, results, budget)
     finally:
-        if measured := _done(rows, results):
+        if measured := _done(rows, results[shipped]):
             print(table(measured, results))
-        if done := _done(every, results):
+        if done := _done(every, results[shipped]):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(kept)
             _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
@@ -163,8 +178,8 @@ def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
 
 
-def _done(rows: list[Row], results: dict[str, dict[str, RowResult]]) -> list[Row]:
-    return [row for row in rows if row.name in results[MEASURED]]
+def _done(rows: list[Row], results: dict[str, RowResult]) -> list[Row]:
+    return [row for row in rows if row.name in results]
 
 
 def _fewer(budget: Budget, seeds: int) -> dict[str, int]:

@@ -24,7 +24,7 @@ from cassie_bags.studies.sweep.walking_rows import DIRECTIONS
 _COLOURS = (BLUE, ORANGE, GREY)  # colours of the variants
 _SHADE = "#ececec"
 _SMALL = 7.5  # size of small text
-_WIDTH = 10.5  # width of the figure, in inches
+_WIDTH = 12.5  # width of the figure, in inches
 _POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
 _BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # inches: of a bar with text; of axes around bars
 
@@ -46,9 +46,11 @@ class _Around:
     kinds: Mapping[str, str]
 
 
+_SHORT, _OTHER = "0.1 s", "0.05 to 0.4 s"
 _AROUND = (
-    _Around("Pushes, stepping in place (Ns)", {"push_in_place": ""}),
-    _Around("Pushes, walking at 0.5 m/s (Ns)", {"push_walking": ""}),
+    _Around("Pushes, in place (Ns)", {"push_in_place": _SHORT, "push_circle_in_place": _OTHER}),
+    _Around("Pushes, 0.5 m/s (Ns)", {"push_walking": _SHORT, "push_circle_slow": _OTHER}),
+    _Around("Pushes, 1 m/s (Ns)", {"push_circle_fast": ""}),
     _Around(
         "Pushes, standing (Ns)", {"stand_recovery": "with steps", "stand_push": "without a step"}
     ),
@@ -66,11 +68,22 @@ _GROUNDS = {
         "slope.up": "slope up",
         "slope.down": "slope down",
         "slope.side": "slope to the side",
+        "steep.up": "steep slope up",
+        "steep.down": "steep slope down",
+        "steep.side": "steep slope to the side",
+        "slope.circling": "slope, circling on it",
         "sinking.heel": "feet, heels dug in",
     },
     "Heights and depths (cm)": {
         "step.up": "blind step up",
         "step.down": "blind step down",
+        "step_fast.up": "blind step up, 0.4 m/s",
+        "step_fast.down": "blind step down, 0.4 m/s",
+        "stairs.up": "five steps up",
+        "stairs.down": "five steps down",
+        "stairs.up_and_down": "up, then down",
+        "stairs.down_and_up": "down, then up",
+        "rough.hard": "rough hard ground, s.d.",
         "sinking.sand": "sand, walking",
         "stand_sinking.sand": "sand, standing",
         "stand_block.left": "block, left foot",
@@ -79,6 +92,11 @@ _GROUNDS = {
     "Friction (less is harder)": {
         "friction.0.5": "at 0.5 m/s",
         "friction.0.2": "at 0.2 m/s",
+        "friction.ice": "patches of ice, 0.4 m/s",
+    },
+    "Speed on grass (m/s)": {
+        "grass.0.8": "all robots",
+        "grass.1.2": "9 of 10 robots",
     },
 }
 """Rows whose limits are drawn as bars, with a label for each, by the title of their axes."""
@@ -223,7 +241,8 @@ def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
 
 
 def _angle(row: StoredRow) -> float:
-    return DIRECTIONS[row.name.partition(".")[2]] % 360.0
+    word = row.name.partition(".")[2]
+    return DIRECTIONS[word] % 360.0 if word in DIRECTIONS else float(word)
 
 
 def _draw_directions(

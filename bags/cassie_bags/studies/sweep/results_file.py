@@ -21,6 +21,9 @@ SECTIONS = {"stand": "Standing", "segway": "Riding a Segway", "": "Walking"}
 RUNS = "Runs"
 """Heading of the section that lists the runs; new sections are put above it."""
 
+MEASURED, PAPERS = "measured", "paper's law"
+"""Names of the shipped law with the first robots, and of the paper's."""
+
 NOT_NOTED = "-"
 """Text in place of an unknown run."""
 
@@ -145,18 +148,19 @@ def _variants(header: Sequence[str], row: Sequence[str]) -> Iterator[tuple[str, 
 
 
 def _render(lines: _Lines, numbers: Mapping[Origin, int], order: Sequence[str]) -> list[str]:
-    """Lines of a table; only the first variant has a column for whether it meets the target."""
-    variants = list(dict.fromkeys(name for line in lines.values() for name in line.cells))
+    """Lines of a table; the paper's law has no column for whether it meets the target."""
+    found = dict.fromkeys(name for line in lines.values() for name in line.cells)
+    variants = sorted(found, key=lambda name: name != MEASURED)
     header = [_TITLE, _TARGET]
-    for index, name in enumerate(variants):
-        header += [name, _RUN] if index else [name, _MET, _RUN]
+    for name in variants:
+        header += [name, _RUN] if name.startswith(PAPERS) else [name, _MET, _RUN]
     table = [header]
     places = {title: place for place, title in enumerate(order)}
     for title in sorted(lines, key=lambda title: places.get(title, len(places))):
         row = [title, lines[title].target]
-        for index, name in enumerate(variants):
+        for name in variants:
             cell = lines[title].cells.get(name)
-            met = [] if index else [cell.met if cell else ""]
+            met = [] if name.startswith(PAPERS) else [cell.met if cell else ""]
             made = cell.origin if cell else None
             number = str(numbers[made]) if made else NOT_NOTED if cell else ""
             row += [cell.value if cell else "", *met, number]
