@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-
 import numpy as np
 from closed_loop import PERIOD
 
@@ -64,15 +61,50 @@ def _reports(core, rows, come):
     return first
 
 
-class AfterHealthyRows:
-    """A monitored estimator that has had healthy rows. Each failure is tried by a copy of it.
+class Restorable:
+    """State of an object, with that of all objects and arrays that it holds, to be restored."""
 
-    The copy is a process: what came before is computed once for many failures.
-    """
+    def __init__(self, thing):
+        self._known, self._arrays, self._attributes = {}, [], []
+        self._save(thing)
+
+    def _save(self, thing):
+        if id(thing) in self._known or isinstance(thing, type):
+            return
+        self._known[id(thing)] = thing
+        if isinstance(thing, np.ndarray):
+            self._arrays.append((thing, thing.copy()))
+        elif isinstance(thing, (list, tuple, dict)):
+            assert isinstance(thing, tuple) or not thing or self._is_fixed(thing)
+            for part in thing.values() if isinstance(thing, dict) else thing:
+                self._save(part)
+        elif hasattr(thing, "__dict__"):
+            self._attributes.append((thing.__dict__, thing.__dict__.copy()))
+            for part in thing.__dict__.values():
+                self._save(part)
+
+    @staticmethod
+    def _is_fixed(container):
+        """Whether a list or dictionary holds objects only, which stay where they are."""
+        parts = container.values() if isinstance(container, dict) else container
+        return all(isinstance(p, np.ndarray | np.generic) or hasattr(p, "__dict__") for p in parts)
+
+    def restore(self):
+        """Give everything the values that it had."""
+        for array, values in self._arrays:
+            array[...] = values
+        for attributes, values in self._attributes:
+            attributes.clear()
+            attributes.update(values)
+
+
+class AfterHealthyRows:
+    """A monitored estimator that has had healthy rows; every failure begins with its state then."""
 
     def __init__(self, rows):
         self._core, self._start = monitored(), len(rows)
         self._first = _reports(self._core, rows, range(len(rows)))
+        self._state = Restorable(self._core)
 
     def reports(self, rows):
         """Like `reports`; 0 for the reason where there is no estimate any more.
@@ -80,18 +112,8 @@ class AfterHealthyRows:
         Args:
             rows: Those that it has had, and more.
         """
-        reading, writing = os.pipe()
-        copy = os.fork()
-        if copy == 0:
-            try:
-                os.write(writing, json.dumps(self._rest(rows)).encode())
-            finally:  # nothing of the tests goes on twice
-                os._exit(0)
-        os.close(writing)
-        with os.fdopen(reading, "rb") as pipe:
-            found = json.loads(pipe.read())
-        os.waitpid(copy, 0)
-        return found | self._first
+        self._state.restore()
+        return self._rest(rows) | self._first
 
     def _rest(self, rows):
         try:

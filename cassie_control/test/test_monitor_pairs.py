@@ -9,6 +9,7 @@ from faulty_samples import IN_TIME, LIMITS, AfterHealthyRows, reports, samples, 
 from kinematic_gaits import kinematic_library
 from supervised import WALK
 
+from cassie_control.errors import SensorError
 from cassie_control.estimator.pairs import (
     PAIRS,
     P,
@@ -159,6 +160,22 @@ def ahead(request):
     robot.run(2.5)
     assert not robot.fallen
     return robot
+
+
+def test_a_failure_begins_with_the_state_after_the_healthy_rows_whatever_was_tried_before(ahead):
+    healthy = AfterHealthyRows(samples(ahead, 1200)[:250])
+    lost = 0
+    for channels in (["joint_position.1", "joint_velocity.1"], ["drive_position.3"]):
+        for kind in ("nan", "spike", "off", 25):
+            rows = samples(ahead, 1200)[:420]
+            for channel in channels:
+                spoil(rows, channel, kind, 250)
+            try:
+                expected = reports(rows)
+            except SensorError as error:
+                expected, lost = {str(error): 0}, lost + 1
+            assert healthy.reports(rows) == expected
+    assert lost > 0  # these leave the most behind
 
 
 @pytest.mark.parametrize("what", ["position", "velocity"])
