@@ -77,7 +77,7 @@ class TickTiming:
 
     Attributes:
         missed: Ticks without a new command, counted from the first tick with one.
-        late: Ticks that began more than half a tick late.
+        late: Ticks that ended more than half a tick late.
         longest_delay: Longest delay of a tick. In s.
     """
 

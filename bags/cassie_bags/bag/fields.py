@@ -94,7 +94,7 @@ _STAMP = {
 _DELAYS = {
     "longest_delay": Field("s", "largest delay of a control tick in this episode"),
     "missed_ticks": Field("", "control ticks of this episode without a new command"),
-    "late_ticks": Field("", "control ticks of this episode that began late"),
+    "late_ticks": Field("", "control ticks of this episode that ended late"),
     "wall_paced": Field("", "1 where control ticks follow the wall clock"),
     "operator_lease": Field("", "operator who holds the lease; 0 is nobody"),
 }
