@@ -7,7 +7,7 @@ from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_control.learning.torques import nothing_learned, teach
-from cassie_control.planner.pendulum import Fall, fallen
+from cassie_control.planner.pendulum import PendulumState, predict_com
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_gaits.link_frames import LinkPoses
 from cassie_msgs.experiment.scenario import Scenario
@@ -35,4 +35,5 @@ LinkPoses().at(states[0].q)
 learned = nothing_learned()
 counts, weights = np.zeros(learned.torques.shape[2]), np.zeros(len(learned.speeds))
 teach(learned.torques, learned.torques, counts, weights, np.ones(10), np.ones(10), (0.0, 0.0))
-fallen(Fall(0.0, 0.0, 0.1, 0.1, 3.0, 0.0), 0.1)  # which the paper's law calls from Python
+# The paper's law calls this one from Python.
+predict_com(PendulumState(0.0, 0.0, 0.1, 0.1, 3.0, 0.0), 0.1)

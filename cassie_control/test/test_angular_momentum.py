@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from robot_states import leg_joints, put, put_ankle, random_state, readings_of, state_of
 
-from cassie_control.planner.momentum import AngularMomentum, about_pelvis
+from cassie_control.planner.momentum import AngularMomentum, momentum_about_pelvis
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 from cassie_gaits.pinocchio_model import build_tree
 
@@ -24,7 +24,7 @@ def test_it_is_that_of_the_rigid_bodies(seed):
     pin.centerOfMass(tree.model, data, full, dynamics.embedding(q) @ v)
     expected = data.hg.angular + np.cross(data.com[0], data.hg.linear)
     joints, rates = q[6:].reshape(2, 7), v[6:].reshape(2, 7)
-    found = about_pelvis(joints, rates, v[[5, 4, 3]], AngularMomentum().records)
+    found = momentum_about_pelvis(joints, rates, v[[5, 4, 3]], AngularMomentum().records)
     # The rods count as masses at the links that carry them.
     assert found == pytest.approx(expected, abs=0.04 * np.linalg.norm(expected))
 

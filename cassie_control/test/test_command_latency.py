@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.gains import gains_of
+from cassie_control.control.gains import make_gains
 from cassie_control.control.latency import CommandLatency
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -111,16 +111,16 @@ def test_states_that_are_missing_begin_a_new_record():
 
 def test_gains_go_over_with_the_latency_and_not_below_it():
     late = CONFIG.late
-    usual = gains_of(CONFIG, 0.002)
-    assert gains_of(CONFIG, 0.002, late.walking_from).records == usual.records
-    half = gains_of(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)
+    usual = make_gains(CONFIG, 0.002)
+    assert make_gains(CONFIG, 0.002, late.walking_from).records == usual.records
+    half = make_gains(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)
     assert half.thigh_rate == pytest.approx(0.5 * (CONFIG.thigh_rate + 1.0))
     assert half.latency == late.walking_from + 0.5 * late.latency_span
-    whole = gains_of(CONFIG, 0.002, 0.05)
+    whole = make_gains(CONFIG, 0.002, 0.05)
     assert whole.thigh_track == late.thigh_track
     assert whole.thigh_rate == 1.0
 
 
 def test_the_papers_law_stays_as_it_is():
     paper = replace(CONFIG, law="paper")
-    assert gains_of(paper, 0.002, 0.05).records == gains_of(paper, 0.002).records
+    assert make_gains(paper, 0.002, 0.05).records == make_gains(paper, 0.002).records

@@ -10,9 +10,9 @@ from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import HIP_TO_PELVIS, HIP_X, HIP_Y
-from cassie_control.planner.footstep import PendulumPlacement, placement
+from cassie_control.planner.footstep import PendulumPlacement, make_placement
 from cassie_control.planner.pendulum import ahead_of_pendulum
-from cassie_control.planner.plan import Commanded, StepAhead
+from cassie_control.planner.placement import Commanded, GaitStep
 from cassie_gaits.robot import GRAVITY
 
 CONFIG = WalkConfig(
@@ -52,7 +52,7 @@ class Pendulum:
     def __init__(
         self, config: WalkConfig, commanded: Commanded, velocity: tuple[float, float]
     ) -> None:
-        self.law, self.commanded = placement(config), commanded
+        self.law, self.commanded = make_placement(config), commanded
         self.coast = config.double_support
         self.readings = pose()
         self.stance = LEFT
@@ -80,8 +80,8 @@ class Pendulum:
         moving(readings, *self.velocity)
         ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
         put_ankle(readings, self.stance, (ankle[0], ankle[1], stance.ankle[2]))
-        ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
-        end = self.law.swing_end(readings, stance, swing, self.commanded, ahead)
+        ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+        end = self.law.swing_target(readings, stance, swing, self.commanded, ahead)
         foot = foot_from_com(readings, swing, end)
         self.position = [ahead_of_pendulum(self.commanded.vx) - foot[0], -foot[1]]
         self.stance = 1 - self.stance
@@ -169,11 +169,11 @@ def test_the_shipped_ratio_is_that_of_the_identified_map(speed, ratios):
 def test_the_map_asks_for_less_of_an_error_the_faster_the_touchdown():
     config = replace(CONFIG, map_loss_x=0.5, map_loss_y=0.2, least_foot_distance=0.05)
     readings = pose()
-    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
     def out(config, vx, error):
         moving(readings, vx, -0.3 - error)
-        end = placement(config).swing_end(readings, *readings.legs, Commanded(), ahead)
+        end = make_placement(config).swing_target(readings, *readings.legs, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)[1]
 
     for vx in (0.0, 0.4, -0.4):
@@ -185,8 +185,14 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
     readings = pose()
 
     def lead(speed):
-        ahead = StepAhead(0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, length=LENGTH)
-        return placement(CONFIG).swing_end(readings, *readings.legs, Commanded(), ahead).lead
+        ahead = GaitStep(
+            0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, landing_length=LENGTH
+        )
+        return (
+            make_placement(CONFIG)
+            .swing_target(readings, *readings.legs, Commanded(), ahead)
+            .contact_lead
+        )
 
     assert lead(0.0) == CONFIG.contact_lead
     assert lead(-1.0) == lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
@@ -215,9 +221,9 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
     stance_leg, swing_leg = readings.legs[1 - swing], readings.legs[swing]
     moving(readings, 0.0, vy)
     config = replace(CONFIG, law=law)
-    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), length=LENGTH)
+    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), landing_length=LENGTH)
     commanded = Commanded(roll_trim=trim)
-    end = placement(config).swing_end(readings, stance_leg, swing_leg, commanded, ahead)
+    end = make_placement(config).swing_target(readings, stance_leg, swing_leg, commanded, ahead)
     foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
     apart = swing_leg.side * (foot - stance_leg.ankle[1])
     clamped = abs(end.roll) > 0.399
@@ -227,60 +233,60 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
 def test_the_observer_takes_the_mean_error_for_a_disturbance_within_its_bound():
     law, readings, commanded = PendulumPlacement(CONFIG), pose(), Commanded(vx=0.3)
     stance, swing = readings.legs
-    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
-    def foot():
-        end = law.swing_end(readings, stance, swing, commanded, ahead)
+    def foothold():
+        end = law.swing_target(readings, stance, swing, commanded, ahead)
         return foot_from_com(readings, swing, end)[0]
 
-    start = foot()
+    start = foothold()
     law.touchdown((0.34, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(CONFIG.observer_gain * 0.04)
+    assert foothold() - start == pytest.approx(CONFIG.observer_gain * 0.04)
     for _ in range(100):
         law.touchdown((0.34, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(0.1)
+    assert foothold() - start == pytest.approx(0.1)
     law.reset()
-    assert foot() == pytest.approx(start)
+    assert foothold() == pytest.approx(start)
 
 
 def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
     """A pillar that gives way must not find the robot leaning against it."""
     law, readings, commanded = PendulumPlacement(CONFIG), pose(), Commanded(vx=0.3)
-    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
-    def foot():
-        end = law.swing_end(readings, *readings.legs, commanded, ahead)
+    def foothold():
+        end = law.swing_target(readings, *readings.legs, commanded, ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)[0]
 
-    start = foot()
+    start = foothold()
     most = CONFIG.observer_gain * CONFIG.observer_error
     law.touchdown((0.1, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(-most)
+    assert foothold() - start == pytest.approx(-most)
     # No offset would make up for an error of 1.2 m/s: a fourth as much of it is taken for one.
     for _ in range(4):
         law.touchdown((-0.9, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(-2.0 * most)
+    assert foothold() - start == pytest.approx(-2.0 * most)
     # It has given way: forgotten by the whole error, and 2.5 times as fast by what is beyond the
     # bound, which learns the opposite as slowly as ever.
     law.touchdown((0.3 + 0.75 * CONFIG.observer_error, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(-1.25 * most)
+    assert foothold() - start == pytest.approx(-1.25 * most)
     law.touchdown((0.3 + 1.2 * CONFIG.observer_error, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(0.25 * most)
+    assert foothold() - start == pytest.approx(0.25 * most)
     law.touchdown((0.6, 0.0), (0.0, 0.0), commanded)
-    assert foot() - start == pytest.approx(1.25 * most)
+    assert foothold() - start == pytest.approx(1.25 * most)
 
 
 def test_a_robot_that_keeps_up_with_a_changing_command_shows_no_disturbance():
     """A foot acts one step later, and the mean is of two steps: it follows a ramp by two steps."""
     law, readings = PendulumPlacement(CONFIG), pose()
-    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, length=LENGTH)
+    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
-    def foot():
-        end = law.swing_end(readings, *readings.legs, Commanded(), ahead)
+    def foothold():
+        end = law.swing_target(readings, *readings.legs, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)
 
-    start = foot()
+    start = foothold()
     for k in range(8):
         before = 0.1 * max(0.0, k - 2.0) if k != 2 else 0.025
         law.touchdown((before, 0.5 * before), (0.0, 0.0), Commanded(vx=0.1 * k, vy=0.05 * k))
-    assert foot() == pytest.approx(start, abs=1e-9)
+    assert foothold() == pytest.approx(start, abs=1e-9)

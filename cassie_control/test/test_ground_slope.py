@@ -11,7 +11,13 @@ from closed_loop import Robot
 from robot_states import leg_joints, put_ankle, readings_of, state_of
 from walkers import CONFIG
 
-from cassie_control.planner.terrain import GroundSlope, begin_on, stand_on, stepped_up, touch_down
+from cassie_control.planner.terrain import (
+    GroundSlope,
+    initialize_slope,
+    step_up_height,
+    update_at_touchdown,
+    update_in_stance,
+)
 from cassie_gaits import virtual_leg
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
@@ -35,7 +41,7 @@ def walk_with(slope, *rises):
     known = {rise: [(p, standing_on(rise(p))) for p in phases] for rise in set(rises)}
     for rise in rises:
         for phase, readings in known[rise]:
-            stand_on(slope.records, readings.records, LEFT, phase)
+            update_in_stance(slope.records, readings.records, LEFT, phase)
             yield slope.ahead
 
 
@@ -47,8 +53,8 @@ def test_the_sole_of_the_stance_foot_gives_the_slope_ahead(rise):
 
 def test_a_foot_that_has_just_landed_or_carries_little_tells_nothing():
     slope, readings = GroundSlope(CONFIG, PERIOD), standing_on(0.2)
-    stand_on(slope.records, readings.records, LEFT, 0.1)
-    stand_on(slope.records, readings.records, RIGHT, 0.5)
+    update_in_stance(slope.records, readings.records, LEFT, 0.1)
+    update_in_stance(slope.records, readings.records, RIGHT, 0.5)
     assert slope.ahead == 0.0
 
 
@@ -64,7 +70,7 @@ def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
         x, y, _ = readings.legs[leg].ankle
         put_ankle(readings, leg, (x, y, -0.8 + side * y))
     for step in range(60):
-        touch_down(slope.records, readings.records, step % 2)
+        update_at_touchdown(slope.records, readings.records, step % 2)
     assert slope.left == pytest.approx(side, abs=1e-3)
 
 
@@ -76,7 +82,7 @@ def test_walking_begins_with_the_side_slope_on_which_both_feet_stand(lifted, lef
     for leg, y in ((LEFT, 0.15), (RIGHT, -0.15)):
         put_ankle(readings, leg, (0.0, y, -0.8 + 0.2 * y))
     slope = GroundSlope(CONFIG, PERIOD)
-    begin_on(slope.records, readings.records)
+    initialize_slope(slope.records, readings.records)
     assert slope.left == pytest.approx(left, abs=0.03)
 
 
@@ -88,7 +94,7 @@ def test_risers_that_one_foot_always_climbs_are_no_slope_to_the_side():
         x, y, z = ((0.33, -0.25, 0.1), (-0.1, 0.35, 0.0))[step % 2]
         put_ankle(readings, 1 - new, (0.0, 0.0, -0.8))
         put_ankle(readings, new, (x, y, z - 0.8))
-        touch_down(slope.records, readings.records, new)
+        update_at_touchdown(slope.records, readings.records, new)
         assert abs(slope.left) < 0.1
 
 
@@ -100,8 +106,8 @@ def test_a_foot_that_comes_back_up_from_a_step_down_has_not_stepped_up(before, h
         slope.ahead = slope.left = 0.0
         put_ankle(readings, 1 - new, (0.0, 0.0, -0.8))
         put_ankle(readings, new, (0.0, 0.0, height - 0.8))
-        touch_down(slope.records, readings.records, new)
-    assert stepped_up(slope.records[0]) == pytest.approx(higher)
+        update_at_touchdown(slope.records, readings.records, new)
+    assert step_up_height(slope.records[0]) == pytest.approx(higher)
 
 
 def test_footholds_that_tilt_either_way_do_not_look_like_a_rise():
@@ -119,7 +125,7 @@ def step_on(slope, shown, found):
     readings = readings_of(state_of(leg_joints(), leg_joints()))
     for leg, x, z in ((RIGHT, 0.1, -0.8 + 0.2 * found), (LEFT, -0.1, -0.8)):
         put_ankle(readings, leg, (x, 0.0, z))
-    touch_down(slope.records, readings.records, RIGHT)
+    update_at_touchdown(slope.records, readings.records, RIGHT)
 
 
 def test_soles_that_the_next_footholds_do_not_bear_out_count_for_little():
@@ -169,7 +175,7 @@ def land(slope, readings, new, higher):
     """A foot lands 0.2 m ahead of the other one, and so much higher. In m."""
     for leg, x, z in ((new, 0.1, -0.8 + higher), (1 - new, -0.1, -0.8)):
         put_ankle(readings, leg, (x, readings.legs[leg].ankle[1], z))
-    touch_down(slope.records, readings.records, new)
+    update_at_touchdown(slope.records, readings.records, new)
 
 
 @pytest.mark.parametrize(("higher", "sunk"), [(0.04, 0.03), (0.008, 0.0), (-0.04, 0.0)])
@@ -177,19 +183,19 @@ def test_feet_that_always_land_higher_tell_how_far_the_other_one_sinks(higher, s
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for step in range(40):
         land(slope, readings, step % 2, higher)
-    assert slope.sunk == pytest.approx(sunk, abs=5e-3)
+    assert slope.sinkage == pytest.approx(sunk, abs=5e-3)
 
 
 def test_steps_up_and_down_on_uneven_ground_are_no_sinking():
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for step in range(40):
         land(slope, readings, step % 2, (0.06, 0.05, -0.03)[step % 3])
-        assert slope.sunk == 0.0
+        assert slope.sinkage == 0.0
 
 
 def test_it_can_be_switched_off():
     slope = GroundSlope(replace(CONFIG, slope_time=0.0), PERIOD)
-    stand_on(slope.records, standing_on(0.2).records, LEFT, 0.5)
+    update_in_stance(slope.records, standing_on(0.2).records, LEFT, 0.5)
     assert slope.ahead == 0.0
 
 
@@ -216,20 +222,20 @@ def test_a_foothold_higher_than_the_ground_around_it_is_not_the_ground():
     """On rough ground the hips rose and sank with every foothold, and it fell to the side."""
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     land(slope, readings, RIGHT, 0.04)
-    assert 0.015 < slope.foothold < 0.03
+    assert 0.015 < slope.foothold_height < 0.03
     land(slope, readings, LEFT, -0.04)
-    assert abs(slope.foothold) < 0.015
+    assert abs(slope.foothold_height) < 0.015
     for step in range(20):
         land(slope, readings, step % 2, 0.0)
-    assert slope.foothold == pytest.approx(0.0, abs=1e-3)
+    assert slope.foothold_height == pytest.approx(0.0, abs=1e-3)
 
 
 def test_ground_that_gives_way_alike_under_each_foot_is_no_foothold_of_its_own():
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for step in range(60):
         land(slope, readings, step % 2, 0.04)
-    assert slope.foothold < 0.011
-    assert slope.sunk > 0.025
+    assert slope.foothold_height < 0.011
+    assert slope.sinkage > 0.025
 
 
 def test_stairs_go_down_though_each_sole_lies_level():

@@ -9,8 +9,8 @@ from walkers import LIBRARY, walking
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
-from cassie_control.control.load import Payload
 from cassie_control.control.outputs import FOOT_SW
+from cassie_control.control.payload import Payload
 from cassie_control.planner.timing import LEFT
 from cassie_control.schedule import gait_refusal
 from cassie_gaits import robot

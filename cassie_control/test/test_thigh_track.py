@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.drives import steady_hip, track_thighs
-from cassie_control.control.gains import gains_of
+from cassie_control.control.drives import filtered_hip, track_thighs
+from cassie_control.control.gains import make_gains
 from cassie_control.control.outputs import Step
 from cassie_control.control.robot import Robot
 
@@ -21,12 +21,12 @@ TORSO_PITCH, TORSO_RATE = 0.05, 0.1
 def hips_of(angles, rates, config=CONFIG):
     """Left hip pitch and rate as the set-points take them, tick by tick. Shape (n, 2)."""
     robot, step = Robot(pitch=TORSO_PITCH, pitch_rate=TORSO_RATE), Step()
-    gain, here, steps = (each.records[0] for each in (gains_of(config, PERIOD), robot, step))
+    gain, here, steps = (each.records[0] for each in (make_gains(config, PERIOD), robot, step))
     taken = []
     for angle, rate in zip(angles, rates, strict=True):
         robot.joints[LEFT, 2], robot.rates[LEFT, 2] = angle, rate
         track_thighs(gain, here, steps)
-        taken.append(steady_hip(gain, here, LEFT, PITCH, steps))
+        taken.append(filtered_hip(gain, here, LEFT, PITCH, steps))
     return np.array(taken)
 
 

@@ -35,8 +35,8 @@ from cassie_control.control.outputs import (
     YAW_SW,
 )
 from cassie_control.control.walking import WalkingController
-from cassie_control.planner.plan import SwingEnd
-from cassie_control.planner.terrain import touch_down
+from cassie_control.planner.placement import SwingTarget
+from cassie_control.planner.terrain import update_at_touchdown
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
 from cassie_gaits.gait_library import Gait
@@ -101,7 +101,9 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     core._gains.level *= level
     core.start(readings_of(on_a_fixed_foot(stance, seed=8)), stance)
     core.timing.phase = phase
-    core._placement.swing_end = lambda *given: SwingEnd(0.3, -0.05, 0.8, given[-1].remaining, lead)
+    core._placement.swing_target = lambda *given: SwingTarget(
+        0.3, -0.05, 0.8, given[-1].remaining, lead
+    )
     found = []
     for _ in range(3):
         core.step(readings_of(state), mode_of(yaw_rate=0.3), command)
@@ -139,8 +141,8 @@ def test_after_a_step_up_the_other_foot_swings_higher_by_as_much(stance, law, hi
         readings = readings_of(state_of(leg_joints(), leg_joints()))
         put_ankle(readings, 1 - stance, (0.0, 0.0, -0.8))
         put_ankle(readings, stance, (0.3, 0.0, height - 0.8))
-        touch_down(core._slope.records, readings.records, stance)
-        core._slope.foothold = core._slope.ahead = 0.0
+        update_at_touchdown(core._slope.records, readings.records, stance)
+        core._slope.foothold_height = core._slope.ahead = 0.0
         core.timing.phase = 0.5
         core.step(readings_of(swinging(stance)), mode_of(), MotorCommand())
         return core.desired[LENGTH_SW]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.outputs import Step
     from cassie_control.control.robot import Robot
 
-_BRUSHED = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
+_FORCE_DEAD_BAND = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
 
 @compiled
@@ -45,11 +45,11 @@ def carried_share(gain: Gains, robot: Robot, step: Step, i: int) -> float:
     """Share of the weight that is fed forward to a leg."""
     share: float
     if gain.latency > 0.0:
-        share = _due(gain, step)
+        share = _predicted_stance_share(gain, step)
         return share if i == step.stance else 1.0 - share
     if gain.share_force > 0.0:
-        force = max(0.0, robot.force[i] - _BRUSHED)
-        other = max(0.0, robot.force[1 - i] - _BRUSHED)
+        force = max(0.0, robot.force[i] - _FORCE_DEAD_BAND)
+        other = max(0.0, robot.force[1 - i] - _FORCE_DEAD_BAND)
         share = force / max(0.5 * WEIGHT, force + other)
     else:
         share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
@@ -57,16 +57,16 @@ def carried_share(gain: Gains, robot: Robot, step: Step, i: int) -> float:
 
 
 @compiled
-def _due(gain: Gains, step: Step) -> float:
+def _predicted_stance_share(gain: Gains, step: Step) -> float:
     """Share that the stance leg will carry when the drives act on this command.
 
     The next touchdown is assumed at the planned end of the step, even if it is late.
     """
-    since = step.phase / step.rate + gain.latency
-    until = (1.0 - step.phase) / step.rate - gain.latency
-    taken = min(1.0, max(0.0, since / gain.handover))
-    left = min(1.0, max(0.0, 1.0 + until / gain.handover))
-    share: float = taken * left
+    elapsed = step.phase / step.phase_rate + gain.latency
+    remaining = (1.0 - step.phase) / step.phase_rate - gain.latency
+    loading = min(1.0, max(0.0, elapsed / gain.handover))
+    unloading = min(1.0, max(0.0, 1.0 + remaining / gain.handover))
+    share: float = loading * unloading
     return share
 
 

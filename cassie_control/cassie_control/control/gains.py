@@ -20,7 +20,7 @@ class Gains(Record):
     the paper's law leaves them out.
 
     Attributes:
-        straight: 1 where the swing leg's angles have the least squared acceleration.
+        least_acceleration: 1 where the swing leg's angles have the least squared acceleration.
         share_force: 1 where the legs' shares of the weight follow their forces, 0 their loads.
         level: 1 where the stance hip travels level, 0 where its leg has the gait's length.
         swing_inertia: 1 where feed-forward torques accelerate the swing leg.
@@ -32,7 +32,8 @@ class Gains(Record):
         kp, kd: Gains of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
         hip_x, hip_z: Hip pitch axis in the pelvis frame. In m.
         inertia: Inertia of the swing leg, see `INERTIA`.
-        least_effort: Matrix from a polynomial's first and last two coefficients to the two between.
+        least_acceleration_map: Matrix from a polynomial's first and last two coefficients to the
+            two between.
     """
 
     kp_torso_roll: float
@@ -47,7 +48,7 @@ class Gains(Record):
     heading_gain: float
     yaw_limit: float
     quickest_step: float
-    straight: float
+    least_acceleration: float
     share_force: float
     level: float
     swing_inertia: float
@@ -64,7 +65,7 @@ class Gains(Record):
     hip_x: float
     hip_z: float
     inertia: FloatArray = array(4, 4)
-    least_effort: FloatArray = array(2, 4)
+    least_acceleration_map: FloatArray = array(2, 4)
 
 
 INERTIA = np.array(
@@ -78,7 +79,7 @@ INERTIA = np.array(
 """Coefficients of A, B, C and R by rising power of the knee angle. In kg m^2."""
 
 
-def _least_effort() -> FloatArray:
+def _least_acceleration_map() -> FloatArray:
     """Matrix from a polynomial's first and last two coefficients to the two between. Shape (2, 4).
 
     These two give the least integral of the squared second derivative.
@@ -89,13 +90,13 @@ def _least_effort() -> FloatArray:
     return result
 
 
-_LEAST_EFFORT = _least_effort()
-_SWING_LAG = 0.03  # m
-_SWITCHES = ("straight", "share_force", "level", "swing_inertia")
-_BESIDE_THE_PAPER = (*_SWITCHES, "clearance", "bounce_damping", "thigh_angle", "thigh_rate")
+_LEAST_ACCELERATION_MAP = _least_acceleration_map()
+_MAX_SWING_LAG = 0.03  # m
+_SWITCHES = ("least_acceleration", "share_force", "level", "swing_inertia")
+_ZERO_IN_PAPER = (*_SWITCHES, "clearance", "bounce_damping", "thigh_angle", "thigh_rate")
 
 
-def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
+def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
     """Constants of the walking law, from a configuration and the control period (s).
 
     Under the paper's law, this project's additions to it are left out. With a growing latency of
@@ -109,21 +110,21 @@ def gains_of(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
         setattr(result, name, 1.0)
     result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
-    result.swing_lag = _SWING_LAG
+    result.swing_lag = _MAX_SWING_LAG
     if config.as_in_paper:
         result.swing_lag = math.inf
-        for name in _BESIDE_THE_PAPER:
+        for name in _ZERO_IN_PAPER:
             setattr(result, name, 0.0)
     else:
-        _allow_for(result, config, latency)
+        _set_late_gains(result, config, latency)
     result.period = period
     result.mass = robot.total_mass()
     result.hip_x, result.hip_z = HIP_X, HIP_Z
-    result.inertia[:], result.least_effort[:] = INERTIA, _LEAST_EFFORT
+    result.inertia[:], result.least_acceleration_map[:] = INERTIA, _LEAST_ACCELERATION_MAP
     return result
 
 
-def _allow_for(result: Gains, config: WalkConfig, latency: float) -> None:
+def _set_late_gains(result: Gains, config: WalkConfig, latency: float) -> None:
     """Change the gains to those for drives that act late."""
     late, share = config.late, config.late.walking_share(latency)
     if share == 0.0:

@@ -9,8 +9,8 @@ import numpy as np
 from cassie_control.config import ControllerConfig
 from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
-from cassie_control.control.load import Payload
 from cassie_control.control.outputs import Step
+from cassie_control.control.payload import Payload
 from cassie_control.control.recovery import RecoveryStep, ShorteningLimit, brake, lift, rests
 from cassie_control.control.riding import RidingController
 from cassie_control.control.robot import Readings
@@ -132,7 +132,7 @@ class GaitController:
     def configure(self, config: ControllerConfig) -> None:
         """Use new gains at once."""
         self.config = config
-        self._allow_for(self.latency.latency)
+        self._set_latency(self.latency.latency)
         self.riding.configure(config.segway, config.stand)
         self.walking.configure(config.walk)
         self.learning.configure(config)
@@ -158,12 +158,12 @@ class GaitController:
         self._since = 0.0
         self._stop_steps = 0
         self._recovers = False
-        self._allow_for(0.0)
+        self._set_latency(0.0)
         self._blend = self._blend_time = 0.0
 
-    def _allow_for(self, latency: float) -> None:
+    def _set_latency(self, latency: float) -> None:
         """Use gains for a latency (s) of the drives."""
-        self.walking.allow_for(latency)
+        self.walking.set_latency(latency)
         self.standing.config = self.config.walk.late.standing(self.config.stand, latency)
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
@@ -186,7 +186,7 @@ class GaitController:
             raise ControlError(f"mode is {wanted}, must be 0 .. {_SEGWAY}")
         self.readings.update(state, self.standing.com_error)
         if self.latency.observe(state):
-            self._allow_for(self.latency.latency)
+            self._set_latency(self.latency.latency)
         command = self._command
         command.answer(state)
         self._since += self._period

@@ -12,16 +12,18 @@ from cassie_gaits.names import LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
 from cassie_msgs.layout import MotorCommand, RobotState
 
-REPORTED_AFTER = 0.0035
+REPORT_DELAY = 0.0035
 """Time from a drive's set torque to the sample: 3 ms to the torque's effect, 0.5 ms more. In s."""
 
-LONGEST = 0.08
+MAX_LATENCY = 0.08
 """Largest latency that is tested. In s."""
 
-_AVERAGED_OVER = 0.25  # s, time constant
-_ENOUGH = 0.01  # threshold of the squared residual, torques over the drives' largest, for a search
-_BETTER = 0.3  # largest ratio of the residuals with another and with the present latency
-_EXPLAINED = 0.1  # largest ratio of the residual with another latency to all squared torques
+_LOW_PASS_TIME = 0.25  # s
+_MIN_RESIDUAL = 0.01  # of the present latency, before another one is taken; 1 is full torque
+_MAX_RESIDUAL_RATIO = 0.3  # of another latency's residual to that of the present one
+_MAX_UNEXPLAINED = 0.1  # ratio of another latency's residual to all squared torques
+
+_POSITION, _VELOCITY, _KP, _KD = 10, 20, 30, 40  # places in `MotorCommand.floats`, after torque
 
 
 class Search(Record):
@@ -29,91 +31,110 @@ class Search(Record):
 
     Attributes:
         seq: `seq` of the last observed state.
-        head: Row of the newest command, which answered the state before this one.
-        known: Number of commands sent since the record began.
-        row: Latency found, in commands: the age of the command that explains the torques.
-        later: Time from the oldest of `seen` to the setting of the reported torques. In ticks.
-        share: Low-pass weight of a new value.
+        newest: Row of the newest command, which answered the state before this one.
+        count: Number of commands stored since the ring was emptied.
+        latency: Latency found, in commands: the age of the command that explains the torques.
+        interpolation: Time from the oldest of `joint_history` to the setting of the reported
+            torques. In ticks.
+        low_pass_weight: Low-pass weight of a new value.
         scale: 1 over the largest torque of each drive. In 1/Nm.
     """
 
     seq: int = whole()
-    head: int = whole()
-    known: int = whole()
-    row: int = whole()
-    later: float
-    share: float
+    newest: int = whole()
+    count: int = whole()
+    latency: int = whole()
+    interpolation: float
+    low_pass_weight: float
     scale: FloatArray = array(10)
 
 
 @compiled
-def observe(
+def find_latency(
     states: RecordArray,
-    sent: FloatArray,
-    seen: FloatArray,
-    errors: FloatArray,
+    commands: FloatArray,
+    joint_history: FloatArray,
+    residuals: FloatArray,
     searches: Records[Search],
 ) -> bool:
     """Low-pass the residual of each latency; True if the latency found has changed.
 
     Args:
         states: `RobotState.record`: the drives and their reported torques. Shape (1,).
-        sent: Ring of commands: torque, position, velocity, kp, kd of the ten drives. Shape (n, 50).
-        seen: Angles and rates of the drives at the last ticks, the oldest first; updated. Shape
-            (m, 2, 10).
-        errors: Averages of the squared residuals, and, last, of the squared reported torques;
+        commands: Ring of the commands sent, `MotorCommand.floats`. Shape (n, 50).
+        joint_history: Angles and rates of the drives at the last ticks, the oldest first; updated.
+            Shape (m, 2, 10).
+        residuals: Averages of the squared residuals, and, last, of the squared reported torques;
             updated. Shape (n + 1,).
         searches: Changed in place. Shape (1,).
     """
     state, search = states[0], searches[0]
     seq = int(state.seq)
     if seq != search.seq + 1 or state.power < 0.5:
-        errors[:] = 0.0
-        search.head = search.known = 0
+        residuals[:] = 0.0
+        search.newest = search.count = 0
     search.seq = seq
     reported, scale = state.drive_torque, search.scale
-    last = seen.shape[0] - 1
-    for k in range(last):
-        seen[k] = seen[k + 1]
-    for i in range(10):
-        leg, drive = i // 5, i % 5
-        joint = 6 + 7 * leg + (6 if drive == 4 else drive)
-        seen[last, 0, i], seen[last, 1, i] = state.q[joint], state.v[joint]
-    rows = sent.shape[0]
-    if search.known < rows + last:
+    _store_joints(state, joint_history)
+    rows = commands.shape[0]
+    if search.count < rows + joint_history.shape[0] - 1:
         return False
     total = 0.0
     for i in range(10):
         total += (scale[i] * reported[i]) ** 2
-    errors[rows] += search.share * (total - errors[rows])
+    residuals[rows] += search.low_pass_weight * (total - residuals[rows])
     best = 0
     for row in range(rows):
-        command, error = sent[(search.head - row) % rows], 0.0
-        for i in range(10):
-            angle = (1.0 - search.later) * seen[0, 0, i] + search.later * seen[1, 0, i]
-            rate = (1.0 - search.later) * seen[0, 1, i] + search.later * seen[1, 1, i]
-            u = command[i] + command[30 + i] * (command[10 + i] - angle)
-            u += command[40 + i] * (command[20 + i] - rate)
-            u = scale[i] * u
-            difference = max(-1.0, min(1.0, u)) - scale[i] * reported[i]
-            error += difference * difference
-        errors[row] += search.share * (error - errors[row])
-        if errors[row] < errors[best]:
+        command = commands[(search.newest - row) % rows]
+        residual = _residual(command, reported, joint_history, search)
+        residuals[row] += search.low_pass_weight * (residual - residuals[row])
+        if residuals[row] < residuals[best]:
             best = row
-    now, then, all_torques = errors[search.row], errors[best], errors[rows]
-    if not (now > _ENOUGH and then < _BETTER * now and then < _EXPLAINED * all_torques):
+    present, least, all_torques = residuals[search.latency], residuals[best], residuals[rows]
+    explains = least < _MAX_RESIDUAL_RATIO * present and least < _MAX_UNEXPLAINED * all_torques
+    if not (present > _MIN_RESIDUAL and explains):
         return False
-    changed, search.row = best != search.row, best
+    changed, search.latency = best != search.latency, best
     return bool(changed)
 
 
 @compiled
-def keep(command: FloatArray, sent: FloatArray, searches: Records[Search]) -> None:
-    """Keep a command (50,) in the ring of those sent."""
+def _store_joints(state: RobotState, joint_history: FloatArray) -> None:
+    """Append the drives' angles and rates to the history."""
+    last = joint_history.shape[0] - 1
+    for k in range(last):
+        joint_history[k] = joint_history[k + 1]
+    for i in range(10):
+        leg, drive = i // 5, i % 5
+        joint = 6 + 7 * leg + (6 if drive == 4 else drive)
+        joint_history[last, 0, i], joint_history[last, 1, i] = state.q[joint], state.v[joint]
+
+
+@compiled
+def _residual(
+    command: FloatArray, reported: FloatArray, joint_history: FloatArray, search: Search
+) -> float:
+    """Squared residual of the torques that a command explains, over the largest torques."""
+    oldest, next_oldest = joint_history[0], joint_history[1]
+    scale, s, residual = search.scale, search.interpolation, 0.0
+    for i in range(10):
+        angle = (1.0 - s) * oldest[0, i] + s * next_oldest[0, i]
+        rate = (1.0 - s) * oldest[1, i] + s * next_oldest[1, i]
+        torque = command[i] + command[_KP + i] * (command[_POSITION + i] - angle)
+        torque += command[_KD + i] * (command[_VELOCITY + i] - rate)
+        torque = scale[i] * torque
+        difference = max(-1.0, min(1.0, torque)) - scale[i] * reported[i]
+        residual += difference * difference
+    return residual
+
+
+@compiled
+def store_command(command: FloatArray, commands: FloatArray, searches: Records[Search]) -> None:
+    """Store a command (50,) in the ring."""
     search = searches[0]
-    search.head = (search.head + 1) % sent.shape[0]
-    sent[search.head] = command
-    search.known += 1
+    search.newest = (search.newest + 1) % commands.shape[0]
+    commands[search.newest] = command
+    search.count += 1
 
 
 class CommandLatency:
@@ -135,16 +156,16 @@ class CommandLatency:
 
     def __init__(self, period: float) -> None:
         self._period = period
-        ticks = math.ceil(REPORTED_AFTER / period)
-        self._usual = ticks - 1
-        rows = ticks + round(LONGEST / period)
-        self._sent = np.zeros((rows, 50))
-        self._seen = np.zeros((ticks + 1, 2, 10))
-        self._errors = np.zeros(rows + 1)
+        ticks = math.ceil(REPORT_DELAY / period)
+        self._usual_latency = ticks - 1
+        rows = ticks + round(MAX_LATENCY / period)
+        self._commands = np.zeros((rows, 50))
+        self._joint_history = np.zeros((ticks + 1, 2, 10))
+        self._residuals = np.zeros(rows + 1)
         limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
         self._search = Search(
-            later=ticks - REPORTED_AFTER / period,
-            share=1.0 - math.exp(-period / _AVERAGED_OVER),
+            interpolation=ticks - REPORT_DELAY / period,
+            low_pass_weight=1.0 - math.exp(-period / _LOW_PASS_TIME),
             scale=1.0 / np.array(limits),
         )
         self.reset()
@@ -156,22 +177,22 @@ class CommandLatency:
     @property
     def latency(self) -> float:
         """Time from a command until the drives act on it, beyond their own delay. In s."""
-        return (self._search.row - self._usual) * self._period
+        return (self._search.latency - self._usual_latency) * self._period
 
     def reset(self) -> None:
         """Begin anew with the latency 0."""
         search = self._search
-        search.row, search.seq = self._usual, -1
-        search.head = search.known = 0
-        self._errors[:] = 0.0
+        search.latency, search.seq = self._usual_latency, -1
+        search.newest = search.count = 0
+        self._residuals[:] = 0.0
 
     def observe(self, state: RobotState) -> bool:
         """Update with a state and its reported torques; True if the latency found has changed."""
-        changed: bool = observe(
-            state.record, self._sent, self._seen, self._errors, self._search.records
+        changed: bool = find_latency(
+            state.record, self._commands, self._joint_history, self._residuals, self._search.records
         )
         return changed
 
     def sent(self, command: MotorCommand) -> None:
-        """Keep the command that answers the state observed last."""
-        keep(command.floats, self._sent, self._search.records)
+        """Store the command that answers the state observed last."""
+        store_command(command.floats, self._commands, self._search.records)

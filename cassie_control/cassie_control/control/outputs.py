@@ -30,68 +30,70 @@ class Step(Record):
     Attributes:
         stance: Number of the stance leg.
         phase: The paper's tau.
-        rate: Rate of the phase before leg-angle adjustment. In 1/s.
+        phase_rate: Rate of the phase before leg-angle adjustment. In 1/s.
+        adjusted_rate: Rate of the phase after leg-angle adjustment. In 1/s.
         step_time: Step duration of the gait. In s.
         heading: Desired heading. In rad.
-        sideways: Mean velocity to the left of the last two steps. In m/s.
+        mean_vy: Mean velocity to the left of the last two steps. In m/s.
         yaw_rate: Commanded yaw rate. In rad/s.
-        yaw: Swing hip yaw at touchdown. In rad.
-        turn: Half of the turn of this step. In rad.
-        rise: Remaining growth of the gait's stance leg. In m.
-        gait_pitch, gait_roll, gait_length: The gait's swing leg at touchdown. In rad and m.
-        new_rate: Rate of the phase after leg-angle adjustment. In 1/s.
-        pitch, roll, length: Swing leg at touchdown by leg-angle adjustment. In rad and m.
-        lead: Time from the foot's first contact to the end of the step. In s.
-        speed: Low-passed forward velocity. In m/s.
+        half_turn: Half of the turn of this step. In rad.
+        stance_extension: Remaining growth of the gait's stance leg. In m.
+        gait_landing_pitch, gait_landing_roll, gait_landing_length: The gait's swing leg at
+            touchdown. In rad and m.
+        landing_pitch, landing_roll, landing_length: Swing leg at touchdown by leg-angle adjustment.
+            In rad and m.
+        landing_yaw: Swing hip yaw at touchdown. In rad.
+        contact_lead: Time from the foot's first contact to the end of the step. In s.
+        vx: Low-passed forward velocity. In m/s.
         torso_roll, torso_pitch: Commanded torso angles. In rad.
         slope_ahead, slope_left: Slope of the ground forward and to the left, rise over distance.
-        foothold: Height of the stance foot over the ground around it. In m.
-        start, start_rates: Outputs and their rates at the beginning of this step.
+        foothold_height: Height of the stance foot over the ground around it. In m.
+        clearance: Height added to the gait's swing foot in mid-step. In m.
+        initial, initial_rates: Outputs and their rates at the beginning of this step.
         gait: Bezier coefficients of this step.
         desired, desired_rates, accelerations: Desired outputs and their time derivatives.
         measured, measured_rates: Outputs and their rates as last measured.
-        clearance: Height added to the gait's swing foot in mid-step. In m.
-        tracked: 1 once the tracks of the thighs have begun.
-        thigh, thigh_rates: Track of each leg in space, roll and pitch, and its rates, see
-            `track_thighs`. In rad and rad/s.
+        thigh_tracking: 1 once the tracks of the thighs have begun.
+        thigh_track, thigh_track_rates: Track of each leg in space, roll and pitch, and its rates,
+            see `track_thighs`. In rad and rad/s.
     """
 
     stance: int = whole()
     phase: float
-    rate: float
+    phase_rate: float
+    adjusted_rate: float
     step_time: float
     heading: float
-    sideways: float
+    mean_vy: float
     yaw_rate: float
-    yaw: float
-    turn: float
-    rise: float
-    gait_pitch: float
-    gait_roll: float
-    gait_length: float
-    new_rate: float
-    pitch: float
-    roll: float
-    length: float
-    lead: float
-    speed: float
+    half_turn: float
+    stance_extension: float
+    gait_landing_pitch: float
+    gait_landing_roll: float
+    gait_landing_length: float
+    landing_pitch: float
+    landing_roll: float
+    landing_length: float
+    landing_yaw: float
+    contact_lead: float
+    vx: float
     torso_roll: float
     torso_pitch: float
     slope_ahead: float
     slope_left: float
-    foothold: float
-    start: FloatArray = array(9)
-    start_rates: FloatArray = array(9)
+    foothold_height: float
+    clearance: float
+    initial: FloatArray = array(9)
+    initial_rates: FloatArray = array(9)
     gait: FloatArray = array(9, 6)
     desired: FloatArray = array(9)
     desired_rates: FloatArray = array(9)
     accelerations: FloatArray = array(9)
     measured: FloatArray = array(9)
     measured_rates: FloatArray = array(9)
-    clearance: float
-    tracked: float
-    thigh: FloatArray = array(2, 2)
-    thigh_rates: FloatArray = array(2, 2)
+    thigh_tracking: float
+    thigh_track: FloatArray = array(2, 2)
+    thigh_track_rates: FloatArray = array(2, 2)
 
 
 @compiled
@@ -140,24 +142,26 @@ def begin_step(
     measure(robots, stance, steps)
     step = steps[0]
     for i in range(9):
-        step.start[i], step.start_rates[i] = step.measured[i], step.measured_rates[i]
+        step.initial[i], step.initial_rates[i] = step.measured[i], step.measured_rates[i]
     if keeps_lengths:
-        step.start[LENGTH_ST], step.start[LENGTH_SW] = (
+        step.initial[LENGTH_ST], step.initial[LENGTH_SW] = (
             step.desired[LENGTH_SW],
             step.desired[LENGTH_ST],
         )
     # Measured rates jump at the impact, so these outputs start from rest.
-    step.start_rates[YAW_ST] = step.start_rates[LENGTH_ST] = 0.0
-    step.start_rates[YAW_SW] = step.start_rates[LENGTH_SW] = step.start_rates[FOOT_SW] = 0.0
+    step.initial_rates[YAW_ST] = step.initial_rates[LENGTH_ST] = 0.0
+    step.initial_rates[YAW_SW] = step.initial_rates[LENGTH_SW] = step.initial_rates[FOOT_SW] = 0.0
 
 
-_LONGEST = 0.95  # m, largest length of a stance leg that keeps its hip level
-_LIFT = 0.05  # m, saturation of the lift of a swing leg whose foot carries load
-_LIFTED, _LIFTING = 30.0, 100.0  # N, foot force from which it lifts; increase until saturation
+_MAX_LENGTH = 0.95  # m, of a stance leg that keeps its hip level
+_FULL_LEVEL_BACK = 3.0  # 1/(m/s): from 1/3 m/s backward `level_back` counts in full
+_LOADED_FORCE = 30.0  # N, force on the swing foot from which its leg shortens
+_LOADED_FORCE_SPAN = 100.0  # N, further force at which it shortens by `_MAX_SHORTENING`
+_MAX_SHORTENING = 0.05  # m
 
 
 @compiled
-def desire(
+def evaluate_gait(
     gains: Records[Gains],
     robots: Records[Robot],
     timings: Records[StepTiming],
@@ -179,13 +183,13 @@ def desire(
     """
     gain, robot, timing, step = gains[0], robots[0], timings[0], steps[0]
     row = np.empty(rows.shape[1])
-    read_row(axes, lengths, rows, timing.velocity[0], step.sideways, yaw_rate, row)
-    step.stance, step.phase, step.rate = timing.stance, timing.phase, timing.rate
+    read_row(axes, lengths, rows, timing.velocity[0], step.mean_vy, yaw_rate, row)
+    step.stance, step.phase, step.phase_rate = timing.stance, timing.phase, timing.rate
     timing.step_time = step.step_time = 1.0 / row[-1]
     step.yaw_rate = yaw_rate
     gait, stance = step.gait, step.stance
     # The row has the gait in right stance, then that in left stance.
-    _begin(gain, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
+    _start_gait(gain, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
     basis = np.empty((6, 3))
     _basis(min(1.0, step.phase), basis)
     for i in range(9):
@@ -195,131 +199,141 @@ def desire(
             rate += gait[i, k] * basis[k, 1]
             acceleration += gait[i, k] * basis[k, 2]
         step.desired[i] = value
-        step.desired_rates[i] = rate * step.rate
-        step.accelerations[i] = acceleration * step.rate**2
-    step.turn = 0.5 * step.yaw_rate * step.step_time
-    yaw = step.turn + gain.heading_gain * (step.heading - robot.yaw)
-    step.yaw = max(-gain.yaw_limit, min(gain.yaw_limit, yaw))
-    step.rise = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
-    step.gait_pitch, step.gait_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
-    step.gait_length = gait[LENGTH_SW, 5]
+        step.desired_rates[i] = rate * step.phase_rate
+        step.accelerations[i] = acceleration * step.phase_rate**2
+    step.half_turn = 0.5 * step.yaw_rate * step.step_time
+    yaw = step.half_turn + gain.heading_gain * (step.heading - robot.yaw)
+    step.landing_yaw = max(-gain.yaw_limit, min(gain.yaw_limit, yaw))
+    step.stance_extension = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
+    step.gait_landing_pitch, step.gait_landing_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
+    step.gait_landing_length = gait[LENGTH_SW, 5]
 
 
 @compiled
-def _begin(gain: Gains, library_gait: FloatArray, step: Step) -> None:
+def _start_gait(gain: Gains, library_gait: FloatArray, step: Step) -> None:
     """Copy the gait and start it where the legs were at touchdown; the torso's is continuous."""
     gait = step.gait
     for i in range(9):
         for k in range(6):
             gait[i, k] = library_gait[i, k]
         if i not in (ROLL, PITCH):
-            gait[i, 0] = step.start[i]
-            gait[i, 1] = step.start[i] + step.start_rates[i] * (step.step_time / 5.0)
+            gait[i, 0] = step.initial[i]
+            gait[i, 1] = step.initial[i] + step.initial_rates[i] * (step.step_time / 5.0)
     # These two have the weight 10 s^2 (1 - s)^2: 5/8 in the middle of a step, 0 at its ends.
     for k in (2, 3):
         gait[LENGTH_SW, k] -= 1.6 * step.clearance
-    if gain.straight > 0.0:
+    if gain.least_acceleration > 0.0:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):
-                a, b = gain.least_effort[k, 0], gain.least_effort[k, 1]
-                c, d = gain.least_effort[k, 2], gain.least_effort[k, 3]
+                a, b = gain.least_acceleration_map[k, 0], gain.least_acceleration_map[k, 1]
+                c, d = gain.least_acceleration_map[k, 2], gain.least_acceleration_map[k, 3]
                 gait[i, 2 + k] = a * gait[i, 0] + b * gait[i, 1] + c * gait[i, 4] + d * gait[i, 5]
 
 
 @compiled
-def adjust(gain: Gains, robot: Robot, step: Step) -> None:
-    """Add leg-angle adjustment and turning, smoothly over the step; called after `desire`.
+def adjust_outputs(gain: Gains, robot: Robot, step: Step) -> None:
+    """Add leg-angle adjustment and turning, smoothly over the step; called after `evaluate_gait`.
 
     Args:
         gain: Constants of the law.
         robot: The robot now.
         step: The step, with the result of leg-angle adjustment; changed in place.
     """
-    gait, rate = step.gait, step.new_rate
+    gait, rate = step.gait, step.adjusted_rate
     phase = min(1.0, step.phase)
-    landing_pitch, landing_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
-    if step.lead > 0.0:
-        basis = np.empty((6, 3))
-        _basis(1.0 - step.lead * rate, basis)
-        landing_pitch = landing_roll = 0.0
-        for k in range(6):
-            landing_pitch += gait[PITCH_SW, k] * basis[k, 0]
-            landing_roll += gait[ROLL_SW, k] * basis[k, 0]
-    _level_hips(gain, robot, step, phase)
-    _fade_in(step, PITCH_SW, step.pitch - landing_pitch, phase, rate)
-    _fade_in(step, ROLL_SW, step.roll - landing_roll, phase, rate)
-    _fade_in(step, LENGTH_SW, step.length - gait[LENGTH_SW, 5], phase, rate)
-    _fade_in(step, YAW_SW, step.yaw - gait[YAW_SW, 5], phase, rate)
-    _fade_in(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
-    _turn_body(step, phase, rate)
-    _lift(robot, step, phase)
+    contact_pitch, contact_roll = _contact_angles(step, rate)
+    _level_hip_path(gain, robot, step, phase)
+    _add_correction(step, PITCH_SW, step.landing_pitch - contact_pitch, phase, rate)
+    _add_correction(step, ROLL_SW, step.landing_roll - contact_roll, phase, rate)
+    _add_correction(step, LENGTH_SW, step.landing_length - gait[LENGTH_SW, 5], phase, rate)
+    _add_correction(step, YAW_SW, step.landing_yaw - gait[YAW_SW, 5], phase, rate)
+    _add_correction(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
+    _turn_stance_hip(step, phase, rate)
+    _shorten_loaded_swing_leg(robot, step, phase)
     if step.phase > 1.0:
-        _reach_down(gain, step, rate)
+        _extend_late_swing_leg(gain, step, rate)
     step.desired[ROLL] += step.torso_roll
     step.desired[PITCH] += step.torso_pitch
 
 
 @compiled
-def _fade_in(step: Step, row: int, change: float, phase: float, rate: float) -> None:
-    r = 1.0 - phase
-    step.desired[row] += fade(phase) * change
-    step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * change
-    step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * change
+def _contact_angles(step: Step, rate: float) -> tuple[float, float]:
+    """Pitch and roll of the gait's swing leg at the foot's first contact. In rad."""
+    gait = step.gait
+    pitch, roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
+    if step.contact_lead > 0.0:
+        basis = np.empty((6, 3))
+        _basis(1.0 - step.contact_lead * rate, basis)
+        pitch = roll = 0.0
+        for k in range(6):
+            pitch += gait[PITCH_SW, k] * basis[k, 0]
+            roll += gait[ROLL_SW, k] * basis[k, 0]
+    return pitch, roll
 
 
 @compiled
-def _turn_body(step: Step, phase: float, rate: float) -> None:
+def _add_correction(step: Step, row: int, correction: float, phase: float, rate: float) -> None:
+    """Add to an output a correction that grows smoothly from 0 at the beginning of the step."""
+    r = 1.0 - phase
+    step.desired[row] += fade(phase) * correction
+    step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * correction
+    step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * correction
+
+
+@compiled
+def _turn_stance_hip(step: Step, phase: float, rate: float) -> None:
     """Move stance hip yaw from its value at touchdown to the end of this step's turn.
 
     The commanded turn has a constant rate, so that the foot need not accelerate the body: a line
     contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
     """
     r = 1.0 - phase
-    _fade_in(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
-    step.desired[YAW_ST] += step.turn * (fade(phase) - 2.0 * phase)
-    step.desired_rates[YAW_ST] += step.turn * rate * (20.0 * r * r * r * phase - 2.0)
-    step.accelerations[YAW_ST] += step.turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
+    _add_correction(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
+    step.desired[YAW_ST] += step.half_turn * (fade(phase) - 2.0 * phase)
+    step.desired_rates[YAW_ST] += step.half_turn * rate * (20.0 * r * r * r * phase - 2.0)
+    step.accelerations[YAW_ST] += step.half_turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
 
 
 @compiled
-def _level_hips(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
-    """Change the stance leg's length so that its hip travels level, by the share `gain.level`.
+def _level_hip_path(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
+    """Change the stance leg's length so that its hip travels level, with the weight `gain.level`.
 
     On a slope the hip travels parallel to the slope, at the height that it has with the CoM above
     the foot. It keeps its height over the ground around the foot, whatever the foot stands on.
     """
-    back = max(0.0, min(1.0, -3.0 * step.speed))
-    share = gain.level * fade(phase)
-    share *= 1.0 + back * (gain.level_back - 1.0)
-    height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
-    x = robot.tilt[0, 0] * gain.hip_x + robot.tilt[0, 2] * gain.hip_z
+    backward = max(0.0, min(1.0, -_FULL_LEVEL_BACK * step.vx))
+    weight = gain.level * fade(phase)
+    weight *= 1.0 + backward * (gain.level_back - 1.0)
+    hip_height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
+    hip_x = robot.tilt[0, 0] * gain.hip_x + robot.tilt[0, 2] * gain.hip_z
     i = step.stance
-    x -= robot.ankle[i, 0]
-    height += (
-        step.slope_ahead * x - step.foothold + step.slope_left * (robot.com[1] - robot.ankle[i, 1])
-    )
-    length = min(_LONGEST, math.hypot(height, x))
-    step.desired[LENGTH_ST] += share * (length - step.desired[LENGTH_ST])
-    rate = (x + step.slope_ahead * height) * robot.velocity[0] / length
-    step.desired_rates[LENGTH_ST] += share * (rate - step.desired_rates[LENGTH_ST])
+    hip_x -= robot.ankle[i, 0]
+    com_y = robot.com[1] - robot.ankle[i, 1]
+    hip_height += step.slope_ahead * hip_x - step.foothold_height + step.slope_left * com_y
+    length = min(_MAX_LENGTH, math.hypot(hip_height, hip_x))
+    step.desired[LENGTH_ST] += weight * (length - step.desired[LENGTH_ST])
+    rate = (hip_x + step.slope_ahead * hip_height) * robot.velocity[0] / length
+    step.desired_rates[LENGTH_ST] += weight * (rate - step.desired_rates[LENGTH_ST])
 
 
 @compiled
-def _lift(robot: Robot, step: Step, phase: float) -> None:
+def _shorten_loaded_swing_leg(robot: Robot, step: Step, phase: float) -> None:
     """Shorten a swing leg whose foot still carries load, as after a push to its side."""
-    pressed = min(1.0, max(0.0, (robot.force[1 - step.stance] - _LIFTED) / _LIFTING))
-    due = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
-    step.desired[LENGTH_SW] -= _LIFT * pressed * due
+    force = robot.force[1 - step.stance]
+    load = min(1.0, max(0.0, (force - _LOADED_FORCE) / _LOADED_FORCE_SPAN))
+    # Trapezoid over the phase: from 0.1 on, full from 0.2 to 0.5, and 0 again from 0.7 on.
+    window = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
+    step.desired[LENGTH_SW] -= _MAX_SHORTENING * load * window
 
 
 @compiled
-def _reach_down(gain: Gains, step: Step, rate: float) -> None:
+def _extend_late_swing_leg(gain: Gains, step: Step, rate: float) -> None:
     """Extend the swing leg while touchdown is later than planned."""
     for i in range(9):
         step.desired_rates[i] = step.accelerations[i] = 0.0
-    grown = gain.late_speed * (step.phase - 1.0) / rate
-    step.desired[LENGTH_SW] += min(gain.late_reach, grown)
-    if grown < gain.late_reach:
+    extension = gain.late_speed * (step.phase - 1.0) / rate
+    step.desired[LENGTH_SW] += min(gain.late_reach, extension)
+    if extension < gain.late_reach:
         step.desired_rates[LENGTH_SW] = gain.late_speed
 
 

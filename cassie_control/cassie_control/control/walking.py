@@ -8,19 +8,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.drives import drive
-from cassie_control.control.gains import Gains, gains_of
-from cassie_control.control.outputs import FOOT_SW, Step, begin_step, desire, fade, measure
+from cassie_control.control.drives import set_drives
+from cassie_control.control.gains import Gains, make_gains
+from cassie_control.control.outputs import FOOT_SW, Step, begin_step, evaluate_gait, fade, measure
 from cassie_control.control.robot import Readings, Robot
-from cassie_control.planner.footstep import placement
+from cassie_control.planner.footstep import make_placement
 from cassie_control.planner.hold import PositionHold
-from cassie_control.planner.plan import Commanded, Placement, StepAhead
+from cassie_control.planner.placement import Commanded, GaitStep, Placement
 from cassie_control.planner.terrain import (
     GroundSlope,
-    begin_on,
-    stand_on,
-    stepped_up,
-    touch_down,
+    initialize_slope,
+    step_up_height,
+    update_at_touchdown,
+    update_in_stance,
 )
 from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
 from cassie_gaits import robot
@@ -32,11 +32,11 @@ from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
 IntArray = npt.NDArray[np.int64]
 
-_LEAD = 0.5  # rad, saturation of the desired heading's lead over the robot's
+_MAX_HEADING_LEAD = 0.5  # rad, saturation of the desired heading's lead over the robot's
 
 
 @compiled
-def go_on(
+def advance_step(
     robots: Records[Robot],
     timings: Records[StepTiming],
     yaw_rate: float,
@@ -52,13 +52,13 @@ def go_on(
     step, timing = steps[0], timings[0]
     # The desired heading waits where the robot does not follow.
     lead = step.heading - robots[0].yaw
-    if abs(lead) < _LEAD or lead * yaw_rate < 0.0:
+    if abs(lead) < _MAX_HEADING_LEAD or lead * yaw_rate < 0.0:
         step.heading += yaw_rate * timing.period
     return advance(timings, robots)
 
 
 @compiled
-def look_ahead(
+def plan_step(
     gains: Records[Gains],
     robots: Records[Robot],
     modes: RecordArray,
@@ -68,7 +68,7 @@ def look_ahead(
     rows: FloatArray,
     slopes: Records[GroundSlope],
     steps: Records[Step],
-    aheads: Records[StepAhead],
+    gait_steps: Records[GaitStep],
 ) -> None:
     """Desired outputs at this phase by the gait, and the inputs of leg-angle adjustment.
 
@@ -77,21 +77,25 @@ def look_ahead(
         modes: `Mode.record`. Shape (1,).
         timings, slopes, steps: Changed in place. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        aheads: Result, inputs of leg-angle adjustment. Shape (1,).
+        gait_steps: Result, inputs of leg-angle adjustment. Shape (1,).
     """
-    timing, step, slope, ahead = timings[0], steps[0], slopes[0], aheads[0]
-    stand_on(slopes, robots, timing.stance, timing.phase)
-    step.clearance = gains[0].clearance + stepped_up(slope)
-    desire(gains, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
-    left = max(0.0, 1.0 - timing.phase)
-    ahead.elapsed, ahead.step_time = timing.elapsed, timing.step_time
-    ahead.remaining, ahead.earliest = left * timing.step_time, left * gains[0].quickest_step
-    ahead.velocity[0], ahead.velocity[1] = timing.velocity[0], timing.velocity[1]
-    ahead.pitch, ahead.roll, ahead.length = step.gait_pitch, step.gait_roll, step.gait_length
-    # Part of the foothold's own height that the hip has already compensated.
-    lower = fade(min(1.0, timing.phase)) * slope.foothold
-    ahead.rise, ahead.yaw = step.rise - slope.sunk + lower, step.yaw
-    ahead.slope[0], ahead.slope[1] = slope.ahead, slope.left
+    timing, step, slope, gait_step = timings[0], steps[0], slopes[0], gait_steps[0]
+    update_in_stance(slopes, robots, timing.stance, timing.phase)
+    step.clearance = gains[0].clearance + step_up_height(slope)
+    evaluate_gait(gains, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
+    remaining = max(0.0, 1.0 - timing.phase)
+    gait_step.elapsed, gait_step.step_time = timing.elapsed, timing.step_time
+    gait_step.remaining = remaining * timing.step_time
+    gait_step.earliest = remaining * gains[0].quickest_step
+    gait_step.velocity[0], gait_step.velocity[1] = timing.velocity[0], timing.velocity[1]
+    gait_step.landing_pitch = step.gait_landing_pitch
+    gait_step.landing_roll = step.gait_landing_roll
+    gait_step.landing_length = step.gait_landing_length
+    gait_step.landing_yaw = step.landing_yaw
+    # Part of the foothold's height that the hip has already compensated.
+    compensated = fade(min(1.0, timing.phase)) * slope.foothold_height
+    gait_step.hip_rise = step.stance_extension - slope.sinkage + compensated
+    gait_step.slope[0], gait_step.slope[1] = slope.ahead, slope.left
 
 
 class WalkingController:
@@ -143,40 +147,40 @@ class WalkingController:
         self.library = library
         self._gaits, self._speeds = library.table, library.speed_range
         self.timing = StepTiming(config, library.interpolate(0.0)[2], period)
-        self._hold = PositionHold(period)
+        self._position_hold = PositionHold(period)
         self._slope = GroundSlope(config, period)
-        self._offered, self._is_offered = Gait(), False
-        self._moved = np.zeros_like(library.table[2])
-        self._change = np.zeros(self._moved.shape[1])
+        self._offered_gait, self._gait_is_offered = Gait(), False
+        self._shifted_rows = np.zeros_like(library.table[2])
+        self._row_shift = np.zeros(self._shifted_rows.shape[1])
         self._step = step = Step()
         self.outputs: FloatArray = step.measured
         self.rates: FloatArray = step.measured_rates
         self.desired: FloatArray = step.desired
         self.desired_rates: FloatArray = step.desired_rates
         self._commanded = Commanded()
-        self._ahead = StepAhead()
+        self._gait_step = GaitStep()
         self._latency = 0.0
-        self._placement: Placement = placement(config)
+        self._placement: Placement = make_placement(config)
         self.config = config
         self.configure(config)
-        self._practise()
+        self._compile_kernels()
 
     def configure(self, config: WalkConfig) -> None:
         """Use new gains; walking goes on, and so does the observer unless the law changes."""
         if config.as_in_paper != self.config.as_in_paper:
-            self._placement = placement(config)
+            self._placement = make_placement(config)
         for part in (self.timing, self._slope):
             part.configure(config)
         self.config = config
-        self.allow_for(self._latency)
+        self.set_latency(self._latency)
 
-    def allow_for(self, latency: float) -> None:
+    def set_latency(self, latency: float) -> None:
         """Use gains for a latency of the drives beyond their own delay. In s."""
         self._latency = latency
         self._placement.config = self.config
-        self._gains = gains_of(self.config, self._period, latency)
+        self._gains = make_gains(self.config, self._period, latency)
 
-    def _practise(self) -> None:
+    def _compile_kernels(self) -> None:
         """Walk for one tick, so that compiled functions are loaded or compiled.
 
         The robot must not wait for that when it begins to walk.
@@ -205,11 +209,11 @@ class WalkingController:
     def start(self, readings: Readings, stance: int) -> None:
         """Begin walking with a step on a stance leg."""
         self.timing.start(stance)
-        self._hold.release()
+        self._position_hold.release()
         self._slope.start()
-        begin_on(self._slope.records, readings.records)
-        self._gaits, self._is_offered = self.library.table, False
-        self._step.heading, self._step.sideways, self._step.tracked = readings.yaw, 0.0, 0.0
+        initialize_slope(self._slope.records, readings.records)
+        self._gaits, self._gait_is_offered = self.library.table, False
+        self._step.heading, self._step.mean_vy, self._step.thigh_tracking = readings.yaw, 0.0, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self._step.records)
 
@@ -224,16 +228,16 @@ class WalkingController:
         commanded, timing = self._commanded, self.timing.records
         _, vx, vy, yaw_rate = mode.floats[:4].tolist()
         if vx == vy == yaw_rate == 0.0:
-            vx, vy = self._hold.velocity(self.config, readings)
+            vx, vy = self._position_hold.velocity(self.config, readings)
         else:
-            self._hold.release()
+            self._position_hold.release()
         commanded.vx, commanded.vy, commanded.turn_rate = vx, vy, yaw_rate
-        ended = go_on(readings.records, timing, yaw_rate, self._step.records)
+        ended = advance_step(readings.records, timing, yaw_rate, self._step.records)
         commanded.spread = spread
         commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
             self._end_step(readings)
-        look_ahead(
+        plan_step(
             self._gains.records,
             readings.records,
             mode.record,
@@ -241,7 +245,7 @@ class WalkingController:
             *self._gaits,
             self._slope.records,
             self._step.records,
-            self._ahead.records,
+            self._gait_step.records,
         )
         self._adjust(readings, mode, command)
         return ended
@@ -250,13 +254,13 @@ class WalkingController:
         """Exchange stance and swing leg after a touchdown."""
         timing, step = self.timing, self._step
         mean_velocity = end_step(timing.records)
-        step.sideways = mean_velocity[1]
+        step.mean_vy = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
         keeps_lengths = not self.config.as_in_paper
-        if self._is_offered:
-            self._take_up()
+        if self._gait_is_offered:
+            self._shift_library()
         begin_step(readings.records, timing.stance, keeps_lengths, step.records)
-        touch_down(self._slope.records, readings.records, timing.stance)
+        update_at_touchdown(self._slope.records, readings.records, timing.stance)
 
     @property
     def slope(self) -> float:
@@ -265,13 +269,13 @@ class WalkingController:
 
     def offer(self, gait: Gait) -> None:
         """Use a gait from the next touchdown on; the library alone if no gait was found."""
-        self._offered.copy_from(gait)
-        self._is_offered = True
+        self._offered_gait.copy_from(gait)
+        self._gait_is_offered = True
 
-    def _take_up(self) -> None:
+    def _shift_library(self) -> None:
         """Shift the library to the gait that was offered."""
-        gait, change = self._offered, self._change
-        self._is_offered = False
+        gait, change = self._offered_gait, self._row_shift
+        self._gait_is_offered = False
         axes, lengths, rows = self.library.table
         if int(gait.result) != GaitResult.FOUND:
             self._gaits = self.library.table
@@ -284,8 +288,8 @@ class WalkingController:
         change[108] += 1.0 / float(gait.step_time)
         for stance in (change[:54], change[54:108]):
             stance.reshape(9, 6)[FOOT_SW] -= float(gait.slope)
-        np.add(rows, change, out=self._moved)
-        self._gaits = axes, lengths, self._moved
+        np.add(rows, change, out=self._shifted_rows)
+        self._gaits = axes, lengths, self._shifted_rows
 
     def measure(self, readings: Readings) -> None:
         """Update `outputs` and `rates`; the law itself does not need them every tick."""
@@ -294,10 +298,10 @@ class WalkingController:
     def _adjust(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
         """Fill in the set-points, with leg-angle adjustment, turning and the torso's angles."""
         stance, legs = self.timing.stance, readings.legs
-        end = self._placement.swing_end(
-            readings, legs[stance], legs[1 - stance], self._commanded, self._ahead
+        target = self._placement.swing_target(
+            readings, legs[stance], legs[1 - stance], self._commanded, self._gait_step
         )
-        drive(
+        set_drives(
             self._gains.records,
             readings.records,
             readings.pair,
@@ -306,9 +310,9 @@ class WalkingController:
             mode.record,
             self._step.records,
             command.record,
-            end.pitch,
-            end.roll,
-            end.length,
-            end.remaining,
-            end.lead,
+            target.pitch,
+            target.roll,
+            target.length,
+            target.remaining,
+            target.contact_lead,
         )

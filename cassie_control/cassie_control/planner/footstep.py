@@ -10,19 +10,20 @@ from cassie_control.config import WalkConfig
 from cassie_control.control.robot import LegReadings, Readings
 from cassie_control.planner.momentum import AngularMomentum
 from cassie_control.planner.paper import PaperPlacement
-from cassie_control.planner.pendulum import Law, landing
-from cassie_control.planner.plan import Commanded, Placement, StepAhead, SwingEnd
+from cassie_control.planner.pendulum import PlacementGains, plan_landing
+from cassie_control.planner.placement import Commanded, GaitStep, Placement, SwingTarget
 
-_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
-_FARTHEST = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
-_FORGETS = 2.5  # ratio of forgetting to learning rate, for the error beyond `observer_error`
-_EXPLAINED = 0.3  # m/s, speed error in place that an offset of `_FARTHEST` removes, by the map
-
-
-_CONFIGURED = tuple(name for name in Law.TYPE.names or () if not name.startswith("offset"))
+_MAX_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
+_MAX_OFFSET = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
+_FORGETTING_RATIO = 2.5  # of forgetting to learning rate, for errors beyond `observer_error`
+_MAP_ERROR = 0.3  # m/s, speed error in place that an offset of `_MAX_OFFSET` removes, by the map
 
 
-def placement(config: WalkConfig) -> Placement:
+_FIELDS = PlacementGains.TYPE.names or ()
+_CONFIG_FIELDS = tuple(name for name in _FIELDS if not name.startswith("offset"))
+
+
+def make_placement(config: WalkConfig) -> Placement:
     """The law that the configuration names."""
     return PaperPlacement(config) if config.as_in_paper else PendulumPlacement(config)
 
@@ -66,7 +67,7 @@ class PendulumPlacement:
         dv = r T' (-(v_steady,y less the sway), v_steady,x),    and    u -= dv / b.
 
     In steady walking the robot's foothold lies ahead of the pendulum's, by a cubic in the speed
-    (`pendulum._AHEAD`); at 1.8 m/s it lies 6 cm behind it.
+    (`pendulum.ahead_of_pendulum`); at 1.8 m/s it lies 6 cm behind it.
 
     d is the offset of a disturbance observer. By the map, the mean speed of two steps is the mean
     of the commands for which their feet were placed. The difference is the map's error, and
@@ -76,7 +77,7 @@ class PendulumPlacement:
     The growth of d saturates at an error of `observer_error`. A larger error comes from a force on
     the robot, not from the map. When that force ends, a foot placed against it would make the robot
     fall.
-    d grows by less where no offset would remove the error (`_EXPLAINED`). d shrinks by the whole
+    d grows by less where no offset would remove the error (`_MAP_ERROR`). d shrinks by the whole
     error, and by the part beyond `observer_error` 2.5 times as fast. Small errors of both signs
     count alike. Otherwise the mean speed would differ from the commanded one where errors alternate
     around an offset, as under a payload.
@@ -94,7 +95,7 @@ class PendulumPlacement:
 
     def __init__(self, config: WalkConfig) -> None:
         self._masses = AngularMomentum().records
-        self._law = Law()
+        self._gains = PlacementGains()
         self.config = config
         self.reset()
 
@@ -106,13 +107,13 @@ class PendulumPlacement:
     @config.setter
     def config(self, config: WalkConfig) -> None:
         self._config = config
-        for name in _CONFIGURED:
-            setattr(self._law, name, getattr(config, name))
+        for name in _CONFIG_FIELDS:
+            setattr(self._gains, name, getattr(config, name))
 
     def reset(self) -> None:
         """Reset the disturbance observer."""
-        self._law.offset_x = self._law.offset_y = 0.0
-        self._commanded: list[tuple[float, float]] = []
+        self._gains.offset_x = self._gains.offset_y = 0.0
+        self._last_commands: list[tuple[float, float]] = []
 
     def touchdown(
         self,
@@ -124,46 +125,49 @@ class PendulumPlacement:
         c = self.config
         # A foot acts one step later: the mean of two steps results from the last three commands.
         now = commanded.vx, commanded.vy
-        earlier = self._commanded or 3 * [now]
-        vx, vy = (0.25 * (a + 2.0 * b + c) for a, b, c in zip(*earlier, strict=True))
-        self._commanded = [*earlier[1:], now]
-        law = self._law
-        law.offset_x = _observed(law.offset_x, mean_velocity[0] - vx, c)
-        law.offset_y = _observed(law.offset_y, mean_velocity[1] - vy, c)
+        previous = self._last_commands or 3 * [now]
+        vx, vy = (
+            0.25 * (oldest + 2.0 * middle + newest)
+            for oldest, middle, newest in zip(*previous, strict=True)
+        )
+        self._last_commands = [*previous[1:], now]
+        gains = self._gains
+        gains.offset_x = _next_offset(gains.offset_x, mean_velocity[0] - vx, c)
+        gains.offset_y = _next_offset(gains.offset_y, mean_velocity[1] - vy, c)
 
-    def swing_end(
+    def swing_target(
         self,
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
         commanded: Commanded,
-        ahead: StepAhead,
-    ) -> SwingEnd:
-        """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
-        lead = _lead(self._config, ahead.velocity[0])
-        roll, pitch, length, remaining = landing(
-            self._law.records,
+        gait_step: GaitStep,
+    ) -> SwingTarget:
+        """Swing leg at touchdown; arguments as in `Placement.swing_target`."""
+        contact_lead = _contact_lead(self._config, gait_step.velocity[0])
+        roll, pitch, length, remaining = plan_landing(
+            self._gains.records,
             readings.records,
             self._masses,
             swing.number,
-            ahead.records,
+            gait_step.records,
             commanded.records,
-            lead,
+            contact_lead,
         )
-        return SwingEnd(pitch + commanded.pitch_trim, roll, length, remaining, lead)
+        return SwingTarget(pitch + commanded.pitch_trim, roll, length, remaining, contact_lead)
 
 
-def _lead(c: WalkConfig, speed: float) -> float:
+def _contact_lead(c: WalkConfig, speed: float) -> float:
     """Time from the swing foot's first contact to the end of the step, in s."""
-    return c.contact_lead + c.contact_lead_speed * min(_LEAD_SPEED, abs(speed))
+    return c.contact_lead + c.contact_lead_speed * min(_MAX_LEAD_SPEED, abs(speed))
 
 
-def _observed(offset: float, error: float, c: WalkConfig) -> float:
+def _next_offset(offset: float, error: float, c: WalkConfig) -> float:
     """New offset of the observer, in m, after a step with the mean speed error `error` (m/s)."""
-    growth = c.observer_gain * c.observer_error * _EXPLAINED / max(_EXPLAINED, abs(error))
-    least = max(-_FARTHEST, min(offset, 0.0) - growth)
-    most = min(_FARTHEST, max(offset, 0.0) + growth)
+    growth = c.observer_gain * c.observer_error * _MAP_ERROR / max(_MAP_ERROR, abs(error))
+    lower = max(-_MAX_OFFSET, min(offset, 0.0) - growth)
+    upper = min(_MAX_OFFSET, max(offset, 0.0) + growth)
     if offset * error < 0.0:
-        small = max(-c.observer_error, min(c.observer_error, error))
-        error = small + _FORGETS * (error - small)
-    return max(least, min(most, offset + c.observer_gain * error))
+        saturated = max(-c.observer_error, min(c.observer_error, error))
+        error = saturated + _FORGETTING_RATIO * (error - saturated)
+    return max(lower, min(upper, offset + c.observer_gain * error))

@@ -7,8 +7,8 @@ import math
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Readings
 
-_SETTLING = 1.2  # s without a commanded velocity until the position is held
-_MEAN = 0.8  # s, end of that time: the position is averaged over it, about two steps of sway
+_HOLD_DELAY = 1.2  # s without a commanded velocity until the position is held
+_AVERAGING_TIME = 0.8  # s, at the end of the delay: about two steps of sway
 
 
 class PositionHold:
@@ -29,23 +29,24 @@ class PositionHold:
 
     def release(self) -> None:
         """Forget the place."""
-        self._still = 0.0
+        self._still_time = 0.0
         self._ticks = 0
-        self._sum = self._place = (0.0, 0.0)
+        self._position_sum = self._place = (0.0, 0.0)
 
     def velocity(self, config: WalkConfig, readings: Readings) -> tuple[float, float]:
         """Velocity to walk with while none is commanded: forward and to the left, in m/s."""
-        self._still += self._period
+        self._still_time += self._period
         x, y, _, yaw = readings.state.q[:4].tolist()
-        if self._still < _SETTLING:
-            if self._still >= _SETTLING - _MEAN:
-                self._sum = (self._sum[0] + x, self._sum[1] + y)
+        if self._still_time < _HOLD_DELAY:
+            if self._still_time >= _HOLD_DELAY - _AVERAGING_TIME:
+                sum_x, sum_y = self._position_sum[0] + x, self._position_sum[1] + y
+                self._position_sum = (sum_x, sum_y)
                 self._ticks += 1
-                self._place = (self._sum[0] / self._ticks, self._sum[1] / self._ticks)
+                self._place = (sum_x / self._ticks, sum_y / self._ticks)
             return 0.0, 0.0
         east, north = self._place[0] - x, self._place[1] - y
-        far = max(1.0, math.hypot(east, north) / config.hold_distance)
-        east, north = east / far, north / far
+        scale = max(1.0, math.hypot(east, north) / config.hold_distance)
+        east, north = east / scale, north / scale
         self._place = (x + east, y + north)
         c, s, gain = math.cos(yaw), math.sin(yaw), config.hold_gain
         return gain * (c * east + s * north), gain * (c * north - s * east)

@@ -59,11 +59,13 @@ def leg_inertia(leg: str) -> LegInertia:
         record.masses[i] = link.mass
         record.centres[i] = link.com
         record.inertias[i] = inertia_matrix(link)
-    _carry(record, "knee", links["knee_spring"])
+    _merge_link(record, "knee", links["knee_spring"])
     for name in ("heel_spring", "foot_crank"):
-        _carry(record, "tarsus", links[name])
-    _carry_point(record, "hip_pitch", links["achilles_rod"])
-    _carry_point(record, "tarsus", links["plantar_rod"], np.array(links["foot_crank"].position))
+        _merge_link(record, "tarsus", links[name])
+    _merge_point_mass(record, "hip_pitch", links["achilles_rod"])
+    _merge_point_mass(
+        record, "tarsus", links["plantar_rod"], np.array(links["foot_crank"].position)
+    )
     return record
 
 
@@ -73,13 +75,13 @@ def inertia_matrix(link: robot.Link) -> FloatArray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _carry(record: LegInertia, joint: str, link: robot.Link) -> None:
+def _merge_link(record: LegInertia, joint: str, link: robot.Link) -> None:
     rotation = link_rotation(link)
     centre = np.array(link.position) + rotation @ np.array(link.com)
     _merge(record, joint, link.mass, centre, rotation @ inertia_matrix(link) @ rotation.T)
 
 
-def _carry_point(
+def _merge_point_mass(
     record: LegInertia, joint: str, link: robot.Link, centre: FloatArray | None = None
 ) -> None:
     if centre is None:
@@ -92,31 +94,31 @@ def _merge(
 ) -> None:
     """Merge a body, given in the link's frame, with a link."""
     i = LEG_JOINTS.index(joint)
-    own, own_centre = float(record.masses[i]), record.centres[i].copy()
-    both = own + mass
-    middle = (own * own_centre + mass * centre) / both
+    link_mass, link_centre = float(record.masses[i]), record.centres[i].copy()
+    total = link_mass + mass
+    common = (link_mass * link_centre + mass * centre) / total
     record.inertias[i] += inertia
-    for share, at in ((own, own_centre), (mass, centre)):
-        arm = at - middle
-        record.inertias[i] += share * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    record.masses[i], record.centres[i] = both, middle
+    for body_mass, body_centre in ((link_mass, link_centre), (mass, centre)):
+        arm = body_centre - common
+        record.inertias[i] += body_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    record.masses[i], record.centres[i] = total, common
 
 
 @compiled
-def about_pelvis(
-    joints: FloatArray, rates: FloatArray, omega: VectorLike, momenta: Records[Masses]
+def momentum_about_pelvis(
+    joints: FloatArray, rates: FloatArray, omega: VectorLike, all_masses: Records[Masses]
 ) -> Vector:
     """Angular momentum about the pelvis origin, by velocities relative to it, pelvis frame.
 
     Args:
         joints, rates: Joint angles and rates of both legs. Shape (2, 7), in rad and rad/s.
         omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
-        momenta: Masses of the robot. Shape (1,).
+        all_masses: Masses of the robot. Shape (1,).
 
     Returns:
         In kg m^2/s.
     """
-    masses, pelvis = momenta[0], (omega[0], omega[1], omega[2])
+    masses, pelvis = all_masses[0], (omega[0], omega[1], omega[2])
     total = turned(masses.pelvis, pelvis)
     for i in range(2):
         leg, motion = masses.legs[i], (UPRIGHT, ZERO, ZERO, pelvis)
@@ -126,19 +128,19 @@ def about_pelvis(
             arm = into(axes, leg.centres[k])
             momentum = times(leg.masses[k], plus(velocity, cross(turn, arm)))
             total = plus(total, cross(plus(origin, arm), momentum))
-            own = (dot(axes[0], turn), dot(axes[1], turn), dot(axes[2], turn))
-            total = plus(total, into(axes, turned(leg.inertias[k], own)))
+            link_rate = (dot(axes[0], turn), dot(axes[1], turn), dot(axes[2], turn))
+            total = plus(total, into(axes, turned(leg.inertias[k], link_rate)))
     return total
 
 
 @compiled
 def momentum_velocity(
-    robots: Records[Robot], stance: int, momenta: Records[Masses]
+    robots: Records[Robot], stance: int, all_masses: Records[Masses]
 ) -> tuple[float, float]:
     """See `AngularMomentum.velocity`; `stance` is the number of the stance leg."""
     robot = robots[0]
-    tilt, mass = robot.tilt, momenta[0].mass
-    total = about_pelvis(robot.joints, robot.rates, robot.angular_velocity, momenta)
+    tilt, mass = robot.tilt, all_masses[0].mass
+    total = momentum_about_pelvis(robot.joints, robot.rates, robot.angular_velocity, all_masses)
     hx = hy = 0.0
     for k in range(3):
         hx += tilt[0, k] * total[k]

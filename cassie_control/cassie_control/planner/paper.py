@@ -6,9 +6,12 @@ import math
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import HIP_TO_PELVIS, LegReadings, Readings
-from cassie_control.planner.pendulum import Fall, fallen
-from cassie_control.planner.plan import Commanded, StepAhead, SwingEnd
+from cassie_control.planner.pendulum import PendulumState, predict_com
+from cassie_control.planner.placement import Commanded, GaitStep, SwingTarget
 from cassie_gaits.robot import GRAVITY
+
+_MIN_HEIGHT = 0.4  # m, of the pendulum
+_MAX_SIN_ROLL = 0.4  # saturation of the swing leg's roll where the feet would meet
 
 
 class PaperPlacement:
@@ -43,7 +46,7 @@ class PaperPlacement:
 
     def reset(self) -> None:
         """Forget the velocity at the last touchdown."""
-        self._last = (0.0, 0.0)
+        self._touchdown_velocity = (0.0, 0.0)
 
     def touchdown(
         self,
@@ -52,50 +55,50 @@ class PaperPlacement:
         commanded: Commanded,
     ) -> None:
         """Store the low-passed velocity of this touchdown. In m/s."""
-        self._last = velocity
+        self._touchdown_velocity = velocity
 
-    def swing_end(
+    def swing_target(
         self,
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
         commanded: Commanded,
-        ahead: StepAhead,
-    ) -> SwingEnd:
-        """Swing leg at touchdown; arguments as in `Placement.swing_end`."""
+        gait_step: GaitStep,
+    ) -> SwingTarget:
+        """Swing leg at touchdown; arguments as in `Placement.swing_target`."""
         c = self.config
-        vx, vy = ahead.velocity
-        pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - self._last[0])
-        roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - self._last[1])
+        (vx, vy), (vx_0, vy_0) = gait_step.velocity, self._touchdown_velocity
+        pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - vx_0)
+        roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - vy_0)
         roll += stance.side * c.paper_narrowing * max(0.0, min(1.0, vx))
-        roll += ahead.roll + commanded.roll_trim
-        reach = ahead.length + HIP_TO_PELVIS
+        roll += gait_step.landing_roll + commanded.roll_trim
+        reach = gait_step.landing_length + HIP_TO_PELVIS
         uy = swing.hip_y + reach * math.sin(roll) - readings.com[1]
         velocity = (readings.com_velocity[0], readings.com_velocity[1])
-        fall = _pendulum_now(readings, stance, ahead, c.double_support, velocity)
-        y_end = fallen(fall, ahead.remaining)[1]
-        missing = c.least_foot_distance - swing.side * (y_end + uy)
-        if missing > 0.0:
-            from_hip = readings.com[1] + uy + swing.side * missing - swing.hip_y
-            roll = math.asin(max(-0.4, min(0.4, from_hip / reach)))
-        pitch += ahead.pitch + c.paper_offset + commanded.pitch_trim
-        return SwingEnd(pitch, roll, ahead.length, ahead.remaining)
+        state = _pendulum_state(readings, stance, gait_step, c.double_support, velocity)
+        _, y_end, _, _ = predict_com(state, gait_step.remaining)
+        shortfall = c.least_foot_distance - swing.side * (y_end + uy)
+        if shortfall > 0.0:
+            from_hip = readings.com[1] + uy + swing.side * shortfall - swing.hip_y
+            roll = math.asin(max(-_MAX_SIN_ROLL, min(_MAX_SIN_ROLL, from_hip / reach)))
+        pitch += gait_step.landing_pitch + c.paper_offset + commanded.pitch_trim
+        return SwingTarget(pitch, roll, gait_step.landing_length, gait_step.remaining)
 
 
-def _pendulum_now(
+def _pendulum_state(
     readings: Readings,
     stance: LegReadings,
-    ahead: StepAhead,
-    coast: float,
+    gait_step: GaitStep,
+    double_support: float,
     velocity: tuple[float, float],
-) -> Fall:
-    """The CoM as a pendulum on the stance toe joint. `coast` is in s, `velocity` in m/s."""
+) -> PendulumState:
+    """The CoM as a pendulum on the stance toe joint; `double_support` in s, `velocity` in m/s."""
     com, ankle = readings.com, stance.ankle
-    return Fall(
+    return PendulumState(
         com[0] - ankle[0],
         com[1] - ankle[1],
         velocity[0],
         velocity[1],
-        math.sqrt(GRAVITY / max(0.4, com[2] - ankle[2])),
-        max(0.0, coast - ahead.elapsed),
+        math.sqrt(GRAVITY / max(_MIN_HEIGHT, com[2] - ankle[2])),
+        max(0.0, double_support - gait_step.elapsed),
     )

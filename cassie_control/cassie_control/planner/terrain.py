@@ -10,18 +10,19 @@ from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, Record, Records, array
 
-_STANDS = 0.5  # contact probability of a foot that stands on the ground
-_SETTLED = 0.25  # phase from which the stance foot lies flat
-_STEEPEST = 0.6  # saturation of the estimated slope
-_RATE_TIME = 0.03  # s, time constant of the low-pass of the stance foot's pitch rate
-_TURNS = (0.4, 0.8)  # rad/s of pitch rate: the foot rests below the first, turns above the second
-_TURNED_UP = (0.02, 0.04)  # rad of pitch since it settled: firm ground below, soft ground above
-_HIGHEST = 0.1  # m, saturation of a foothold's height over or below the ground around it
-_NEAR = 0.1  # m, regularization: feet so close to each other count half for the slope
-_MEMORY = 0.95  # ratio by which the sums of predictions decay per step
-_BELIEF = 2e-4  # m^2, prior that the sole's slope is right: weight of a slope of 0.05 over 0.3 m
-_STEPS_UP = 3  # steps that must all go up; on uneven ground one of three does not
-_EVEN, _DEEPEST = 0.01, 0.08  # m, threshold of a step up, and saturation of `GroundSlope.sunk`
+_STANDING_CONTACT = 0.5  # contact probability of a foot that stands on the ground
+_FLAT_PHASE = 0.25  # phase from which the stance foot lies flat
+_MAX_SLOPE = 0.6  # saturation of the estimated slope
+_PITCH_RATE_TIME = 0.03  # s, time constant of the low-pass of the stance foot's pitch rate
+_PITCH_RATE_RAMP = (0.4, 0.8)  # rad/s of pitch rate: the foot rests below, turns above
+_TURN_UP_RAMP = (0.02, 0.04)  # rad of pitch since the foot lay flat: firm ground below, soft above
+_MAX_FOOTHOLD_HEIGHT = 0.1  # m, saturation of a foothold's height over the ground around it
+_REGULARIZATION = 0.1  # m: feet at this distance from each other count half for the slope
+_FORGETTING_FACTOR = 0.95  # of the regression's sums, per step
+_REGRESSION_PRIOR = 2e-4  # m^2, prior that the sole's slope is right: slope of 0.05 over 0.3 m
+_SINKAGE_STEPS = 3  # steps that must all go up; on uneven ground one of three does not
+_SINKAGE_DEAD_BAND = 0.01  # m, height of a step that counts as level
+_MAX_SINKAGE = 0.08  # m, saturation of `GroundSlope.sinkage`
 
 
 class GroundSlope(Record):
@@ -34,14 +35,15 @@ class GroundSlope(Record):
     The stance toe gives no torque, so that its sole lies on the ground: its pitch, low-passed
     during stance, is the slope ahead. The heights of footholds correct both slopes, by a share of
     their difference to the plane through the last three footholds. The plane is the least-squares
-    fit to the last two steps, regularized by `_NEAR`, so that feet close to each other count
-    little. A single step cannot distinguish a riser from a side slope: where the same foot climbed
-    each riser, stairs were taken for a side slope of 0.25, and the robot fell.
+    fit to the last two steps, regularized by `_REGULARIZATION`, so that feet close to each other
+    count little. A single step cannot distinguish a riser from a side slope: where the same foot
+    climbed each riser, stairs were taken for a side slope of 0.25, and the robot fell.
 
-    Each foothold has a height of its own over the ground around it, which is `foothold_share` of
-    its deviation from the slope. The hips keep their height over the ground around the foothold,
-    and the next foot is expected on that ground. Without this, hips rose and sank with each stone:
-    on hard ground of s.d. 4 cm 10 of 20 robots fell within 15 m, with it none.
+    A foothold may be higher or lower than the ground around it (`foothold_height`), by
+    `foothold_share` of its deviation from the slope. The hips keep their height over the ground
+    around the foothold, and the next foot is expected on that ground. Without this, hips rose and
+    sank with each stone: on hard ground of s.d. 4 cm 10 of 20 robots fell within 15 m, with it
+    none.
 
     The slope ahead falls with the time constant `slope_time` and rises with `slope_rise_time`. On
     uneven ground single footholds tilt by 0.1 to 0.2 either way. If the ground is expected too low,
@@ -51,9 +53,9 @@ class GroundSlope(Record):
 
     How well a sole predicts the ground ahead depends on the ground. The prediction is that the next
     foot, x ahead, lands higher by tan(pitch) x. The slope ahead uses a share of the sole's slope:
-    the regression coefficient of what the next foot found on the prediction (`foretold`),
+    the regression coefficient of the measured height of the next foot on the predicted one,
 
-        share = sum(foretold found) / sum(foretold^2),
+        share = sum(predicted measured) / sum(predicted^2),
 
     over the last 20 steps or so, 1 at first. Of robots 1 to 6 it was 0.93 to 0.98 on hard slopes,
     0.45 to 0.65 on rough hard ground, 0.3 on grass at 0.8 m/s and 0.13 at 1.2 m/s. Tufts of grass
@@ -65,43 +67,44 @@ class GroundSlope(Record):
     0.5, was taken for a rise of 0.2, and the robot ran away. Instead an estimated rise then decays,
     which errs to the low side, too.
 
-    On such ground each new foot lands higher than the sunk stance foot, by `sunk`: the least of the
-    last three such heights. With level ground as the estimate, the swing foot met that ground early
-    and short of its target, and the robot ran away forward. Their mean would be a rise on uneven
-    ground, too, where it made two robots of four fall.
+    On such ground each new foot lands higher than the sunk stance foot. `sinkage` is the
+    minimum of the last three such heights. With level ground as the estimate, the swing foot met
+    that ground early and short of its target, and the robot ran away forward. Their mean would be a
+    rise on uneven ground, too, where it made two robots of four fall.
 
     Attributes:
         ahead, left: Slope forward and to the left, rise over distance, heading frame.
-        sunk: How much the stance foot sinks until the next touchdown. In m.
-        foothold: Height of the stance foot over the ground around it. In m.
-        pitch: Pitch of the stance foot. In rad.
-        rate: Low-passed pitch rate of the stance foot. In rad/s.
-        settled: Pitch of the stance foot when it lay flat. In rad.
-        turned: How certain it is that the foot has turned up since it lay flat. 0..1.
-        shown, ticks: Mean slope of this stance foot's sole, and its number of periods.
-        foretold, borne_out: Decaying sums of the squared predictions by soles, and of predictions
-            times what the next feet found. In m^2.
-        step: Vector from the previous foothold to this one. In m.
-        steps_up: Heights of the last new feet over the old ones, less the slope's, newest last. In
-            m.
+        sinkage: How much the stance foot sinks until the next touchdown. In m.
+        foothold_height: Height of the stance foot over the ground around it. In m.
+        sole_pitch: Pitch of the stance foot. In rad.
+        sole_pitch_rate: Low-passed pitch rate of the stance foot. In rad/s.
+        flat_pitch: Pitch of the stance foot when it lay flat. In rad.
+        turned_up: How certain it is that the foot has turned up since it lay flat. 0..1.
+        mean_sole_slope, sole_ticks: Mean slope of this stance foot's sole, and number of ticks.
+        sum_predicted_squared, sum_predicted_measured: Sums of the regression, with
+            `_FORGETTING_FACTOR`: squared predicted heights, and predicted times measured heights of
+            the next foot. In m^2.
+        last_step: Vector from the previous foothold to this one. In m.
+        step_heights: Heights of the last new feet over the old ones, less the slope's, newest last.
+            In m.
         slope_time, slope_rise_time, slope_share, foothold_share: See `config.WalkConfig`.
         period: Control period. In s.
     """
 
     ahead: float
     left: float
-    sunk: float
-    foothold: float
-    pitch: float
-    rate: float
-    settled: float
-    turned: float
-    shown: float
-    ticks: float
-    foretold: float
-    borne_out: float
-    step: FloatArray = array(3)
-    steps_up: FloatArray = array(_STEPS_UP)
+    sinkage: float
+    foothold_height: float
+    sole_pitch: float
+    sole_pitch_rate: float
+    flat_pitch: float
+    turned_up: float
+    mean_sole_slope: float
+    sole_ticks: float
+    sum_predicted_squared: float
+    sum_predicted_measured: float
+    last_step: FloatArray = array(3)
+    step_heights: FloatArray = array(_SINKAGE_STEPS)
     slope_time: float
     slope_rise_time: float
     slope_share: float
@@ -121,23 +124,24 @@ class GroundSlope(Record):
 
     def start(self) -> None:
         """Begin with level, firm ground."""
-        self.ahead = self.left = self.sunk = self.foothold = 0.0
-        self.pitch = self.rate = self.settled = self.turned = 0.0
-        self.shown = self.ticks = self.foretold = self.borne_out = 0.0
-        self.step[:] = self.steps_up[:] = 0.0
+        self.ahead = self.left = self.sinkage = self.foothold_height = 0.0
+        self.sole_pitch = self.sole_pitch_rate = self.flat_pitch = self.turned_up = 0.0
+        self.mean_sole_slope = self.sole_ticks = 0.0
+        self.sum_predicted_squared = self.sum_predicted_measured = 0.0
+        self.last_step[:] = self.step_heights[:] = 0.0
 
 
 @compiled
-def begin_on(slopes: Records[GroundSlope], robots: Records[Robot]) -> None:
+def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> None:
     """Begin with the side slope on which both feet stand; level where a foot is in the air."""
     slope, robot = slopes[0], robots[0]
-    if slope.slope_time > 0.0 and robot.contact.min() >= _STANDS:
+    if slope.slope_time > 0.0 and robot.contact.min() >= _STANDING_CONTACT:
         _, y, z = robot.ankle[0] - robot.ankle[1]
-        slope.left = _bounded(_slope(z, y))
+        slope.left = _saturate_slope(_regularized_slope(z, y))
 
 
 @compiled
-def stand_on(
+def update_in_stance(
     slopes: Records[GroundSlope], robots: Records[Robot], stance: int, phase: float
 ) -> None:
     """Update the slope with one tick of the stance foot's pitch."""
@@ -147,37 +151,35 @@ def stand_on(
     q = robot.joints[stance]
     # `virtual_leg.foot_pitch` with the springs' deflection
     pitch = -robot.pitch + q[2] + (q[3] + q[4] + q[5]) + q[6] + virtual_leg.TOE_OFFSET
-    rate, slope.pitch = (pitch - slope.pitch) / slope.period, pitch
-    slope.rate += slope.period / _RATE_TIME * (rate - slope.rate)
-    if phase < _SETTLED:
-        slope.settled = pitch
-    if robot.load[stance] < 1.0 or phase < _SETTLED:
+    rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
+    slope.sole_pitch_rate += slope.period / _PITCH_RATE_TIME * (rate - slope.sole_pitch_rate)
+    if phase < _FLAT_PHASE:
+        slope.flat_pitch = pitch
+    if robot.load[stance] < 1.0 or phase < _FLAT_PHASE:
         return
-    seen = _bounded(math.tan(pitch))
-    slope.ticks += 1.0
-    slope.shown += (seen - slope.shown) / slope.ticks
-    believed = (slope.borne_out + _BELIEF) / (slope.foretold + _BELIEF)
-    seen *= max(0.0, min(1.0, believed))
-    slope.turned = _share(pitch - slope.settled, _TURNED_UP)
-    seen += slope.turned * (min(0.0, slope.ahead) - seen)
-    time = slope.slope_rise_time if seen > slope.ahead else slope.slope_time
-    rests = 1.0 - _share(abs(slope.rate), _TURNS)
-    slope.ahead += rests * slope.period / time * (seen - slope.ahead)
+    measured = _saturate_slope(math.tan(pitch))
+    slope.sole_ticks += 1.0
+    slope.mean_sole_slope += (measured - slope.mean_sole_slope) / slope.sole_ticks
+    measured *= max(0.0, min(1.0, _regression_coefficient(slope)))
+    slope.turned_up = _ramp(pitch - slope.flat_pitch, _TURN_UP_RAMP)
+    # A sole that turned up shows no slope: an estimated rise decays.
+    measured += slope.turned_up * (min(0.0, slope.ahead) - measured)
+    time_constant = slope.slope_rise_time if measured > slope.ahead else slope.slope_time
+    at_rest = 1.0 - _ramp(abs(slope.sole_pitch_rate), _PITCH_RATE_RAMP)
+    slope.ahead += at_rest * slope.period / time_constant * (measured - slope.ahead)
 
 
 @compiled
-def _plane(slope: GroundSlope, x: float, y: float, z: float) -> tuple[float, float]:
-    """Difference, per axis, of the plane through the last three footholds and the slope."""
-    u, v, w = slope.step
-    found, before = z - slope.ahead * x - slope.left * y, w - slope.ahead * u - slope.left * v
-    xx, yy, xy = x * x + u * u + _NEAR * _NEAR, y * y + v * v + _NEAR * _NEAR, x * y + u * v
-    along, across = x * found + u * before, y * found + v * before
-    whole = xx * yy - xy * xy
-    return (yy * along - xy * across) / whole, (xx * across - xy * along) / whole
+def _regression_coefficient(slope: GroundSlope) -> float:
+    """Regression coefficient of measured heights of the next foot on those its sole predicts."""
+    coefficient: float = (slope.sum_predicted_measured + _REGRESSION_PRIOR) / (
+        slope.sum_predicted_squared + _REGRESSION_PRIOR
+    )
+    return coefficient
 
 
 @compiled
-def touch_down(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -> None:
+def update_at_touchdown(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -> None:
     """Update the slope at the touchdown of a leg, with both feet on the ground."""
     slope, robot = slopes[0], robots[0]
     if slope.slope_time <= 0.0:
@@ -185,51 +187,79 @@ def touch_down(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -
     x = robot.ankle[new, 0] - robot.ankle[1 - new, 0]
     y = robot.ankle[new, 1] - robot.ankle[1 - new, 1]
     z = robot.ankle[new, 2] - robot.ankle[1 - new, 2]
-    error = z - slope.ahead * x - slope.left * y
-    ahead, left = _plane(slope, x, y, z)
-    if slope.ticks > 0.0:
-        holds = 1.0 - slope.turned
-        slope.ahead = _bounded(slope.ahead + holds * slope.slope_share * ahead)
-    slope.left = _bounded(slope.left + slope.slope_share * left)
-    slope.step[0], slope.step[1], slope.step[2] = x, y, z
-    _sink(slope, error)
-    slope.foothold = slope.foothold_share * (slope.foothold + error - slope.sunk)
-    slope.foothold = max(-_HIGHEST, min(_HIGHEST, slope.foothold))
-    foretold, found = slope.shown * x, z - slope.left * y
-    slope.foretold = _MEMORY * slope.foretold + foretold * foretold
-    slope.borne_out = _MEMORY * slope.borne_out + foretold * found
-    slope.shown = slope.ticks = 0.0
+    residual = z - slope.ahead * x - slope.left * y
+    correction_ahead, correction_left = _plane_correction(slope, x, y, z)
+    if slope.sole_ticks > 0.0:
+        firm = 1.0 - slope.turned_up
+        slope.ahead = _saturate_slope(slope.ahead + firm * slope.slope_share * correction_ahead)
+    slope.left = _saturate_slope(slope.left + slope.slope_share * correction_left)
+    slope.last_step[0], slope.last_step[1], slope.last_step[2] = x, y, z
+    _update_sinkage(slope, residual)
+    height = slope.foothold_share * (slope.foothold_height + residual - slope.sinkage)
+    slope.foothold_height = max(-_MAX_FOOTHOLD_HEIGHT, min(_MAX_FOOTHOLD_HEIGHT, height))
+    _update_regression(slope, slope.mean_sole_slope * x, z - slope.left * y)
+    slope.mean_sole_slope = slope.sole_ticks = 0.0
 
 
 @compiled
-def _sink(slope: GroundSlope, error: float) -> None:
-    """Update `sunk`: where the last new feet all landed higher, the old ones sank by the least."""
-    for k in range(_STEPS_UP - 1):
-        slope.steps_up[k] = slope.steps_up[k + 1]
-    slope.steps_up[_STEPS_UP - 1] = error
-    slope.sunk = max(0.0, min(_DEEPEST, slope.steps_up.min() - _EVEN))
+def _plane_correction(slope: GroundSlope, x: float, y: float, z: float) -> tuple[float, float]:
+    """Slopes, forward and to the left, of the residuals' least-squares plane over two steps."""
+    x_last, y_last, z_last = slope.last_step
+    residual = z - slope.ahead * x - slope.left * y
+    residual_last = z_last - slope.ahead * x_last - slope.left * y_last
+    sum_xx = x * x + x_last * x_last + _REGULARIZATION * _REGULARIZATION
+    sum_yy = y * y + y_last * y_last + _REGULARIZATION * _REGULARIZATION
+    sum_xy = x * y + x_last * y_last
+    sum_xr = x * residual + x_last * residual_last
+    sum_yr = y * residual + y_last * residual_last
+    determinant = sum_xx * sum_yy - sum_xy * sum_xy
+    return (
+        (sum_yy * sum_xr - sum_xy * sum_yr) / determinant,
+        (sum_xx * sum_yr - sum_xy * sum_xr) / determinant,
+    )
 
 
 @compiled
-def stepped_up(slope: GroundSlope) -> float:
-    """Height of the stance foot's landing over both feet before. In m, at most `_HIGHEST`."""
-    higher: float = slope.steps_up[_STEPS_UP - 1] - slope.sunk
-    before: float = min(0.0, slope.steps_up[_STEPS_UP - 2] + _EVEN)
-    return max(0.0, min(_HIGHEST, higher + before))
+def _update_sinkage(slope: GroundSlope, residual: float) -> None:
+    """Update `sinkage`: if all of the last new feet landed higher, the old ones sank."""
+    for k in range(_SINKAGE_STEPS - 1):
+        slope.step_heights[k] = slope.step_heights[k + 1]
+    slope.step_heights[_SINKAGE_STEPS - 1] = residual
+    slope.sinkage = max(0.0, min(_MAX_SINKAGE, slope.step_heights.min() - _SINKAGE_DEAD_BAND))
 
 
 @compiled
-def _slope(rise: float, distance: float) -> float:
-    return rise * distance / (distance * distance + _NEAR * _NEAR)
+def _update_regression(slope: GroundSlope, predicted: float, measured: float) -> None:
+    """Add a new foot's height (m), as predicted by the sole and as measured, to the sums."""
+    decay = _FORGETTING_FACTOR
+    slope.sum_predicted_squared = decay * slope.sum_predicted_squared + predicted * predicted
+    slope.sum_predicted_measured = decay * slope.sum_predicted_measured + predicted * measured
 
 
 @compiled
-def _bounded(slope: float) -> float:
-    return max(-_STEEPEST, min(_STEEPEST, slope))
+def step_up_height(slope: GroundSlope) -> float:
+    """Height at which the stance foot landed above both feet before.
+
+    Returns:
+        In m, from 0 to `_MAX_FOOTHOLD_HEIGHT`.
+    """
+    last: float = slope.step_heights[_SINKAGE_STEPS - 1] - slope.sinkage
+    step_down: float = min(0.0, slope.step_heights[_SINKAGE_STEPS - 2] + _SINKAGE_DEAD_BAND)
+    return max(0.0, min(_MAX_FOOTHOLD_HEIGHT, last + step_down))
 
 
 @compiled
-def _share(value: float, between: tuple[float, float]) -> float:
-    """Linear from 0 at the lower bound to 1 at the upper one; constant outside."""
-    low, high = between
+def _regularized_slope(rise: float, distance: float) -> float:
+    return rise * distance / (distance * distance + _REGULARIZATION * _REGULARIZATION)
+
+
+@compiled
+def _saturate_slope(slope: float) -> float:
+    return max(-_MAX_SLOPE, min(_MAX_SLOPE, slope))
+
+
+@compiled
+def _ramp(value: float, ends: tuple[float, float]) -> float:
+    """Linear from 0 at the lower end to 1 at the upper end; constant outside."""
+    low, high = ends
     return max(0.0, min(1.0, (value - low) / (high - low)))

@@ -13,10 +13,10 @@ LEFT, RIGHT = 0, 1
 """Numbers of the legs."""
 
 
-_RATE_TIME = 0.02  # s, time constant of the phase's rate
-_LATE = 0.9  # phase from which the step's time is not changed
-_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
-_THROWN = 1.5  # m/s, vertical speed from which a force on the swing foot is no touchdown
+_PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate
+_FIXED_RATE_PHASE = 0.9  # phase from which the step's time is not changed
+_FOOT_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
+_MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical speed of the swing foot at which a step may end
 
 
 class StepTiming(Record):
@@ -37,11 +37,11 @@ class StepTiming(Record):
         elapsed: Time since the last touchdown. In s.
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
         travel: Integral of the pelvis's velocity since the last touchdown. In m.
-        means: Mean velocities of the last two steps, the newer one last. In m/s.
-        height: Height of the swing foot above the stance foot. In m.
-        swing_speed: Low-passed vertical speed of the swing foot, without sign. In m/s.
+        mean_velocities: Mean velocities of the last two steps, the newer one last. In m/s.
+        foot_height: Height of the swing foot above the stance foot. In m.
+        foot_speed: Low-passed vertical speed of the swing foot, without sign. In m/s.
         touchdown_force, earliest_touchdown, latest_touchdown: See `config.WalkConfig`.
-        filter: Low-pass weight of a new velocity.
+        velocity_weight: Low-pass weight of a new velocity.
         period: Control period. In s.
     """
 
@@ -53,13 +53,13 @@ class StepTiming(Record):
     elapsed: float
     velocity: FloatArray = array(2)
     travel: FloatArray = array(2)
-    means: FloatArray = array(2, 2)
-    height: float
-    swing_speed: float
+    mean_velocities: FloatArray = array(2, 2)
+    foot_height: float
+    foot_speed: float
     touchdown_force: float
     earliest_touchdown: float
     latest_touchdown: float
-    filter: float
+    velocity_weight: float
     period: float
 
     def __init__(self, config: WalkConfig, step_time: float, period: float) -> None:
@@ -73,15 +73,15 @@ class StepTiming(Record):
         self.touchdown_force = config.touchdown_force
         self.earliest_touchdown = config.earliest_touchdown
         self.latest_touchdown = config.latest_touchdown
-        self.filter = 1.0 - math.exp(-2.0 * math.pi * config.speed_filter * self.period)
+        self.velocity_weight = 1.0 - math.exp(-2.0 * math.pi * config.speed_filter * self.period)
 
     def start(self, stance: int) -> None:
         """Begin the first step, on a stance leg."""
         self.stance, self.steps = stance, 0
         self.phase = self.elapsed = 0.0
         self.rate = 1.0 / self.step_time
-        self.velocity[:] = self.travel[:] = self.means[:] = 0.0
-        self.height = self.swing_speed = 0.0
+        self.velocity[:] = self.travel[:] = self.mean_velocities[:] = 0.0
+        self.foot_height = self.foot_speed = 0.0
 
 
 @compiled
@@ -89,32 +89,33 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     """Advance by one period; True if the step ended. `end_step` then begins the next."""
     timing, robot = timings[0], robots[0]
     for k in range(2):
-        timing.velocity[k] += timing.filter * (robot.velocity[k] - timing.velocity[k])
+        timing.velocity[k] += timing.velocity_weight * (robot.velocity[k] - timing.velocity[k])
         timing.travel[k] += timing.period * robot.velocity[k]
     stance, swing = timing.stance, 1 - timing.stance
     height = robot.foot[swing, 2] - robot.foot[stance, 2]
-    speed = abs(height - timing.height) / timing.period
-    timing.swing_speed += timing.period / _SPEED_TIME * (speed - timing.swing_speed)
-    timing.height = height
+    speed = abs(height - timing.foot_height) / timing.period
+    timing.foot_speed += timing.period / _FOOT_SPEED_TIME * (speed - timing.foot_speed)
+    timing.foot_height = height
     timing.elapsed += timing.period
     timing.phase += timing.period * timing.rate
     if timing.phase >= timing.latest_touchdown:
         return True
     if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
-    return bool(timing.swing_speed < _THROWN)
+    return bool(timing.foot_speed < _MAX_TOUCHDOWN_SPEED)
 
 
 @compiled
-def plan(timing: StepTiming, remaining: float) -> None:
+def adapt_phase_rate(timing: StepTiming, remaining: float) -> None:
     """Set the phase's rate so that the planned end of the step comes after a time, in s.
 
-    The rate follows with the time constant `_RATE_TIME`; near the end of the step it is constant.
+    The rate follows with the time constant `_PHASE_RATE_TIME`, and is constant near the end of the
+    step.
     """
-    if timing.phase > _LATE:
+    if timing.phase > _FIXED_RATE_PHASE:
         return
     rate = (1.0 - timing.phase) / max(remaining, 1e-3)
-    timing.rate += min(1.0, timing.period / _RATE_TIME) * (rate - timing.rate)
+    timing.rate += min(1.0, timing.period / _PHASE_RATE_TIME) * (rate - timing.rate)
 
 
 @compiled
@@ -127,14 +128,15 @@ def end_step(timings: Records[StepTiming]) -> tuple[float, float]:
     timing = timings[0]
     duration = max(timing.elapsed, 1e-6)
     for k in range(2):
-        timing.means[0, k] = timing.means[1, k]
-        timing.means[1, k] = timing.travel[k] / duration
+        timing.mean_velocities[0, k] = timing.mean_velocities[1, k]
+        timing.mean_velocities[1, k] = timing.travel[k] / duration
         timing.travel[k] = 0.0
-    timing.stance, timing.height, timing.swing_speed = 1 - timing.stance, -timing.height, 0.0
+    timing.stance = 1 - timing.stance
+    timing.foot_height, timing.foot_speed = -timing.foot_height, 0.0
     timing.steps += 1
     timing.phase = timing.elapsed = 0.0
     timing.rate = 1.0 / timing.step_time
-    before, last = timing.means[0], timing.means[1]
+    before, last = timing.mean_velocities[0], timing.mean_velocities[1]
     if timing.steps == 1:
         return last[0], last[1]
     return (before[0] + last[0]) / 2.0, (before[1] + last[1]) / 2.0

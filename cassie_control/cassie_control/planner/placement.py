@@ -29,24 +29,24 @@ class Commanded(Record):
 
 
 @dataclass
-class SwingEnd:
+class SwingTarget:
     """Swing leg at touchdown.
 
     Attributes:
         pitch, roll: Leg angles. In rad.
         length: Leg length. In m.
         remaining: Time to the end of the step. In s.
-        lead: Time from the foot's first contact to the end of the step. In s.
+        contact_lead: Time from the foot's first contact to the end of the step. In s.
     """
 
     pitch: float
     roll: float
     length: float
     remaining: float
-    lead: float = 0.0
+    contact_lead: float = 0.0
 
 
-class StepAhead(Record):
+class GaitStep(Record):
     """The present step, as input of leg-angle adjustment.
 
     Attributes:
@@ -55,12 +55,12 @@ class StepAhead(Record):
         earliest: Least time to the next touchdown that the swing leg can follow. In s.
         step_time: Duration of the step by the gait. In s.
         velocity: Low-passed velocity, forward and to the left. In m/s.
-        pitch, roll: The gait's swing leg angles at touchdown. In rad.
-        length: The gait's swing leg length at touchdown. In m.
-        rise: Difference of the hip's height over the next foothold at touchdown and its present
+        landing_pitch, landing_roll: The gait's swing leg angles at touchdown. In rad.
+        landing_length: The gait's swing leg length at touchdown. In m.
+        hip_rise: Difference of the hip's height over the next foothold at touchdown and its present
             height over the stance foot: the gait's stance leg grows, its foot sinks, and the ground
             around that foot is lower than the foot. In m.
-        yaw: Swing hip yaw at touchdown. In rad.
+        landing_yaw: Swing hip yaw at touchdown. In rad.
         slope: Slope of the ground forward and to the left, rise over distance. Shape (2,).
     """
 
@@ -69,11 +69,11 @@ class StepAhead(Record):
     earliest: float
     step_time: float
     velocity: FloatArray = array(2)
-    pitch: float
-    roll: float
-    length: float
-    rise: float
-    yaw: float
+    landing_pitch: float
+    landing_roll: float
+    landing_length: float
+    hip_rise: float
+    landing_yaw: float
     slope: FloatArray = array(2)
 
 
@@ -99,19 +99,19 @@ class Placement(Protocol):
             commanded: Commands for the steps.
         """
 
-    def swing_end(
+    def swing_target(
         self,
         readings: Readings,
         stance: LegReadings,
         swing: LegReadings,
         commanded: Commanded,
-        ahead: StepAhead,
-    ) -> SwingEnd:
+        gait_step: GaitStep,
+    ) -> SwingTarget:
         """Swing leg at touchdown.
 
         Args:
             readings: The robot now.
             stance, swing: Stance leg and swing leg.
             commanded: Commands for the steps.
-            ahead: The present step.
+            gait_step: The present step.
         """

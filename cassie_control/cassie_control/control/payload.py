@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from cassie_gaits import robot
 
-_SHARE = 0.15  # low-pass weight of a new pair of steps
-_MOST = 30.0  # kg, saturation of the payload
+_LOW_PASS_WEIGHT = 0.15  # of a new pair of steps
+_MAX_PAYLOAD = 30.0  # kg, saturation of the payload
 
 
 class Payload:
@@ -18,14 +18,14 @@ class Payload:
     """
 
     def __init__(self) -> None:
-        self._own = robot.total_mass()
+        self._robot_mass = robot.total_mass()
         self.reset()
 
     def reset(self) -> None:
         """No payload, and a new stride."""
         self.mass = 0.0
-        self._forces = 0.0
-        self._ticks, self._since = 0, -1
+        self._force_sum = 0.0
+        self._ticks, self._stride_start = 0, -1
 
     def step(self, force: float, steps: int) -> None:
         """Update with one tick.
@@ -34,10 +34,10 @@ class Payload:
             force: Sum of the vertical forces on both feet. In N.
             steps: Number of steps since walking began.
         """
-        if not 0 <= steps - self._since < 2:
-            if self._ticks and steps - self._since == 2:
-                found = self._forces / self._ticks / robot.GRAVITY - self._own
-                self.mass += _SHARE * (max(0.0, min(_MOST, found)) - self.mass)
-            self._forces, self._ticks, self._since = 0.0, 0, steps
-        self._forces += force
+        if not 0 <= steps - self._stride_start < 2:
+            if self._ticks and steps - self._stride_start == 2:
+                payload = self._force_sum / self._ticks / robot.GRAVITY - self._robot_mass
+                self.mass += _LOW_PASS_WEIGHT * (max(0.0, min(_MAX_PAYLOAD, payload)) - self.mass)
+            self._force_sum, self._ticks, self._stride_start = 0.0, 0, steps
+        self._force_sum += force
         self._ticks += 1
