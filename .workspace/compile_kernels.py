@@ -6,7 +6,8 @@ from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
-from cassie_control.learning.torques import nothing_learned, teach
+from cassie_control.learning.torque_learning import update_table
+from cassie_control.learning.torque_table import zero_torques
 from cassie_control.planner.pendulum import PendulumState, predict_com
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_gaits.link_frames import LinkPoses
@@ -32,8 +33,8 @@ for tick in range(TICKS):
     plant.step(controller.step(states[0], mode))
 LinkPoses().at(states[0].q)
 
-learned = nothing_learned()
+learned = zero_torques()
 counts, weights = np.zeros(learned.torques.shape[2]), np.zeros(len(learned.speeds))
-teach(learned.torques, learned.torques, counts, weights, np.ones(10), np.ones(10), (0.0, 0.0))
+update_table(learned.torques, learned.torques, counts, weights, np.ones(10), np.ones(10), 0.0, 0.0)
 # The paper's law calls this one from Python.
 predict_com(PendulumState(0.0, 0.0, 0.1, 0.1, 3.0, 0.0), 0.1)

@@ -23,7 +23,7 @@ from cassie_bags.studies.learn_torques import table
 from cassie_bags.studies.run_trial import TRACKING, experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, walk
 from cassie_bags.studies.trial import left_over
-from cassie_control.learning.torques import JOINTS, nothing_learned, save_torques
+from cassie_control.learning.torque_table import JOINTS, save_torques, zero_torques
 
 
 def outcome(speed: float, torque: float, *, fell: bool = False) -> LearningResult:
@@ -37,14 +37,14 @@ def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, floa
 
 
 def test_every_robot_has_a_lesson_at_every_speed():
-    found = learning_runs(nothing_learned((0.0, 0.5)), [1, 2, 3], 10.0, ())
+    found = learning_runs(zero_torques((0.0, 0.5)), [1, 2, 3], 10.0, ())
     assert {(run.seed, run.speed) for run in found} == {
         (seed, speed) for seed in (1, 2, 3) for speed in (0.0, 0.5)
     }
 
 
 def test_the_mean_of_the_robots_that_did_not_fall_is_kept():
-    before = nothing_learned((0.0, 0.5))
+    before = zero_torques((0.0, 0.5))
     given = [outcome(0.5, 2.0), outcome(0.5, 4.0), outcome(0.5, 99.0, fell=True)]
     given.append(outcome(0.0, 7.0, fell=True))
     found = merged(before, given)
@@ -63,7 +63,7 @@ def test_errors_are_compared_over_the_robots_that_walked_both_ways():
 
 
 def test_a_lesson_takes_tracking_error_away():
-    learned = nothing_learned((0.5,))
+    learned = zero_torques((0.5,))
     found = learn(LearningRun(3, 0.5, learned, 8.0))
     assert not found.fell
     assert found.taught > 12
@@ -78,7 +78,7 @@ def test_the_torques_of_the_package_take_three_tenths_of_the_tracking_error_away
 
 def test_a_damaged_file_is_an_error_before_anything_runs(tmp_path):
     path = tmp_path / "bad.json"
-    save_torques(nothing_learned(), path)
+    save_torques(zero_torques(), path)
     path.write_text(path.read_text()[:-40])
     words = (f"controller.learned_torques_file={path}",)
     with pytest.raises(ValueError, match=r"learned torques .*bad\.json: line 1 column"):

@@ -11,16 +11,16 @@ import pytest
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.robot import Robot
-from cassie_control.learning.torques import (
+from cassie_control.learning.torque_learning import TorqueLearning
+from cassie_control.learning.torque_table import (
     JOINTS,
     LearnedTorques,
     LearnedTorquesError,
-    TorqueLearning,
-    load_beside,
+    load_for_library,
     load_torques,
-    nothing_learned,
-    path_beside,
+    path_for_library,
     save_torques,
+    zero_torques,
 )
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits.gait_library import Provenance
@@ -92,19 +92,19 @@ class Walker:
 
 
 def test_a_file_keeps_torques_and_where_they_come_from(tmp_path):
-    path = path_beside(tmp_path / "optimized.json.gz")
+    path = path_for_library(tmp_path / "optimized.json.gz")
     assert path.name == "optimized.learned.json"
     save_torques(learned(swing_toe=3.0), path)
-    found = load_beside(tmp_path / "optimized.json")
+    found = load_for_library(tmp_path / "optimized.json")
     np.testing.assert_allclose(found.torques, learned(swing_toe=3.0).torques)
     assert found.provenance is not None
     assert found.provenance.tool == "test"
 
 
 def test_beside_a_library_without_them_nothing_is_learned(tmp_path):
-    assert not load_beside(tmp_path / "mine.json").torques.any()
+    assert not load_for_library(tmp_path / "mine.json").torques.any()
     with pytest.raises(LearnedTorquesError, match=r"gone\.json: No such file"):
-        load_beside(tmp_path / "mine.json", tmp_path / "gone.json")
+        load_for_library(tmp_path / "mine.json", tmp_path / "gone.json")
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_a_file_of_rubbish_is_refused_in_one_line(tmp_path, content):
 
 
 def test_those_that_come_with_the_package_are_for_this_robot():
-    found = load_beside(default_library_path())
+    found = load_for_library(default_library_path())
     assert found.provenance is not None
     assert found.speeds[0] <= -0.5 < 1.0 <= found.speeds[-1]
     assert np.abs(found.torques).max() > 1.0
@@ -188,7 +188,7 @@ def test_backward_the_stance_hip_takes_what_swings_the_leg_to_the_ground():
 
 
 def test_what_repeats_is_learned_up_to_the_leak_but_not_of_the_knee_that_carries():
-    walker = Walker(TorqueLearning(config(learned_torques="learn"), nothing_learned(), PERIOD))
+    walker = Walker(TorqueLearning(config(learned_torques="learn"), zero_torques(), PERIOD))
     left = {3: 9.0, 6: 20.0, 9: -4.0}  # stance knee, swing hip yaw, swing toe
     right = {8: 9.0, 1: -20.0, 4: -4.0}
     walker.wanted = lambda drive, phase: (left if walker.timing.stance == LEFT else right).get(
@@ -207,7 +207,7 @@ def test_what_repeats_is_learned_up_to_the_leak_but_not_of_the_knee_that_carries
 
 def test_learned_torques_stay_within_their_bound():
     changes = {"learned_torques": "learn", "learning.limit": 0.05, "learning.gain": 1.0}
-    walker = Walker(TorqueLearning(config(**changes), nothing_learned(), PERIOD))
+    walker = Walker(TorqueLearning(config(**changes), zero_torques(), PERIOD))
     walker.wanted = lambda drive, phase: 500.0
     walker.steps(20)
     assert np.abs(walker.learning.torques[4, JOINTS.index("swing_knee")]).max() <= 0.05 * 196.0
@@ -225,7 +225,7 @@ def test_learned_torques_stay_within_their_bound():
     ids=["turning", "sideways", "changing speed", "stumbling", "stopping"],
 )
 def test_only_ordinary_steps_teach(spoil):
-    walker = Walker(TorqueLearning(config(learned_torques="learn"), nothing_learned(), PERIOD))
+    walker = Walker(TorqueLearning(config(learned_torques="learn"), zero_torques(), PERIOD))
     walker.wanted = lambda drive, phase: 10.0
     spoil(walker)
     walker.steps(10)

@@ -7,7 +7,7 @@ import pytest
 from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.config import StandConfig, TransitionConfig
-from cassie_control.control.recovery import ShorteningLimit, rests
+from cassie_control.control.recovery import ShorteningLimit, comes_to_rest
 from cassie_gaits import virtual_leg
 from cassie_msgs.layout import MotorCommand
 
@@ -18,7 +18,7 @@ def rested(vertical=0.0, ahead=0.0, aside=0.0, **state):
     still = state_of(leg_joints(hip_roll=0.03), leg_joints(hip_roll=-0.03), **state)
     still.v[2] = vertical
     still.com_velocity[:2] = ahead, aside
-    return rests(readings_of(still), TransitionConfig())
+    return comes_to_rest(readings_of(still), TransitionConfig())
 
 
 def test_at_rest_on_both_feet_they_end():

@@ -19,10 +19,10 @@ from robot_states import (
 
 from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.riding import (
-    Level,
     MovingBalance,
     RidingController,
-    RollingFilter,
+    VehicleSpeedFilter,
+    VerticalFilter,
 )
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
@@ -59,7 +59,7 @@ def crouched():
 
 
 def test_the_torso_tilts_by_the_gyro_where_the_ground_accelerates():
-    level, state = Level(PERIOD), crouched()
+    level, state = VerticalFilter(PERIOD), crouched()
     level.start(state)
     state.angular_velocity[1] = 0.1
     state.q[4] = -0.2  # what the estimate makes of the acceleration
@@ -70,7 +70,7 @@ def test_the_torso_tilts_by_the_gyro_where_the_ground_accelerates():
 
 
 def test_at_rest_the_estimate_comes_in_over_its_time():
-    level, state = Level(PERIOD), crouched()
+    level, state = VerticalFilter(PERIOD), crouched()
     level.start(state)
     state.q[5] = 0.1
     for _ in range(500):
@@ -79,7 +79,7 @@ def test_at_rest_the_estimate_comes_in_over_its_time():
 
 
 def test_the_com_moves_with_the_vertical_and_its_velocity_is_seen_from_the_feet():
-    level, state = Level(PERIOD), crouched()
+    level, state = VerticalFilter(PERIOD), crouched()
     level.start(state)
     before = float(state.com_position[0])
     state.q[4] = -0.05
@@ -116,8 +116,8 @@ class Pendulum:
             ground = acceleration * min(1.0, tick * PERIOD)
             self._show()
             self.balance.step(self.readings, mode, 0.0, (1.0, 1.0))
-            self.gained += self.balance.gained
-            fall = GRAVITY * (self.x - self.balance.pressed) / self._height
+            self.gained += self.balance.speed_change
+            fall = GRAVITY * (self.x - self.balance.cop_x) / self._height
             self.v += PERIOD * (fall - ground)
             self.x += PERIOD * self.v
 
@@ -175,8 +175,8 @@ def test_where_bumps_come_fast_hips_stay_stiff_as_one_foot_carries_it(speed, lef
     for _ in range(50):
         balance.speed = speed
         balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
-    assert balance.left == 1.0
-    assert balance.give[1] == pytest.approx(left)
+    assert balance.left_share == 1.0
+    assert balance.torso_regulation[1] == pytest.approx(left)
 
 
 def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
@@ -187,7 +187,7 @@ def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
         for _ in range(50):
             balance.speed = speed
             balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
-        return balance.left - 0.5
+        return balance.left_share - 0.5
 
     assert shifted(2.0) == pytest.approx(shifted(0.0))
     assert 0.05 < shifted(4.0) < 0.85 * shifted(0.0)
@@ -209,7 +209,7 @@ class Rolling:
     HEIGHT = 0.55
 
     def __init__(self, error=0.02, neutral=-0.015, seed=1) -> None:
-        self.filter = RollingFilter(PERIOD)
+        self.filter = VehicleSpeedFilter(PERIOD)
         self.v = self._noise = 0.0
         self._error, self._neutral = error, neutral
         self._random = np.random.default_rng(seed)
@@ -223,8 +223,8 @@ class Rolling:
             self._noise += PERIOD * (self._random.normal(0.0, 0.5) - self._noise)
             felt = a - self._error + self._noise
             self.filter.predict(PERIOD * felt)
-            self.filter.roll(felt, x, self.HEIGHT)
-            self.filter.turn(turn, turn * (self.v + 0.4))
+            self.filter.correct_by_lean(felt, x, self.HEIGHT)
+            self.filter.correct_by_turn(turn, turn * (self.v + 0.4))
 
 
 def test_what_a_lean_does_tells_where_it_would_do_nothing():
@@ -238,8 +238,8 @@ def test_a_speed_that_is_seen_tells_the_error_of_what_is_felt():
     rolling = Rolling()
     for _ in range(30 * 500):
         rolling.lean(lambda v: -0.015 + 0.04 * (2.0 - v), PERIOD)
-        rolling.filter.see(rolling.v, 0.1**2)
-    assert rolling.filter.error == pytest.approx(0.02, abs=0.01)
+        rolling.filter.correct_by_speed(rolling.v, 0.1**2)
+    assert rolling.filter.bias == pytest.approx(0.02, abs=0.01)
     assert rolling.filter.neutral == pytest.approx(-0.015, abs=0.002)
     rolling.lean(lambda v: -0.015 + 0.04 * (2.0 - v), 10.0)
     assert rolling.filter.speed == pytest.approx(2.0, abs=0.1)
@@ -247,11 +247,11 @@ def test_a_speed_that_is_seen_tells_the_error_of_what_is_felt():
 
 def test_at_rest_a_lean_tells_nothing():
     """Somebody may hold the vehicle."""
-    still = RollingFilter(PERIOD)
+    still = VehicleSpeedFilter(PERIOD)
     for _ in range(5000):
         still.predict(0.0)
-        still.see(0.0, 0.1**2)
-        still.roll(0.0, 0.03, 0.55)
+        still.correct_by_speed(0.0, 0.1**2)
+        still.correct_by_lean(0.0, 0.03, 0.55)
     assert abs(still.neutral) < 1e-3
     assert abs(still.speed) < 1e-3
 

@@ -14,7 +14,7 @@ from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.faults import MonitoredEstimator
-from cassie_control.learning.torques import LearnedTorques, load_beside
+from cassie_control.learning.torque_table import LearnedTorques, load_for_library
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_gaits.gait_library import GaitLibrary
@@ -101,7 +101,7 @@ def load_learned(experiment: Experiment) -> LearnedTorques:
     path = experiment.parameters["controller"].get(LEARNED_FILE, "")
     if not isinstance(path, str):
         raise ExperimentError(f"controller.{LEARNED_FILE} is {path!r}, expected a path")
-    return load_beside(library_path(experiment), path)
+    return load_for_library(library_path(experiment), path)
 
 
 def _controller_config(experiment: Experiment) -> ControllerConfig:

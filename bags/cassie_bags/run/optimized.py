@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
-from cassie_control.learning.torques import LearnedTorques
+from cassie_control.learning.torque_table import LearnedTorques
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.gait_message import conditions_of, gait_message

@@ -18,7 +18,7 @@ from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
 from cassie_bags.run.cores import library_path, simulator_config
 from cassie_bags.run.experiment import parse_experiment
-from cassie_control.learning.torques import path_beside
+from cassie_control.learning.torque_table import path_for_library
 from cassie_msgs.layout import (
     Gait,
     Mode,
@@ -138,7 +138,7 @@ class RecordedLane:
         if node == "gait_controller":
             library = library_path(experiment)
             files["gait_library"] = {"path": str(library)}
-            learned = parameters.get("learned_torques_file") or path_beside(library)
+            learned = parameters.get("learned_torques_file") or path_for_library(library)
             files["learned_torques_file"] = {"path": str(learned)}
         return Setting(parameters, files)
 

@@ -46,7 +46,7 @@ from cassie_control.guarded import (
     GuardedEstimator,
     GuardedSupervisor,
 )
-from cassie_control.learning.torques import load_torques, nothing_learned, path_beside
+from cassie_control.learning.torque_table import load_torques, path_for_library, zero_torques
 from cassie_control.schedule import StopAndStand
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
@@ -340,7 +340,7 @@ class _Controller(_Core):
             library = self.gaits or _file(self.files["gait_library"], bag, Path(folder))
             gait_library = load_certified(library, allow_uncertified=allow)
             learned = _file(self.files["learned_torques_file"], bag, Path(folder))
-            torques = load_torques(learned) if learned.exists() else nothing_learned()
+            torques = load_torques(learned) if learned.exists() else zero_torques()
         self._core = GaitController(self._config, gait_library, self.period, torques)
         self._guarded = GuardedController(self._core)
         self._guarded.reset()
@@ -505,7 +505,7 @@ def _file(described: Mapping[str, str], bag: Path, folder: Path) -> Path:
     if expected is None:
         return path
     packaged = [packaged_or_path(name) for name in PACKAGED]
-    packaged += [path_beside(library) for library in packaged]
+    packaged += [path_for_library(library) for library in packaged]
     beside = [each for each in packaged if each.name == path.name]
     for candidate in (path, bag.parent / path.name, *beside):
         if candidate.is_file() and _hash(candidate) == expected:

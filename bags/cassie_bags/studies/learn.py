@@ -13,7 +13,7 @@ from cassie_bags.run.cores import connect, make_cores, tick_count
 from cassie_bags.studies.run_trial import TRACKING, experiment_of, has_fallen
 from cassie_bags.studies.sweep.course import Budget, comparison, steady, walk
 from cassie_bags.studies.trial import Measures, Trial
-from cassie_control.learning.torques import LearnedTorques
+from cassie_control.learning.torque_table import LearnedTorques
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from cassie_bags.report.figures import BLUE, GREY, STYLE
 from cassie_bags.studies.learn import Comparison
-from cassie_control.learning.torques import JOINTS, LearnedTorques
+from cassie_control.learning.torque_table import JOINTS, LearnedTorques
 from cassie_gaits.gait_library import OUTPUTS
 
 _LENGTHS = ("stance_leg_length", "swing_leg_length")

@@ -27,13 +27,13 @@ from cassie_bags.studies.learn_picture import draw
 from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, walk
 from cassie_bags.studies.workers import Workers, workers
-from cassie_control.learning.torques import (
+from cassie_control.learning.torque_table import (
     SPEEDS,
     LearnedTorques,
     load_torques,
-    nothing_learned,
-    path_beside,
+    path_for_library,
     save_torques,
+    zero_torques,
 )
 from cassie_gaits.gait_library import OUTPUTS, Provenance
 from cassie_gaits.gait_library_file import default_library_path
@@ -41,7 +41,7 @@ from cassie_gaits.gait_library_file import default_library_path
 HELD_OUT_FROM = 1001
 """First seed of the robots that are not used for learning."""
 
-FILE = path_beside(default_library_path()).name
+FILE = path_for_library(default_library_path()).name
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -90,7 +90,7 @@ def _begin(arguments: argparse.Namespace) -> LearnedTorques:
     for speed in speeds:
         if not -1.0 <= speed <= 2.0:
             raise ExperimentError(f"--speeds {speed:g} is outside -1 .. 2 m/s")
-    return nothing_learned(speeds)
+    return zero_torques(speeds)
 
 
 def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers) -> LearnedTorques:

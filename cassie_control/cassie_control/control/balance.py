@@ -10,19 +10,23 @@ from cassie_control.control.robot import Readings
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode
 
-_REACH = 0.079  # m, centre of pressure from the middle of the sole
-_HELD = 0.9  # contact of the less loaded foot from which the robot settles
-_UNSETTLE = 0.2  # s, in which gains return to those before settling
-_FIRM = 0.9  # threshold of `Balance.settled` for a rise
-_LOST = 0.3  # contact of the more loaded foot below which settling starts anew
-_BOUNCE = 0.1  # m/s, speed of the pelvis up to which the robot settles
-_RUSH = 0.016  # m of the capture point by its velocity: more than the robot's own motions cause
-_GAP = 1.5  # periods between estimates from which their difference is no rate
-_SAFE, _FADE = 0.75, 0.15  # ratio of capture point to reach where bending begins; span to its full
-_UNKNOWN = 0.08  # m, saturation of the CoM's error: 8 kg may hang 0.05 m off centre
-_TEACHES = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
-_FIRST = 0.7  # s, time constant of the CoM's error before settling
-_SWAY = 0.5  # bound of the sideways force over the weight: less than a dry floor's friction
+_SOLE_REACH = 0.079  # m, largest centre of pressure from the middle of the sole
+_BOTH_FEET = 0.7  # contact of the less loaded foot with which the CoM's error is estimated
+_SETTLE_CONTACT = 0.9  # contact of the less loaded foot from which the robot settles
+_SETTLE_SPEED = 0.1  # m/s, speed of the pelvis up to which the robot settles
+_UNSETTLE_CONTACT = 0.3  # contact of the more loaded foot below which settling starts anew
+_UNSETTLE_TIME = 0.2  # s, in which gains return to those before settling
+_RISE_SETTLED = 0.9  # threshold of `Balance.settled` for a rise
+_RISE_VELOCITY = 0.016  # m of the capture point by its velocity: more than the robot's own motions
+_MAX_TICKS_BETWEEN = 1.5  # periods between estimates from which their difference is no rate
+_BENDING_FROM = 0.75  # ratio of capture point to reach where bending begins
+_BENDING_SPAN = 0.15  # further ratio at which bending is full
+_MAX_COM_ERROR = 0.08  # m, saturation of the CoM's error: 8 kg may hang 0.05 m off centre
+_MAX_INNOVATION = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
+_INITIAL_BIAS_TIME = 0.7  # s, time constant of the CoM's error before settling
+_MAX_SIDE_FORCE = 0.5  # of the sideways force over the weight: less than a dry floor's friction
+_MIN_COM_HEIGHT = 0.3  # m above the feet
+_MIN_FOOT_DISTANCE = 0.1  # m
 
 
 class Balance:
@@ -31,8 +35,8 @@ class Balance:
     With c the CoM from the middle of the feet that carry, c* its set-point, v its velocity and W
     the weight:
 
-        p       = c + (kp (c - c*) + kd v) / W, saturated at the edges of each sole and both feet,
-        excess  = p before saturation - p.
+        p        = c + (kp (c - c*) + kd v) / W, saturated at the edges of each sole and both feet,
+        residual = p before saturation - p.
 
     - CoM: at rest it is above the centre of pressure, whatever the error of the IMU's tilt and
       whatever the robot carries. So the feet's forces correct the estimate, with the time constant
@@ -44,22 +48,24 @@ class Balance:
       `Readings` adds the correction to every CoM, for all laws.
     - The ground's force points from p towards the CoM, so that it turns the torso by no more than
       the torso's regulation commands.
-    - Excess: the torso bends towards the fall, which pushes the CoM back (hip strategy); the
+    - Residual: the torso bends towards the fall, which pushes the CoM back (hip strategy); the
       torso's regulation is reduced meanwhile. The torso does not bend while the capture point is
       well inside: to straighten up again costs what bending has gained.
     - Gains that react to a push at once, and the bending, increase as the robot settles. Ground
       contact bounces at first, and with late commands these gains would excite that.
 
     Attributes:
-        pressed: Centre of pressure of each foot, ahead of the middle of its sole. In m.
-        left: Share of the weight on the left foot, 0..1.
-        lean: Horizontal over vertical ground force, forward and to the left.
-        moment: Torque that bends the torso forward. In Nm.
-        give: Remaining factor of the torso's regulation, pitch and roll, 0..1.
+        cop_x: Centre of pressure of each foot, ahead of the middle of its sole. In m.
+        left_share: Share of the weight on the left foot, 0..1.
+        force_ratio: Horizontal over vertical ground force, forward and to the left.
+        bending_torque: Torque that bends the torso forward. In Nm.
+        torso_regulation: Factor on the torso's regulation, pitch and roll, 0..1.
         settled: How far the robot has settled on its feet, 0..1.
-        capture: Capture point from the middle of the feet, forward and to the left. In m.
-        urgent: Whether a push moves the capture point forward to the toes, so that a rise helps.
-        beyond: How far the capture point is outside the support, forward and sideways. In m.
+        capture_point: Capture point from the middle of the feet, forward and to the left. In m.
+        rise_helps: Whether a push moves the capture point forward to the toes, so that a rise
+            helps.
+        outside_support: Distance of the capture point outside the support, forward and sideways. In
+            m.
         com_error: Offset of the CoM from the estimate, forward and to the left, in m. A start keeps
             it: a payload is still there.
 
@@ -76,15 +82,15 @@ class Balance:
         self._period = period
         self.com_error = (0.0, 0.0)
         self._velocity = [0.0, 0.0]
-        self.pressed = self.settled = 0.0
-        self._rest = (0.0, 0.0)
-        self._time, self._com = -math.inf, (0.0, 0.0)
-        self.left = 0.5
-        self.lean = (0.0, 0.0)
-        self.moment = 0.0
-        self.give = (1.0, 1.0)
-        self.capture = self.beyond = (0.0, 0.0)
-        self.urgent = False
+        self.cop_x = self.settled = 0.0
+        self._equilibrium = (0.0, 0.0)
+        self._last_time, self._last_com = -math.inf, (0.0, 0.0)
+        self.left_share = 0.5
+        self.force_ratio = (0.0, 0.0)
+        self.bending_torque = 0.0
+        self.torso_regulation = (1.0, 1.0)
+        self.capture_point = self.outside_support = (0.0, 0.0)
+        self.rise_helps = False
 
     @property
     def lean_length(self) -> float:
@@ -94,39 +100,16 @@ class Balance:
     def start(self, readings: Readings) -> None:
         """Begin with the robot's present velocity."""
         self._velocity = list(readings.com_velocity[:2])
-        self.pressed = self.settled = 0.0
-        self.capture = self.beyond = (0.0, 0.0)
-        self.urgent = False
-
-    def _com_velocity(self, readings: Readings) -> tuple[float, float]:
-        """CoM velocity, forward and to the left; after settling from joint positions. In m/s.
-
-        The rates of the shins lag those of the knees by 4 ms. In the 42 Hz mode of knees and leaf
-        springs the two nearly cancel. So the estimate by rates is 3 times too large there, and with
-        late commands toe torques from it would excite the mode.
-        """
-        passed, before = readings.time - self._time, self._com
-        # Without its error, as a correction of the CoM is no motion.
-        (x, y, _), (error_x, error_y) = readings.com, self.com_error
-        com = (x - error_x, y - error_y)
-        self._time, self._com = readings.time, com
-        estimated, settled = readings.com_velocity, self.settled
-        if not 0.0 < passed < _GAP * self._period:
-            return estimated[0], estimated[1]
-        vx, vy = (
-            _between(
-                estimated[k], readings.velocity[k] + (self._com[k] - before[k]) / passed, settled
-            )
-            for k in (0, 1)
-        )
-        return vx, vy
+        self.cop_x = self.settled = 0.0
+        self.capture_point = self.outside_support = (0.0, 0.0)
+        self.rise_helps = False
 
     def step(
         self,
         readings: Readings,
         mode: Mode,
         com_y: float,
-        ground: Sequence[float],
+        contact: Sequence[float],
         leans: bool = False,
     ) -> None:
         """Compute the attributes for one tick.
@@ -135,137 +118,192 @@ class Balance:
             readings: The robot now.
             mode: Set-points for CoM x, pitch and roll.
             com_y: Set-point of the CoM, to the left of the feet's midpoint. In m.
-            ground: Contact of each foot, 0..1.
+            contact: Contact of each foot, 0..1.
             leans: Whether the robot leans onto one foot; it then unsettles, and `com_error` stays.
         """
-        c, both = self.config, min(ground)
+        c, both = self.config, min(contact)
         if leans:
-            self.settled = max(0.0, self.settled - self._period / _UNSETTLE)
-        settled = self._settle(readings, ground)
-        bandwidth = _between(c.velocity_bandwidth, c.settled_bandwidth, settled)
-        share = 1.0 - math.exp(-self._period * bandwidth)
-        before = tuple(self._velocity)
-        for k, speed in enumerate(self._com_velocity(readings)):
-            self._velocity[k] += share * (speed - self._velocity[k])
-        if both > 0.7 and not leans:
-            acceleration = [(self._velocity[k] - before[k]) / self._period for k in (0, 1)]
-            self._learn(readings, acceleration)
+            self.settled = max(0.0, self.settled - self._period / _UNSETTLE_TIME)
+        settled = self._update_settled(readings, contact)
+        self._update_velocity(readings, settled, learns=both > _BOTH_FEET and not leans)
         # The robot stands on the foot that carries it, wherever a lifted foot swings.
-        middle = self._standing_on(readings, ground)
-        x = readings.com[0] - middle
+        x = readings.com[0] - self._support_x(readings, contact)
         y = readings.com_from_feet[1]
-        height = max(0.3, readings.com_from_feet[2])
-        apart = max(0.1, readings.legs[0].foot[1] - readings.legs[1].foot[1])
-        self._look_ahead(x, y, math.sqrt(height / GRAVITY), 0.5 * apart)
-        excess_x = self._press_x(x - float(mode.com_x), x, settled)
-        excess_y = self._press_y(y - com_y, y, apart, settled)
-        pressed_y = (self.left - 0.5) * apart
-        bent_y = readings.roll - float(mode.roll)
-        moment_y = self._bend(c.roll_gain, excess_y, bent_y, c.roll_torque, c.roll_limit)
-        sway = (y - pressed_y - moment_y / WEIGHT) / height
-        self.lean = (both * (x - self.pressed) / height, max(-_SWAY, min(_SWAY, sway)))
-        self.give = (
-            max(0.0, 1.0 - abs(excess_x) / c.give),
-            max(self._roll_give(), 1.0 - abs(excess_y) / c.give),
+        height = max(_MIN_COM_HEIGHT, readings.com_from_feet[2])
+        width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+        width = max(_MIN_FOOT_DISTANCE, width)
+        self._update_capture_point(x, y, math.sqrt(height / GRAVITY), 0.5 * width)
+        residual_x = self._update_cop_x(x - float(mode.com_x), x, settled)
+        residual_y = self._update_left_share(y - com_y, y, width, settled)
+        cop_y = (self.left_share - 0.5) * width
+        roll_error = readings.roll - float(mode.roll)
+        torque_y = self._hip_strategy(
+            c.roll_gain, residual_y, roll_error, c.roll_torque, c.roll_limit
         )
-        bent_x = float(mode.pitch) - readings.pitch
-        self.moment = self._bend(c.bend_gain, excess_x, bent_x, c.bend_torque, c.bend_limit)
+        ratio_y = (y - cop_y - torque_y / WEIGHT) / height
+        self.force_ratio = (
+            both * (x - self.cop_x) / height,
+            max(-_MAX_SIDE_FORCE, min(_MAX_SIDE_FORCE, ratio_y)),
+        )
+        self.torso_regulation = (
+            max(0.0, 1.0 - abs(residual_x) / c.give),
+            max(self._min_roll_regulation(), 1.0 - abs(residual_y) / c.give),
+        )
+        pitch_error = float(mode.pitch) - readings.pitch
+        self.bending_torque = self._hip_strategy(
+            c.bend_gain, residual_x, pitch_error, c.bend_torque, c.bend_limit
+        )
 
-    def _press_x(self, error: float, x: float, settled: float) -> float:
-        """Set `pressed`; returns the excess that may bend the torso, in m."""
-        c = self.config
-        kd = _between(c.kd_com_x, c.settled_kd_com_x, settled)
-        wanted = x - self._rest[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
-        self.pressed = max(-_REACH, min(_REACH, wanted))
-        return settled * self._bends(0, _REACH) * (wanted - self.pressed)
-
-    def _press_y(self, error: float, y: float, apart: float, settled: float) -> float:
-        """Set `left`; returns the sideways excess that may bend the torso, in m."""
-        c = self.config
-        kd = self._damping_y(settled)
-        wanted = y - self._rest[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
-        self.left = max(0.0, min(1.0, 0.5 + wanted / apart))
-        return self._bends(1, 0.5 * apart) * (wanted - (self.left - 0.5) * apart)
-
-    def _damping_y(self, settled: float) -> float:
-        """Sideways force by CoM y velocity, in Ns/m; `settled` is in 0..1."""
-        return _between(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
-
-    def _roll_give(self) -> float:
-        """Least factor on the hip roll stiffness, 0..1."""
-        return 0.0
-
-    def _bends(self, k: int, reach: float) -> float:
-        """Share of the excess by which the torso bends, 0..1; `reach` is that of the feet, in m.
-
-        It is 0 as long as the capture point is safely inside, where the feet suffice.
-        """
-        return fades_in(abs(self.capture[k]) / reach, _SAFE)
-
-    def _settle(self, readings: Readings, ground: Sequence[float]) -> float:
+    def _update_settled(self, readings: Readings, contact: Sequence[float]) -> float:
         """Update `settled`, 0..1, as gains that react to a push would shake a landing."""
-        if max(ground) < _LOST:
+        if max(contact) < _UNSETTLE_CONTACT:
             self.settled = 0.0
-        elif min(ground) > _HELD and max(map(abs, readings.velocity)) < _BOUNCE:
+        elif min(contact) > _SETTLE_CONTACT and max(map(abs, readings.velocity)) < _SETTLE_SPEED:
             self.settled = min(1.0, self.settled + self._period / self.config.settle_time)
         return self.settled
 
-    @staticmethod
-    def _bend(gain: float, excess: float, unbent: float, most: float, limit: float) -> float:
-        """Torque of the hip strategy, at most `most`; `unbent` is set-point minus torso angle."""
-        moment = max(-most, min(most, gain * WEIGHT * excess))
-        return moment * max(0.0, 1.0 - abs(unbent) / limit) if unbent * excess < 0.0 else moment
+    def _update_velocity(self, readings: Readings, settled: float, *, learns: bool) -> None:
+        """Low-pass the CoM's velocity; `learns`: also correct `com_error`."""
+        c = self.config
+        bandwidth = _interpolate(c.velocity_bandwidth, c.settled_bandwidth, settled)
+        weight = 1.0 - math.exp(-self._period * bandwidth)
+        before = tuple(self._velocity)
+        for k, speed in enumerate(self._com_velocity(readings)):
+            self._velocity[k] += weight * (speed - self._velocity[k])
+        if learns:
+            acceleration = [(self._velocity[k] - before[k]) / self._period for k in (0, 1)]
+            self._update_com_error(readings, acceleration)
 
-    def _look_ahead(self, x: float, y: float, time: float, half: float) -> None:
-        """Compute `capture`, `beyond` and `urgent`.
+    def _com_velocity(self, readings: Readings) -> tuple[float, float]:
+        """CoM velocity, forward and to the left; after settling from joint positions. In m/s.
+
+        The rates of the shins lag those of the knees by 4 ms. In the 42 Hz mode of knees and leaf
+        springs the two nearly cancel. So the estimate by rates is 3 times too large there, and with
+        late commands toe torques from it would excite the mode.
+        """
+        elapsed, before = readings.time - self._last_time, self._last_com
+        # Without its error, as a correction of the CoM is no motion.
+        (x, y, _), (error_x, error_y) = readings.com, self.com_error
+        com = (x - error_x, y - error_y)
+        self._last_time, self._last_com = readings.time, com
+        estimated, settled = readings.com_velocity, self.settled
+        if not 0.0 < elapsed < _MAX_TICKS_BETWEEN * self._period:
+            return estimated[0], estimated[1]
+        vx, vy = (
+            _interpolate(
+                estimated[k], readings.velocity[k] + (com[k] - before[k]) / elapsed, settled
+            )
+            for k in (0, 1)
+        )
+        return vx, vy
+
+    def _update_com_error(self, readings: Readings, acceleration: Sequence[float]) -> None:
+        """Correct `com_error` by the centre of pressure and the CoM's `acceleration` (m/s^2)."""
+        time_constant = _interpolate(_INITIAL_BIAS_TIME, self.config.bias_time, self.settled)
+        weight = self._period / time_constant
+        # Time constant of the pendulum, squared; 0 once settled.
+        time_squared = (1.0 - self.settled) * readings.com_from_feet[2] / GRAVITY
+        cop = (self.cop_x, self._measured_cop_y(readings))
+
+        def updated(k: int) -> float:
+            innovation = cop[k] + time_squared * acceleration[k] - readings.com_from_feet[k]
+            innovation = max(-_MAX_INNOVATION, min(_MAX_INNOVATION, innovation))
+            error = self.com_error[k] + weight * innovation
+            return max(-_MAX_COM_ERROR, min(_MAX_COM_ERROR, error))
+
+        self.com_error = (updated(0), updated(1))
+
+    @staticmethod
+    def _measured_cop_y(readings: Readings) -> float:
+        """Measured centre of pressure, to the left of the feet's midpoint. In m."""
+        left, right = readings.legs
+        middle = 0.5 * (left.foot[1] + right.foot[1])
+        force = max(1.0, left.force + right.force)
+        return (left.force * left.foot[1] + right.force * right.foot[1]) / force - middle
+
+    @staticmethod
+    def _support_x(readings: Readings, contact: Sequence[float]) -> float:
+        """Middle of the feet that carry the robot, ahead of the pelvis origin. In m."""
+        left, right = (leg.foot[0] for leg in readings.legs)
+        total = contact[0] + contact[1]
+        if total < 0.1:
+            return 0.5 * (left + right)
+        return (contact[0] * left + contact[1] * right) / total
+
+    def _update_capture_point(self, x: float, y: float, time: float, half_width: float) -> None:
+        """Compute `capture_point`, `outside_support` and `rise_helps`.
 
         Args:
             x, y: Position of the CoM. In m.
             time: Time constant of the pendulum, sqrt(height / g). In s.
-            half: Half of the sideways distance of the feet. In m.
+            half_width: Half of the sideways distance of the feet. In m.
         """
-        vx, vy = (time * v for v in self._velocity)
-        self.capture = (x + vx, y + vy)
-        self.beyond = (max(0.0, abs(x + vx) - _REACH), max(0.0, abs(y + vy) - half))
-        edge = _REACH - self.config.rise_margin
-        forward = vx > max(_RUSH, 2.0 * abs(vy))
-        self.urgent = self.settled > _FIRM and forward and x + vx > edge
+        dx, dy = (time * v for v in self._velocity)
+        self.capture_point = (x + dx, y + dy)
+        self.outside_support = (
+            max(0.0, abs(x + dx) - _SOLE_REACH),
+            max(0.0, abs(y + dy) - half_width),
+        )
+        edge = _SOLE_REACH - self.config.rise_margin
+        forward = dx > max(_RISE_VELOCITY, 2.0 * abs(dy))
+        self.rise_helps = self.settled > _RISE_SETTLED and forward and x + dx > edge
+
+    def _update_cop_x(self, error: float, x: float, settled: float) -> float:
+        """Set `cop_x`; returns the residual of its saturation that may bend the torso, in m."""
+        c = self.config
+        kd = _interpolate(c.kd_com_x, c.settled_kd_com_x, settled)
+        cop = x - self._equilibrium[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
+        self.cop_x = max(-_SOLE_REACH, min(_SOLE_REACH, cop))
+        return settled * self._bending_weight(0, _SOLE_REACH) * (cop - self.cop_x)
+
+    def _update_left_share(self, error: float, y: float, width: float, settled: float) -> float:
+        """Set `left_share`; returns the sideways residual that may bend the torso, in m."""
+        c = self.config
+        kd = self._damping_y(settled)
+        cop = y - self._equilibrium[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
+        self.left_share = max(0.0, min(1.0, 0.5 + cop / width))
+        residual = cop - (self.left_share - 0.5) * width
+        return self._bending_weight(1, 0.5 * width) * residual
+
+    def _damping_y(self, settled: float) -> float:
+        """Sideways force by CoM y velocity, in Ns/m; `settled` is in 0..1."""
+        return _interpolate(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
+
+    def _min_roll_regulation(self) -> float:
+        """Least factor on the hip roll stiffness, 0..1."""
+        return 0.0
+
+    def _bending_weight(self, axis: int, reach: float) -> float:
+        """Share of the residual by which the torso bends, 0..1; `reach` of the feet in m.
+
+        It is 0 as long as the capture point is safely inside, where the feet suffice.
+        """
+        return bending_ramp(abs(self.capture_point[axis]) / reach, _BENDING_FROM)
 
     @staticmethod
-    def _standing_on(readings: Readings, ground: Sequence[float]) -> float:
-        """Middle of the feet that carry the robot, ahead of the pelvis origin. In m."""
-        left, right = (leg.foot[0] for leg in readings.legs)
-        carried = ground[0] + ground[1]
-        if carried < 0.1:
-            return 0.5 * (left + right)
-        return (ground[0] * left + ground[1] * right) / carried
+    def _hip_strategy(
+        gain: float, residual: float, angle_error: float, max_torque: float, max_angle: float
+    ) -> float:
+        """Torque that bends the torso, in Nm.
 
-    @staticmethod
-    def _carried(readings: Readings) -> float:
-        """Measured centre of pressure, to the left of the feet's midpoint. In m."""
-        left, right = readings.legs
-        middle = 0.5 * (left.foot[1] + right.foot[1])
-        carried = max(1.0, left.force + right.force)
-        return (left.force * left.foot[1] + right.force * right.foot[1]) / carried - middle
-
-    def _learn(self, readings: Readings, acceleration: Sequence[float]) -> None:
-        """Correct `com_error` by the centre of pressure and the CoM's `acceleration` (m/s^2)."""
-        share = self._period / _between(_FIRST, self.config.bias_time, self.settled)
-        falls = (1.0 - self.settled) * readings.com_from_feet[2] / GRAVITY
-        pressed = (self.pressed, self._carried(readings))
-
-        def found(k: int) -> float:
-            error = pressed[k] + falls * acceleration[k] - readings.com_from_feet[k]
-            learnt = self.com_error[k] + share * max(-_TEACHES, min(_TEACHES, error))
-            return max(-_UNKNOWN, min(_UNKNOWN, learnt))
-
-        self.com_error = (found(0), found(1))
+        Args:
+            gain: Torque over weight and residual.
+            residual: Residual of the centre of pressure's saturation. In m.
+            angle_error: How far the torso is bent; its sign differs from the residual's when the
+                torso is bent as the torque bends it. In rad.
+            max_torque: Saturation of the torque. In Nm.
+            max_angle: Angle error at which the torque is 0. In rad.
+        """
+        torque = max(-max_torque, min(max_torque, gain * WEIGHT * residual))
+        if angle_error * residual < 0.0:
+            return torque * max(0.0, 1.0 - abs(angle_error) / max_angle)
+        return torque
 
 
-def fades_in(share: float, safe: float) -> float:
-    """Factor of the torso's bending, 0..1, at a ratio of capture point to reach."""
-    return max(0.0, min(1.0, (share - safe) / _FADE))
+def bending_ramp(ratio: float, start: float) -> float:
+    """Factor of the torso's bending, 0..1, at a ratio of capture point to reach; 0 to `start`."""
+    return max(0.0, min(1.0, (ratio - start) / _BENDING_SPAN))
 
 
-def _between(first: float, last: float, share: float) -> float:
-    return first + share * (last - first)
+def _interpolate(first: float, last: float, weight: float) -> float:
+    return first + weight * (last - first)

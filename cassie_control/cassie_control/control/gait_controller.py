@@ -11,14 +11,21 @@ from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
 from cassie_control.control.outputs import Step
 from cassie_control.control.payload import Payload
-from cassie_control.control.recovery import RecoveryStep, ShorteningLimit, brake, lift, rests
+from cassie_control.control.recovery import (
+    RecoveryStep,
+    ShorteningLimit,
+    add_braking_toe_torque,
+    comes_to_rest,
+    lift_swing_foot,
+)
 from cassie_control.control.riding import RidingController
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.control.walking import WalkingController
 from cassie_control.errors import ControlError
 from cassie_control.finite import LARGEST, check
-from cassie_control.learning.torques import LearnedTorques, TorqueLearning
+from cassie_control.learning.torque_learning import TorqueLearning
+from cassie_control.learning.torque_table import LearnedTorques
 from cassie_control.planner.timing import LEFT, StepTiming
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.compiled import compiled
@@ -45,7 +52,7 @@ DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
 
 
 @compiled
-def fill_in(
+def report_status(
     statuses: RecordArray,
     states: RecordArray,
     modes: RecordArray,
@@ -153,13 +160,13 @@ class GaitController:
         self._state = RobotState()
         self._mode = Mode()
         self._command = MotorCommand()
-        self._last = MotorCommand()
+        self._blend_from = MotorCommand()
         self.activity = Activity.IDLE
-        self._since = 0.0
+        self._time_in_activity = 0.0
         self._stop_steps = 0
-        self._recovers = False
+        self._recovering = False
         self._set_latency(0.0)
-        self._blend = self._blend_time = 0.0
+        self._blend_left = self._blend_time = 0.0
 
     def _set_latency(self, latency: float) -> None:
         """Use gains for a latency (s) of the drives."""
@@ -189,11 +196,11 @@ class GaitController:
             self._set_latency(self.latency.latency)
         command = self._command
         command.answer(state)
-        self._since += self._period
-        self._choose(wanted)
-        self._act(mode)
-        if self._blend > 0.0:
-            self._blend_in()
+        self._time_in_activity += self._period
+        self._select_activity(wanted)
+        self._run_activity(mode)
+        if self._blend_left > 0.0:
+            self._blend()
         try:
             limit(command)
         except ControlError:
@@ -203,7 +210,7 @@ class GaitController:
         self._state, self._mode = state, mode
         return command
 
-    def _choose(self, mode: int) -> None:
+    def _select_activity(self, mode: int) -> None:
         if mode == _WALK and self.activity is Activity.WALKING:
             return
         if mode in (_OFF, _DAMP):
@@ -220,7 +227,7 @@ class GaitController:
                 if self.activity is not Activity.STANDING:
                     self.standing.start(self.readings)
                 self._enter(Activity.LEANING)
-            elif self._since >= self.config.transition.lean_time:
+            elif self._time_in_activity >= self.config.transition.lean_time:
                 self._enter(Activity.WALKING)
                 self.walking.start(self.readings, LEFT)
                 self.learning.start()
@@ -229,14 +236,14 @@ class GaitController:
         if activity is self.activity:
             return
         self.activity = activity
-        self._since = 0.0
-        self._blend = self._blend_time = self.config.transition.blend_time
-        self._last.copy_from(self._command)
+        self._time_in_activity = 0.0
+        self._blend_left = self._blend_time = self.config.transition.blend_time
+        self._blend_from.copy_from(self._command)
 
-    def _act(self, mode: Mode) -> None:
+    def _run_activity(self, mode: Mode) -> None:
         command = self._command
         if self.activity is Activity.WALKING:
-            if self._walk(mode) and self._may_stop(mode):
+            if self._step_walking(mode) and self._may_stop(mode):
                 self._enter(Activity.STANDING)
                 self.standing.start(self.readings)
                 self.standing.step(self.readings, mode, command, 0.0)
@@ -247,28 +254,28 @@ class GaitController:
             command.kd[:] = DAMPING
         elif self.activity is Activity.STANDING:
             self.standing.step(self.readings, mode, command, 0.0)
-            self._recover(mode)
+            self._start_recovery(mode)
         elif self.activity is Activity.RIDING:
             self.riding.step(self.readings, mode, command)
         else:
             transition = self.config.transition
-            share = min(1.0, self._since / transition.lean_time)
+            share = min(1.0, self._time_in_activity / transition.lean_time)
             self.standing.step(self.readings, mode, command, -transition.lean_roll * share)
 
-    def _recover(self, mode: Mode) -> None:
+    def _start_recovery(self, mode: Mode) -> None:
         """Begin a recovery step at this tick if standing cannot hold a push."""
         stance = self.recovery.stance(self.readings, self.standing, self.config.transition)
         if stance is None:
             return
         self._enter(Activity.WALKING)
-        self._stop_steps, self._recovers = 0, True
+        self._stop_steps, self._recovering = 0, True
         knee = float(self._command.position[5 * stance + 3])
         self.shortening.start(virtual_leg.length(knee))
         self.walking.start(self.readings, stance)
         self.learning.start()
-        self._walk(mode)
+        self._step_walking(mode)
 
-    def _walk(self, mode: Mode) -> bool:
+    def _step_walking(self, mode: Mode) -> bool:
         """One tick of walking, with the feet wider before a stop; True if a step ended."""
         stops = int(mode.mode) == _STAND
         spread = self.config.transition.stop_spread if stops else 0.0
@@ -276,38 +283,40 @@ class GaitController:
         ended = walking.step(self.readings, mode, self._command, spread)
         speed = walking.gait_speed
         self.learning.step(walking.timing, speed, self.readings, mode, self._command)
-        if self._recovers and walking.timing.steps < 1:
+        if self._recovering and walking.timing.steps < 1:
             stance, phase = walking.timing.stance, walking.timing.phase
-            brake(self.readings, stance, self._command, self.config.stand.toe_torque)
-            lift(1 - stance, phase, self._command, self.config.transition.recovery_lift)
+            add_braking_toe_torque(
+                self.readings, stance, self._command, self.config.stand.toe_torque
+            )
+            lift_swing_foot(1 - stance, phase, self._command, self.config.transition.recovery_lift)
             self.shortening.apply(stance, self._command, self.config.stand)
         return ended
 
     def _may_stop(self, mode: Mode) -> bool:
         """Whether walking ends at this touchdown: some steps after the command, with a slow CoM."""
         if int(mode.mode) != _STAND:
-            self._stop_steps, self._recovers = 0, False
+            self._stop_steps, self._recovering = 0, False
             return False
         self._stop_steps += 1
         vx, vy, _ = self.readings.com_velocity
         transition = self.config.transition
         slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
-        if self._recovers:
-            return self._stop_steps >= transition.recovery_steps and rests(
+        if self._recovering:
+            return self._stop_steps >= transition.recovery_steps and comes_to_rest(
                 self.readings, transition
             )
         if self._stop_steps <= transition.stop_first:
             return False
         return slow or self._stop_steps >= transition.stop_steps
 
-    def _blend_in(self) -> None:
+    def _blend(self) -> None:
         """Blend torques and gains from the last ones to the new ones."""
         if self.activity not in (Activity.STANDING, Activity.LEANING, Activity.RIDING):
             return
-        self._blend -= self._period
-        share = max(0.0, self._blend / self._blend_time)
+        self._blend_left -= self._period
+        share = max(0.0, self._blend_left / self._blend_time)
         for field in ("torque", "kp", "kd"):
-            now, before = getattr(self._command, field), getattr(self._last, field)
+            now, before = getattr(self._command, field), getattr(self._blend_from, field)
             now *= 1.0 - share
             now += share * before
 
@@ -341,7 +350,7 @@ class GaitController:
         walks = self.activity is Activity.WALKING
         if walks:
             walking.measure(self.readings)
-        fill_in(
+        report_status(
             self._status.record,
             self._state.record,
             self._mode.record,

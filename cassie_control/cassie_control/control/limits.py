@@ -39,7 +39,7 @@ KD_LIMIT = 500.0
 MARGIN = math.radians(0.5)
 """Least distance of a set-point from its joint's stops. In rad."""
 
-_ANY = 1e6  # Nm, rad/s: the motors bound torque and speed
+_UNBOUNDED = 1e6  # Nm, rad/s: the motors bound torque and speed
 
 
 def stops() -> tuple[FloatArray, FloatArray]:
@@ -64,15 +64,15 @@ def stops() -> tuple[FloatArray, FloatArray]:
     return np.array(low), np.array(high)
 
 
-def _bounds() -> tuple[FloatArray, FloatArray]:
+def _command_bounds() -> tuple[FloatArray, FloatArray]:
     low, high = stops()
     unit = np.ones(10)
-    lower = (-_ANY * unit, low + MARGIN, -_ANY * unit, 0.0 * unit, 0.0 * unit)
-    upper = (_ANY * unit, high - MARGIN, _ANY * unit, KP_LIMIT * unit, KD_LIMIT * unit)
+    lower = (-_UNBOUNDED * unit, low + MARGIN, -_UNBOUNDED * unit, 0.0 * unit, 0.0 * unit)
+    upper = (_UNBOUNDED * unit, high - MARGIN, _UNBOUNDED * unit, KP_LIMIT * unit, KD_LIMIT * unit)
     return np.concatenate(lower), np.concatenate(upper)
 
 
-_LOW, _HIGH = _bounds()
+_LOW, _HIGH = _command_bounds()
 
 
 def limit(command: MotorCommand) -> None:

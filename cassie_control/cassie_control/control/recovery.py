@@ -12,31 +12,35 @@ from cassie_gaits import virtual_leg
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
-_FOOTED_TIME = 1.5  # s after standing on both feet in which a recovery step may begin
-_BOTH = 0.6  # share of the weight on the feet that counts as standing
-_CARRIED = 0.4  # share of the weight on the feet below which the robot is in the air
-_CONTACT = 0.7  # probability of contact of each foot that counts as standing
+_STANDING_MEMORY = 1.5  # s after standing on both feet in which a recovery step may begin
+_MIN_STANDING_LOAD = 0.6  # share of the weight on the feet that counts as standing
+_MIN_STEP_LOAD = 0.4  # share of the weight on the feet below which the robot is in the air
+_MIN_CONTACT = 0.7  # probability of contact of each foot that counts as standing
 _REST_X = 0.06  # m, distance of capture point and feet's midpoint from which standing brings rest
-_REST_APART = (0.2, 0.45)  # m, distance of the feet that standing takes over
-_REST_BOUNCE = 0.2  # m/s, vertical speed with which both feet stay on the ground
+_REST_FOOT_DISTANCE = (0.2, 0.45)  # m, distance of the feet that standing takes over
+_REST_VERTICAL_SPEED = 0.2  # m/s, vertical speed with which both feet stay on the ground
 _REST_TILT = 0.15  # rad
-_SOLE = 0.065  # m, from its middle to the edge that carries
+_MIN_COM_HEIGHT = 0.3  # m above the feet
+_SOLE_REACH = 0.065  # m, from its middle to the edge that carries
 
 
-def rests(readings: Readings, config: TransitionConfig) -> bool:
+def comes_to_rest(readings: Readings, config: TransitionConfig) -> bool:
     """Whether standing, from this touchdown on, brings the robot to rest."""
     x, y, height = readings.com_from_feet
-    time = math.sqrt(max(0.3, height) / GRAVITY)
+    time = math.sqrt(max(_MIN_COM_HEIGHT, height) / GRAVITY)
     vx, vy, _ = readings.com_velocity
-    apart = readings.legs[0].foot[1] - readings.legs[1].foot[1]
-    within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * apart
+    width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
+    within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * width
     slow = abs(vx) <= config.stop_vx and abs(vy) <= config.stop_vy
-    calm = abs(readings.velocity[2]) < _REST_BOUNCE
+    calm = abs(readings.velocity[2]) < _REST_VERTICAL_SPEED
     upright = max(abs(readings.roll), abs(readings.pitch)) < _REST_TILT
-    return within and slow and calm and upright and _REST_APART[0] < apart < _REST_APART[1]
+    low, high = _REST_FOOT_DISTANCE
+    return within and slow and calm and upright and low < width < high
 
 
-def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) -> None:
+def add_braking_toe_torque(
+    readings: Readings, stance: int, command: MotorCommand, limit: float
+) -> None:
     """Move the stance foot's centre of pressure to the capture point, at most to the sole's edge.
 
     Args:
@@ -46,14 +50,15 @@ def brake(readings: Readings, stance: int, command: MotorCommand, limit: float) 
         limit: Bound of the torque. In Nm.
     """
     leg = readings.legs[stance]
-    height = max(0.3, readings.com_from_feet[2])
-    ahead = readings.com[0] + math.sqrt(height / GRAVITY) * readings.com_velocity[0] - leg.foot[0]
-    pressure = max(-_SOLE, min(_SOLE, ahead)) + leg.foot[0]
-    torque = -leg.contact * max(0.0, leg.force) * (pressure - leg.ankle[0])
+    height = max(_MIN_COM_HEIGHT, readings.com_from_feet[2])
+    time = math.sqrt(height / GRAVITY)
+    capture_x = readings.com[0] + time * readings.com_velocity[0] - leg.foot[0]
+    cop_x = max(-_SOLE_REACH, min(_SOLE_REACH, capture_x)) + leg.foot[0]
+    torque = -leg.contact * max(0.0, leg.force) * (cop_x - leg.ankle[0])
     command.torque[5 * stance + 4] += max(-limit, min(limit, torque))
 
 
-def lift(swing: int, phase: float, command: MotorCommand, height: float) -> None:
+def lift_swing_foot(swing: int, phase: float, command: MotorCommand, height: float) -> None:
     """Lift the swing foot early in the step, as no lean has unloaded it.
 
     Args:
@@ -128,7 +133,7 @@ class RecoveryStep:
 
     def reset(self) -> None:
         """Begin anew, as if the robot had not stood yet."""
-        self._footed = 0.0
+        self._standing_timer = 0.0
 
     def stance(
         self, readings: Readings, standing: StandingController, config: TransitionConfig
@@ -141,16 +146,18 @@ class RecoveryStep:
             config: Margins.
         """
         left, right = readings.legs
-        carried = left.force + right.force
-        if carried < _BOTH * WEIGHT:
-            self._footed = max(0.0, self._footed - self._period)
-        elif min(left.contact, right.contact) > _CONTACT:
-            self._footed = _FOOTED_TIME
-        if not config.recovery_step or self._footed <= 0.0 or carried < _CARRIED * WEIGHT:
+        force = left.force + right.force
+        if force < _MIN_STANDING_LOAD * WEIGHT:
+            self._standing_timer = max(0.0, self._standing_timer - self._period)
+        elif min(left.contact, right.contact) > _MIN_CONTACT:
+            self._standing_timer = _STANDING_MEMORY
+        if not config.recovery_step or self._standing_timer <= 0.0:
+            return None
+        if force < _MIN_STEP_LOAD * WEIGHT:
             return None
         if readings.height < config.recovery_height:
             return None
-        out_x, out_y = standing.beyond
-        if math.hypot(out_x / config.recovery_x, out_y / config.recovery_y) < 1.0:
+        x, y = standing.outside_support
+        if math.hypot(x / config.recovery_x, y / config.recovery_y) < 1.0:
             return None
         return LEFT if left.force >= right.force else RIGHT

@@ -27,7 +27,7 @@ def approach(
     value: float,
     rate: float,
     target: float,
-    fastest: float,
+    max_rate: float,
     acceleration: float,
     period: float,
     braking: float | None = None,
@@ -37,27 +37,31 @@ def approach(
     Args:
         value, rate: Present value and rate.
         target: Value at which to come to rest.
-        fastest, acceleration: Bounds of rate and acceleration.
+        max_rate, acceleration: Bounds of rate and acceleration.
         period: Control period. In s.
         braking: Bound of the deceleration, if it differs from `acceleration`.
     """
-    away, gain = target - value, acceleration * period
-    loss = gain if braking is None else braking * period
+    distance, speed_up = target - value, acceleration * period
+    slow_down = speed_up if braking is None else braking * period
     # Rate from which braking just stops at the target; half a tick early, as it acts a tick late.
-    brake = math.sqrt(2.0 * loss / period * abs(away) + (0.5 * loss) ** 2) - 0.5 * loss
-    wanted = math.copysign(min(fastest, max(0.0, brake)), away)
-    change = gain if wanted * rate >= 0.0 and abs(wanted) > abs(rate) else loss
-    rate += max(-change, min(change, wanted - rate))
-    if abs(away) <= abs(rate) * period and abs(rate) <= 2.0 * loss:
+    braking_rate = (
+        math.sqrt(2.0 * slow_down / period * abs(distance) + (0.5 * slow_down) ** 2)
+        - 0.5 * slow_down
+    )
+    wanted = math.copysign(min(max_rate, max(0.0, braking_rate)), distance)
+    speeds_up = wanted * rate >= 0.0 and abs(wanted) > abs(rate)
+    max_change = speed_up if speeds_up else slow_down
+    rate += max(-max_change, min(max_change, wanted - rate))
+    if abs(distance) <= abs(rate) * period and abs(rate) <= 2.0 * slow_down:
         return target, 0.0
     return value + rate * period, rate
 
 
-_TOP = 1.03  # m, largest pelvis height of a rise: the knees are then nearly straight
-_HOLD = 0.3  # s for which the height is held once the capture point is safe again
-_BACK = 0.2  # m/s, rate at which the height returns
-_SETTLE = 1.0  # m/s^2, acceleration with which the height returns
-_BRAKING = 3.0  # m/s^2; with more, the feet would leave the ground as the springs oscillate
+_MAX_RISE_HEIGHT = 1.03  # m, largest pelvis height of a rise: the knees are then nearly straight
+_RISE_HOLD_TIME = 0.3  # s for which the height is held once the capture point is safe again
+_RISE_RETURN_RATE = 0.2  # m/s, rate at which the height returns
+_RISE_RETURN_ACCELERATION = 1.0  # m/s^2, acceleration with which the height returns
+_RISE_DECELERATION = 3.0  # m/s^2; with more, springs oscillate and the feet leave the ground
 
 
 class Rise:
@@ -91,38 +95,43 @@ class Rise:
     def start(self) -> None:
         """Begin at the commanded height."""
         self.height = self.rate = self.acceleration = 0.0
-        self._hold = 0.0
+        self._hold_time = 0.0
 
-    def step(self, config: StandConfig, height: float, urgent: bool, footed: bool) -> None:
+    def step(self, config: StandConfig, height: float, rise_helps: bool, both_feet: bool) -> None:
         """Advance by one period.
 
         Args:
             config: Gains.
             height: Commanded pelvis height. In m.
-            urgent: Whether the capture point is at the edge of the support.
-            footed: Whether both feet carry: on one foot a rise would tip the robot over.
+            rise_helps: Whether the capture point is at the edge of the support.
+            both_feet: Whether both feet carry: on one foot a rise would tip the robot over.
         """
         before = self.rate
-        self._hold = _HOLD if urgent and footed else max(0.0, self._hold - self._period)
-        if urgent and footed:
-            goal = max(self.height, min(config.rise, _TOP - height))
+        pushed = rise_helps and both_feet
+        self._hold_time = _RISE_HOLD_TIME if pushed else max(0.0, self._hold_time - self._period)
+        if pushed:
+            target = max(self.height, min(config.rise, _MAX_RISE_HEIGHT - height))
         else:
-            goal = self.height if self._hold > 0.0 else 0.0
-        fastest, acceleration, braking = math.inf, config.rise_acceleration, _BRAKING
-        if self._hold <= 0.0:
-            fastest, acceleration, braking = _BACK, _SETTLE, _SETTLE
+            target = self.height if self._hold_time > 0.0 else 0.0
+        max_rate, acceleration, braking = math.inf, config.rise_acceleration, _RISE_DECELERATION
+        if self._hold_time <= 0.0:
+            max_rate = _RISE_RETURN_RATE
+            acceleration = braking = _RISE_RETURN_ACCELERATION
         self.height, self.rate = approach(
-            self.height, self.rate, goal, fastest, acceleration, self._period, braking
+            self.height, self.rate, target, max_rate, acceleration, self._period, braking
         )
         self.acceleration = (self.rate - before) / self._period
 
 
-_NOMINAL_STANCE = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
-_GROUND_TIME = 0.06  # s, time constant of a foot's contact
+_NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
+_CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _HANGS, _STANDS = 0.3, 0.9  # contact: hangs if the larger is below, stands if the smaller is above
-_HEIGHT_SUM = 0.08  # m, saturation of the integrated height error
-_HIP_RELEASE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
-_OVERBENT = 0.15  # rad beyond `bend_limit` from which the torso is held again
+_MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
+_HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
+_MAX_OVERBEND = 0.15  # rad beyond `bend_limit` from which the torso is held again
+_BOTH_FEET = 0.7  # contact of the less loaded foot with which both feet carry
+_AIR_CONTACT = 0.1  # contact up to which a foot is in the air
+_MIN_TORSO_DAMPING = 0.3  # least factor on the damping of the torso's pitch
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
 
@@ -160,12 +169,12 @@ class StandingController:
         self._balance = balance or Balance(config, period)
         self._rise = Rise(period)
         self._height = (0.0, 0.0)
-        self._height_sum = 0.0
+        self._height_integral = 0.0
         self._weight = WEIGHT
-        self._hips = [[0.0, 0.0], [0.0, 0.0]]
-        self._ground = [0.0, 0.0]
-        self._lands = False
-        self._settle = 1.0 - math.exp(-period / _GROUND_TIME)
+        self._hip_angles = [[0.0, 0.0], [0.0, 0.0]]
+        self._contact = [0.0, 0.0]
+        self._landing = False
+        self._contact_weight = 1.0 - math.exp(-period / _CONTACT_TIME)
 
     @property
     def config(self) -> StandConfig:
@@ -177,9 +186,9 @@ class StandingController:
         self._balance.config = config
 
     @property
-    def beyond(self) -> tuple[float, float]:
-        """How far the capture point is outside the support, forward and sideways. In m."""
-        return self._balance.beyond
+    def outside_support(self) -> tuple[float, float]:
+        """Distance of the capture point outside the support, forward and sideways. In m."""
+        return self._balance.outside_support
 
     @property
     def com_error(self) -> tuple[float, float]:
@@ -193,10 +202,10 @@ class StandingController:
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
         self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
-        self._height_sum = 0.0
+        self._height_integral = 0.0
         self._rise.start()
-        self._ground = [leg.contact for leg in readings.legs]
-        self._hips = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
+        self._contact = [leg.contact for leg in readings.legs]
+        self._hip_angles = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
         self._balance.start(readings)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
@@ -210,20 +219,20 @@ class StandingController:
         """
         for i, leg in enumerate(readings.legs):
             # Slower than the legs' oscillation, which a faster feed-forward would excite.
-            self._ground[i] += self._settle * (leg.contact - self._ground[i])
-        both = min(self._ground)
-        if max(self._ground) < _HANGS:
-            self._lands = True
+            self._contact[i] += self._contact_weight * (leg.contact - self._contact[i])
+        both = min(self._contact)
+        if max(self._contact) < _HANGS:
+            self._landing = True
         elif both > _STANDS:
-            self._lands = False
+            self._landing = False
         balance = self._balance
         # The whole robot leans about the feet to shift the CoM sideways.
         height = max(0.4, readings.height)
         com_y = float(mode.com_y) - lean * height
-        balance.step(readings, mode, com_y, self._ground, leans=lean != 0.0)
+        balance.step(readings, mode, com_y, self._contact, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
         # Else only while both feet carry: to shorten the leg of a lifted foot would cause rocking.
-        difference = (max(self._ground) if self._lands else both) * (
+        difference = (max(self._contact) if self._landing else both) * (
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
             - balance.lean_length * roll
@@ -231,15 +240,15 @@ class StandingController:
         length = self._mean_length(readings, float(mode.height), both)
         self._weight = WEIGHT * (1.0 + self._rise.acceleration / GRAVITY)
         for i, leg in enumerate(readings.legs):
-            share = balance.left if i == 0 else 1.0 - balance.left
-            other = self._ground[1 - i]
-            self._leg(
+            share = balance.left_share if i == 0 else 1.0 - balance.left_share
+            other = self._contact[1 - i]
+            self._set_leg(
                 i,
                 leg,
                 readings,
                 command,
                 length - 0.5 * leg.side * difference,
-                self._ground[i] * (1.0 - other * (1.0 - share)),
+                self._contact[i] * (1.0 - other * (1.0 - share)),
                 mode,
             )
 
@@ -249,16 +258,17 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        self._rise.step(c, height, self._balance.urgent, both > 0.7)
+        self._rise.step(c, height, self._balance.rise_helps, both > _BOTH_FEET)
         height, rate = height + self._rise.height, rate + self._rise.rate
-        if both > 0.7:
+        if both > _BOTH_FEET:
             error = height - readings.height
-            self._height_sum += c.height_integral * self._period * error
-            self._height_sum = max(-_HEIGHT_SUM, min(_HEIGHT_SUM, self._height_sum))
+            integral = self._height_integral + c.height_integral * self._period * error
+            integral = max(-_MAX_HEIGHT_INTEGRAL, min(_MAX_HEIGHT_INTEGRAL, integral))
+            self._height_integral = integral
         bounce = both * c.height_damping * (readings.velocity[2] - rate)
-        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_sum - bounce
+        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_integral - bounce
 
-    def _leg(
+    def _set_leg(
         self,
         i: int,
         leg: LegReadings,
@@ -270,78 +280,80 @@ class StandingController:
     ) -> None:
         """Set-points of leg `i`, which is `length` m long and carries `share` of the weight."""
         c, balance, base = self.config, self._balance, 5 * i
-        ground, give = self._ground[i], balance.give
-        air = 1.0 - ground
-        length += ground * (share - 0.5) * WEIGHT / c.leg_stiffness
+        contact = self._contact[i]
+        air = 1.0 - contact
+        _, roll_regulation = balance.torso_regulation
+        length += contact * (share - 0.5) * WEIGHT / c.leg_stiffness
         length = virtual_leg.clamp_length(length, 0.25, 0.97)
-        hips = self._hips[i]
-        self._release_hips(hips, leg, ground)
-        in_air = self._in_air(i, readings) / max(length, 0.4)
+        hip_angles = self._hip_angles[i]
+        self._release_hips(hip_angles, leg, contact)
+        air_pitch = self._air_foot_x(i, readings) / max(length, 0.4)
         command.position[base : base + 5] = (
             # A lifted leg keeps its angle in the world, to land where it left the ground.
-            hips[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
-            hips[1],
-            virtual_leg.hip_pitch_angle(in_air, self._ground[1 - i] * readings.pitch, length),
+            hip_angles[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
+            hip_angles[1],
+            virtual_leg.hip_pitch_angle(air_pitch, self._contact[1 - i] * readings.pitch, length),
             virtual_leg.knee_angle(length),
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
         )
         command.velocity[base : base + 5] = 0.0
-        kp_hip_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
-        kp_hip_roll, kp_hip = kp_hip_roll * (air + ground * give[1]), c.kp_hip_pitch * air
-        kd_hip = c.kd_hip_pitch * air + c.kd_leg_pitch * ground
-        command.kp[base : base + 5] = (kp_hip_roll, c.kp_hip_yaw, kp_hip, c.kp_knee, c.kp_toe * air)
-        command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_hip, c.kd_knee, c.kd_toe)
+        kp_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
+        kp_roll, kp_pitch = kp_roll * (air + contact * roll_regulation), c.kp_hip_pitch * air
+        kd_pitch = c.kd_hip_pitch * air + c.kd_leg_pitch * contact
+        command.kp[base : base + 5] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
+        command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = leg.weight_torques(
-            readings.tilt, self._weight * share, *balance.lean
+            readings.tilt, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
-        pitch += toe + self._torso(readings, float(mode.pitch), ground)
+        pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)
         command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
 
-    def _torso(self, readings: Readings, wanted: float, ground: float) -> float:
+    def _torso_torque(self, readings: Readings, pitch: float, contact: float) -> float:
         """Torque of one hip, in Nm, that holds the torso's pitch or bends it.
 
         As a torque, since late set-points that follow the measured joint would oscillate.
         """
-        c, balance, give = self.config, self._balance, self._balance.give[0]
-        bent = wanted - readings.pitch
-        overbent = beyond(bent, c.bend_limit + _OVERBENT)
-        torso = c.kp_hip_pitch * (give * bent + (1.0 - give) * overbent)
-        torso -= c.kd_hip_pitch * max(0.3, give) * readings.pitch_rate
+        c, balance = self.config, self._balance
+        regulation, _ = balance.torso_regulation
+        error = pitch - readings.pitch
+        overbend = dead_band(error, c.bend_limit + _MAX_OVERBEND)
+        torso = c.kp_hip_pitch * (regulation * error + (1.0 - regulation) * overbend)
+        torso -= c.kd_hip_pitch * max(_MIN_TORSO_DAMPING, regulation) * readings.pitch_rate
         # A leg that stands alone gives the torque of both hips.
-        alone = 2.0 / max(1.0, sum(self._ground))
-        return alone * ground * (0.5 * balance.moment + torso)
+        factor = 2.0 / max(1.0, sum(self._contact))
+        return factor * contact * (0.5 * balance.bending_torque + torso)
 
-    def _in_air(self, i: int, readings: Readings) -> float:
+    def _air_foot_x(self, i: int, readings: Readings) -> float:
         """Position of the toe joint of leg `i` in the air, ahead of its hip. In m.
 
         It is below the CoM while the robot hangs, and beside the other foot while that one carries.
         """
         other = readings.legs[1 - i]
-        hanging = readings.com[0] - _FOOT_MIDDLE - HIP_X
-        beside = other.ankle[0] - HIP_X + HIP_TO_PELVIS * readings.pitch
-        return hanging + self._ground[1 - i] * (beside - hanging)
+        below_com = readings.com[0] - _FOOT_MIDDLE - HIP_X
+        next_to_foot = other.ankle[0] - HIP_X + HIP_TO_PELVIS * readings.pitch
+        return below_com + self._contact[1 - i] * (next_to_foot - below_com)
 
     def _toe_torque(self, leg: LegReadings) -> float:
-        """Torque, in Nm, that moves the foot's centre of pressure to `Balance.pressed`.
+        """Torque, in Nm, that moves the foot's centre of pressure to `Balance.cop_x`.
 
         Both soles have the same: the edges of feet that stand one ahead of the other differ.
         """
         balance, limit = self._balance, self.config.toe_torque
-        arm = leg.foot[0] + balance.pressed - leg.ankle[0] + ANKLE_HEIGHT * balance.lean[0]
+        arm = leg.foot[0] + balance.cop_x - leg.ankle[0] + ANKLE_HEIGHT * balance.force_ratio[0]
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))
 
-    def _release_hips(self, hips: list[float], leg: LegReadings, ground: float) -> None:
+    def _release_hips(self, hip_angles: list[float], leg: LegReadings, contact: float) -> None:
         """Move the hips of a foot in the air to the paper's stance. In rad."""
-        if ground > 0.1:
+        if contact > _AIR_CONTACT:
             return
-        nominal = math.atan2(_NOMINAL_STANCE - HIP_Y, 0.8) * leg.side
-        limit = _HIP_RELEASE * self._period
-        hips[0] += max(-limit, min(limit, nominal - hips[0]))
-        hips[1] += max(-limit, min(limit, -hips[1]))
+        nominal = math.atan2(_NOMINAL_HALF_WIDTH - HIP_Y, 0.8) * leg.side
+        limit = _HIP_RELEASE_RATE * self._period
+        hip_angles[0] += max(-limit, min(limit, nominal - hip_angles[0]))
+        hip_angles[1] += max(-limit, min(limit, -hip_angles[1]))
 
 
-def beyond(value: float, limit: float) -> float:
-    """How far a value is outside of -limit .. limit; 0 within."""
+def dead_band(value: float, limit: float) -> float:
+    """A value less its part within -limit .. limit; 0 within."""
     return value - max(-limit, min(limit, value))

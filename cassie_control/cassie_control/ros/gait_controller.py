@@ -10,7 +10,7 @@ from rclpy.node import Node
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.guarded import GuardedController
-from cassie_control.learning.torques import load_beside, path_beside
+from cassie_control.learning.torque_table import load_for_library, path_for_library
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     Conditions,
@@ -89,7 +89,7 @@ class GaitControllerNode(Node):
         if self._lane.gait_library:
             gaits = library_path(self._lane.gait_library)
         library = load_certified(gaits, allow_uncertified=self._lane.allow_uncertified)
-        learned = load_beside(gaits, self._lane.learned_torques_file)
+        learned = load_for_library(gaits, self._lane.learned_torques_file)
         self._core = GaitController(self._config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         for package in _COMPILED:
@@ -102,7 +102,7 @@ class GaitControllerNode(Node):
             (self._lane, self._config),
             {
                 "gait_library": gaits,
-                "learned_torques_file": self._lane.learned_torques_file or path_beside(gaits),
+                "learned_torques_file": self._lane.learned_torques_file or path_for_library(gaits),
             },
         )
         self._stop = stop
