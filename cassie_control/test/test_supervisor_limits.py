@@ -1,4 +1,4 @@
-"""What each situation permits of a command."""
+"""What each limits_in_force permits of a command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import cassie_control.supervisor.limits as module
 from cassie_control.supervisor.config import SupervisorConfig
-from cassie_control.supervisor.limits import asked_for, on_foot, on_segway, situation
+from cassie_control.supervisor.limits import command_limits, limits_in_force, on_foot, on_segway
 from cassie_control.supervisor.set_points import SetPoints
 from cassie_msgs.layout import RobotMode
 from cassie_msgs.tunables import ParameterError, replace_checked
@@ -47,9 +47,9 @@ def drawn(seed: int) -> SetPoints:
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("mode", MODES)
 def test_the_nearest_permitted_command_is_permitted(mode, seed):
-    limits = asked_for(mode, C)
-    once = limits.nearest(drawn(seed))
-    again = limits.nearest(once)
+    limits = command_limits(mode, C)
+    once = limits.clamp(drawn(seed))
+    again = limits.clamp(once)
     for field in fields(SetPoints):
         assert getattr(again, field.name) == pytest.approx(getattr(once, field.name), abs=1e-12)
     assert limits.height_low <= once.height <= limits.height_high
@@ -59,17 +59,17 @@ def test_the_nearest_permitted_command_is_permitted(mode, seed):
 
 @pytest.mark.parametrize("mode", MODES)
 def test_what_is_permitted_stays_as_it_is(mode):
-    limits = asked_for(mode, C)
+    limits = command_limits(mode, C)
     height = 0.5 * (limits.height_low + limits.height_high)
     asked = SetPoints(vx=0.3, height=height, com_x=0.01, pitch=0.02, trims=(0.01, 0.0, 0.005, 0.0))
-    assert limits.nearest(asked) == asked
+    assert limits.clamp(asked) == asked
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_speeds_asked_for_at_once_are_scaled_down_together(sign):
     most = on_foot(C)
     asked = SetPoints(vx=most.vx_forward, vy=sign * most.vy, yaw_rate=-sign * most.yaw_rate)
-    found = most.nearest(asked)
+    found = most.clamp(asked)
     assert found.vx / asked.vx == pytest.approx(3.0 ** (-1.0 / 3.0))
     assert found.vy / asked.vy == pytest.approx(found.vx / asked.vx)
     assert found.yaw_rate / asked.yaw_rate == pytest.approx(found.vx / asked.vx)
@@ -77,30 +77,30 @@ def test_speeds_asked_for_at_once_are_scaled_down_together(sign):
 
 def test_a_rider_turns_less_while_it_rides_fast():
     most = on_segway(C)
-    found = most.nearest(SetPoints(vx=most.vx_forward, yaw_rate=-most.yaw_rate))
+    found = most.clamp(SetPoints(vx=most.vx_forward, yaw_rate=-most.yaw_rate))
     assert found.vx / most.vx_forward == pytest.approx(np.sqrt(0.5))
     assert found.yaw_rate / most.yaw_rate == pytest.approx(-np.sqrt(0.5))
 
 
 def test_a_fast_turn_with_a_step_aside_is_walked_as_commanded():
     asked = SetPoints(vx=1.0, vy=0.2, yaw_rate=0.4)
-    found = on_foot(C).nearest(asked)
+    found = on_foot(C).clamp(asked)
     assert (found.vx, found.vy, found.yaw_rate) == pytest.approx((1.0, 0.2, 0.4))
 
 
 @pytest.mark.parametrize("requested", MODES)
 @pytest.mark.parametrize("current", MODES)
 def test_nobody_moves_in_a_mode_that_is_not_asked_for(current, requested):
-    limits = situation(C, current, requested, stepping=False, walked=False)
-    found = limits.nearest(SetPoints(vx=0.5, vy=0.1, yaw_rate=0.2, height=0.65))
+    limits = limits_in_force(C, current, requested, stepping=False, walked=False)
+    found = limits.clamp(SetPoints(vx=0.5, vy=0.1, yaw_rate=0.2, height=0.65))
     moves = current is requested is not RobotMode.STAND
     assert (found.vx, found.vy, found.yaw_rate) == ((0.5, 0.1, 0.2) if moves else (0.0, 0.0, 0.0))
 
 
 def test_a_ride_that_ends_brakes_at_once_and_leans_nowhere():
-    limits = situation(C, RobotMode.SEGWAY, RobotMode.STAND, stepping=False, walked=False)
+    limits = limits_in_force(C, RobotMode.SEGWAY, RobotMode.STAND, stepping=False, walked=False)
     now = SetPoints(vx=3.0, height=0.65, com_x=0.05)
-    limits.approach(now, limits.nearest(SetPoints(vx=3.0, height=0.95, com_x=0.05)), 0.02)
+    limits.approach(now, limits.clamp(SetPoints(vx=3.0, height=0.95, com_x=0.05)), 0.02)
     assert now.vx == 0.0
     assert now.com_x == pytest.approx(0.05 - 0.02 * on_segway(C).shift_rate)
     assert now.height == pytest.approx(0.65 + 0.02 * C.ride_height_rate)
@@ -108,8 +108,8 @@ def test_a_ride_that_ends_brakes_at_once_and_leans_nowhere():
 
 def test_standing_takes_over_from_walking_upright():
     for walked, current in ((True, RobotMode.STAND), (False, RobotMode.WALK)):
-        limits = situation(C, current, RobotMode.STAND, stepping=False, walked=walked)
-        found = limits.nearest(SetPoints(roll=0.1, pitch=0.1, height=0.7, trims=(0.01,) * 4))
+        limits = limits_in_force(C, current, RobotMode.STAND, stepping=False, walked=walked)
+        found = limits.clamp(SetPoints(roll=0.1, pitch=0.1, height=0.7, trims=(0.01,) * 4))
         assert (found.roll, found.pitch, *found.trims[2:]) == (0.0, 0.0, 0.0, 0.0)
         assert found.height == C.walk_height
 
@@ -127,5 +127,5 @@ def test_the_readme_has_the_table_of_the_code():
 
     text = README.read_text(encoding="utf-8")
     readme = rows(text[text.index("| mode in force | asked for |") :])
-    code = rows(module.situation.__doc__ or "")
+    code = rows(module.limits_in_force.__doc__ or "")
     assert [row[:3] for row in readme] == [row[:3] for row in code]

@@ -7,8 +7,8 @@ from collections import deque
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_msgs.layout import RobotState
 
-_WINDOW = 60.0  # s, over which the share of missed ticks is reported
-_RECENT = 1.0  # s, over which the share of missed ticks decides
+_REPORT_WINDOW = 60.0  # s, over which the share of missed ticks is reported
+_DECISION_WINDOW = 1.0  # s, over which the share of missed ticks decides
 
 
 class TickLoss:
@@ -20,8 +20,8 @@ class TickLoss:
     """
 
     def __init__(self, period: float) -> None:
-        self._ticks: deque[tuple[int, int]] = deque(maxlen=round(_WINDOW / period) + 1)
-        self._recent: deque[tuple[int, int]] = deque(maxlen=round(_RECENT / period) + 1)
+        self._ticks: deque[tuple[int, int]] = deque(maxlen=round(_REPORT_WINDOW / period) + 1)
+        self._recent: deque[tuple[int, int]] = deque(maxlen=round(_DECISION_WINDOW / period) + 1)
         self.share = self.recent = 0.0
 
     def step(self, state: RobotState) -> None:
@@ -31,12 +31,12 @@ class TickLoss:
         now = (int(state.seq), int(state.missed_ticks))
         self._ticks.append(now)
         self._recent.append(now)
-        self.share, self.recent = _share(self._ticks), 0.0
+        self.share, self.recent = _missed_share(self._ticks), 0.0
         if 2 * len(self._recent) > (self._recent.maxlen or 0):  # a few ticks give no reliable share
-            self.recent = _share(self._recent)
+            self.recent = _missed_share(self._recent)
 
 
-def _share(ticks: deque[tuple[int, int]]) -> float:
+def _missed_share(ticks: deque[tuple[int, int]]) -> float:
     (first, missed_before), (last, missed) = ticks[0], ticks[-1]
     return (missed - missed_before) / (last - first) if last > first else 0.0
 

@@ -1,8 +1,8 @@
 """Bounds of the set-points and of their rates in each situation.
 
 A command is first clamped to the limits of the mode that it asks for. The mode in force then
-applies a row of `situation`. Each row has bounds alone, so that every set-point is the permitted
-one nearest to the command, and one table lists all cases.
+applies a row of `limits_in_force`. Each row has bounds alone, so that every set-point is the
+permitted one nearest to the command, and one table lists all cases.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cassie_msgs.layout import RobotMode
 
 _STAND, _WALK, _SEGWAY = RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY
 
-_ON_FOOT, _RIDING = 3.0, 2.0  # `Limits.exponent`
+_EXPONENT_ON_FOOT, _EXPONENT_RIDING = 3.0, 2.0  # `Limits.exponent`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Limits:
     tilt_rate: float
     brakes: bool = False
 
-    def nearest(self, commanded: SetPoints) -> SetPoints:
+    def clamp(self, commanded: SetPoints) -> SetPoints:
         """The set-points within the bounds that are nearest to a command.
 
         Combined speeds are kept within a superellipsoid over their bounds. A single speed may reach
@@ -69,21 +69,21 @@ class Limits:
         """
         vx, vy, yaw_rate = self._speeds(commanded)
         sagittal, lateral, pitch_trim, roll_trim = commanded.trims
-        most = min(self.trim, self.torso_trim)
-        pitch_trim = _bounded(pitch_trim, min(most, self.pitch))
-        roll_trim = _bounded(roll_trim, min(most, self.roll))
+        torso_trim = min(self.trim, self.torso_trim)
+        pitch_trim = _clamp(pitch_trim, min(torso_trim, self.pitch))
+        roll_trim = _clamp(roll_trim, min(torso_trim, self.roll))
         return SetPoints(
             vx=vx,
             vy=vy,
             yaw_rate=yaw_rate,
             height=max(self.height_low, min(self.height_high, commanded.height)),
-            com_x=_bounded(commanded.com_x, self.com_x),
-            com_y=_bounded(commanded.com_y, self.com_y),
+            com_x=_clamp(commanded.com_x, self.com_x),
+            com_y=_clamp(commanded.com_y, self.com_y),
             roll=max(-self.roll - roll_trim, min(self.roll - roll_trim, commanded.roll)),
             pitch=max(-self.pitch - pitch_trim, min(self.pitch - pitch_trim, commanded.pitch)),
             trims=(
-                _bounded(sagittal, self.trim),
-                _bounded(lateral, self.trim),
+                _clamp(sagittal, self.trim),
+                _clamp(lateral, self.trim),
                 pitch_trim,
                 roll_trim,
             ),
@@ -91,15 +91,15 @@ class Limits:
 
     def _speeds(self, commanded: SetPoints) -> tuple[float, float, float]:
         vx = min(self.vx_forward, max(-self.vx_backward, commanded.vx))
-        vy = _bounded(commanded.vy, self.vy)
-        yaw_rate = _bounded(commanded.yaw_rate, self.yaw_rate)
-        shares = (
-            _share(vx, self.vx_forward if vx > 0.0 else self.vx_backward),
-            _share(vy, self.vy),
-            _share(yaw_rate, self.yaw_rate),
+        vy = _clamp(commanded.vy, self.vy)
+        yaw_rate = _clamp(commanded.yaw_rate, self.yaw_rate)
+        ratios = (
+            _ratio(vx, self.vx_forward if vx > 0.0 else self.vx_backward),
+            _ratio(vy, self.vy),
+            _ratio(yaw_rate, self.yaw_rate),
         )
-        together = sum(share**self.exponent for share in shares)
-        scale = max(1.0, together) ** (-1.0 / self.exponent)
+        norm = sum(ratio**self.exponent for ratio in ratios)
+        scale = max(1.0, norm) ** (-1.0 / self.exponent)
         return scale * vx, scale * vy, scale * yaw_rate
 
     def approach(self, now: SetPoints, commanded: SetPoints, period: float) -> None:
@@ -107,20 +107,20 @@ class Limits:
         speed, turn = self.acceleration * period, self.turn_acceleration * period
         height, shift = self.height_rate * period, self.shift_rate * period
         tilt = self.tilt_rate * period
-        now.vx = commanded.vx if self.brakes else _towards(now.vx, commanded.vx, speed)
-        now.vy = _towards(now.vy, commanded.vy, speed)
-        now.yaw_rate = _towards(now.yaw_rate, commanded.yaw_rate, turn)
-        now.height = _towards(now.height, commanded.height, height)
-        now.com_x = _towards(now.com_x, commanded.com_x, shift)
-        now.com_y = _towards(now.com_y, commanded.com_y, shift)
-        now.roll = _towards(now.roll, commanded.roll, tilt)
-        now.pitch = _towards(now.pitch, commanded.pitch, tilt)
+        now.vx = commanded.vx if self.brakes else _rate_limited(now.vx, commanded.vx, speed)
+        now.vy = _rate_limited(now.vy, commanded.vy, speed)
+        now.yaw_rate = _rate_limited(now.yaw_rate, commanded.yaw_rate, turn)
+        now.height = _rate_limited(now.height, commanded.height, height)
+        now.com_x = _rate_limited(now.com_x, commanded.com_x, shift)
+        now.com_y = _rate_limited(now.com_y, commanded.com_y, shift)
+        now.roll = _rate_limited(now.roll, commanded.roll, tilt)
+        now.pitch = _rate_limited(now.pitch, commanded.pitch, tilt)
         a, b = now.trims, commanded.trims
         now.trims = (
-            _towards(a[0], b[0], tilt),
-            _towards(a[1], b[1], tilt),
-            _towards(a[2], b[2], tilt),
-            _towards(a[3], b[3], tilt),
+            _rate_limited(a[0], b[0], tilt),
+            _rate_limited(a[1], b[1], tilt),
+            _rate_limited(a[2], b[2], tilt),
+            _rate_limited(a[3], b[3], tilt),
         )
 
 
@@ -132,7 +132,7 @@ def on_foot(c: SupervisorConfig) -> Limits:
         vx_backward=c.vx_backward,
         vy=c.vy_limit,
         yaw_rate=c.yaw_rate_limit,
-        exponent=_ON_FOOT,
+        exponent=_EXPONENT_ON_FOOT,
         height_low=c.height_low,
         height_high=c.height_high,
         com_x=c.com_x_limit,
@@ -158,7 +158,7 @@ def on_segway(c: SupervisorConfig) -> Limits:
         vx_backward=c.ride_backward,
         vy=0.0,
         yaw_rate=c.ride_yaw_rate,
-        exponent=_RIDING,
+        exponent=_EXPONENT_RIDING,
         acceleration=c.ride_acceleration,
         com_x=c.ride_com_x,
         com_y=c.ride_com_y,
@@ -171,13 +171,13 @@ def on_segway(c: SupervisorConfig) -> Limits:
     )
 
 
-def asked_for(mode: RobotMode, c: SupervisorConfig) -> Limits:
+def command_limits(mode: RobotMode, c: SupervisorConfig) -> Limits:
     """Limits of a command that asks for a mode."""
     return on_segway(c) if mode is _SEGWAY else on_foot(c)
 
 
 @functools.cache
-def situation(
+def limits_in_force(
     c: SupervisorConfig, current: RobotMode, requested: RobotMode, *, stepping: bool, walked: bool
 ) -> Limits:
     """Limits that the mode in force applies to a command, which is within its own mode's limits.
@@ -226,13 +226,13 @@ def situation(
     return limits
 
 
-def _share(value: float, limit: float) -> float:
+def _ratio(value: float, limit: float) -> float:
     return abs(value) / limit if 0.0 < limit < math.inf else 0.0
 
 
-def _bounded(value: float, most: float) -> float:
-    return min(most, max(-most, value))  # 0, not -0, for a bound of 0
+def _clamp(value: float, bound: float) -> float:
+    return min(bound, max(-bound, value))  # 0, not -0, for a bound of 0
 
 
-def _towards(now: float, commanded: float, step: float) -> float:
-    return now + max(-step, min(step, commanded - now))
+def _rate_limited(now: float, commanded: float, max_change: float) -> float:
+    return now + max(-max_change, min(max_change, commanded - now))

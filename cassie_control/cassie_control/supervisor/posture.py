@@ -8,10 +8,10 @@ from cassie_control.supervisor.config import SupervisorConfig
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import RobotState
 
-_GROUNDED = 50.0  # N, threshold of a foot's force for ground contact
-_HANGING = 0.25  # share of the weight on the feet, below which somebody lifts the robot
+_CONTACT_FORCE = 50.0  # N, threshold of a foot's force for ground contact
+_HANGING_LOAD = 0.25  # share of the weight on the feet, below which somebody lifts the robot
 _HANGING_TIME = 0.5  # s
-_SUNK_TIME = 0.1  # s, delay with which the kinematic estimate finds the ground after a hang
+_LOW_TIME = 0.1  # s, delay with which the kinematic estimate finds the ground after a hang
 _STEP_TIME = 0.4  # s, about one step: time constant of `velocity`, and memory of a lifted foot
 
 
@@ -34,7 +34,7 @@ class Posture:
         self.height = self.upright = self.still = 0.0
         self.grounded = self.low = self.fallen = self.hangs = False
         self.velocity = (0.0, 0.0)
-        self._lifted = self._sunk = self._unloaded = 0.0
+        self._stepping_time = self._low_timer = self._unloaded_time = 0.0
 
     @property
     def speed(self) -> float:
@@ -44,7 +44,7 @@ class Posture:
     @property
     def stepping(self) -> bool:
         """Whether a foot was in the air within about a step, the other one on the ground."""
-        return self._lifted > 0.0
+        return self._stepping_time > 0.0
 
     def step(
         self, state: RobotState, moving: bool, config: SupervisorConfig, period: float
@@ -57,7 +57,7 @@ class Posture:
             config: Bounds.
             period: Time since the last state. In s.
         """
-        self._feel_ground(state, moving, config, period)
+        self._update_ground_contact(state, moving, config, period)
         tilt = max(abs(float(state.q[4])), abs(float(state.q[5])))
         upright = tilt < config.upright_tilt and not self.low
         self.upright = self.upright + period if upright else 0.0
@@ -74,17 +74,18 @@ class Posture:
             self.velocity[1] + share * (vy - self.velocity[1]),
         )
 
-    def _feel_ground(
+    def _update_ground_contact(
         self, state: RobotState, moving: bool, config: SupervisorConfig, period: float
     ) -> None:
         self.height = float(state.q[2])
         forces = state.foot_force.tolist()
-        self.grounded = max(forces) > _GROUNDED
-        unloaded = sum(forces) < _HANGING * WEIGHT
-        self._unloaded = self._unloaded + period if unloaded else 0.0
-        self.hangs = self._unloaded >= _HANGING_TIME
-        single = self.grounded and min(forces) < _GROUNDED
-        self._lifted = _STEP_TIME if single else max(0.0, self._lifted - period)
+        self.grounded = max(forces) > _CONTACT_FORCE
+        unloaded = sum(forces) < _HANGING_LOAD * WEIGHT
+        self._unloaded_time = self._unloaded_time + period if unloaded else 0.0
+        self.hangs = self._unloaded_time >= _HANGING_TIME
+        single_support = self.grounded and min(forces) < _CONTACT_FORCE
+        left = max(0.0, self._stepping_time - period)
+        self._stepping_time = _STEP_TIME if single_support else left
         low = self.grounded and self.height < config.fall_height
-        self._sunk = self._sunk + period if low else 0.0
-        self.low = low and (self._sunk >= _SUNK_TIME or not moving)
+        self._low_timer = self._low_timer + period if low else 0.0
+        self.low = low and (self._low_timer >= _LOW_TIME or not moving)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from cassie_control.finite import fault
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode
 
-_NEAR = 1e-3  # rad or m
+_TOLERANCE = 1e-3  # rad or m
 
 
 @dataclass
@@ -42,7 +42,7 @@ class SetPoints:
 _NAMES = tuple(field.name for field in fields(SetPoints))
 
 
-def meaningless(command: OperatorCommand) -> str:
+def command_fault(command: OperatorCommand) -> str:
     """Why an operator's command has no meaning; empty if it has.
 
     A value beyond a limit is no reason: the command is then followed up to that limit.
@@ -59,7 +59,7 @@ def requested_mode(command: OperatorCommand) -> RobotMode:
     return RobotMode(asked) if asked in permitted else RobotMode.STAND
 
 
-def commanded_by(command: OperatorCommand) -> SetPoints:
+def set_points_of(command: OperatorCommand) -> SetPoints:
     """The set-points that an operator's command asks for."""
     vx, vy, yaw_rate = float(command.vx), float(command.vy), float(command.yaw_rate)
     sagittal, lateral, pitch, roll = command.trims.tolist()
@@ -76,18 +76,18 @@ def commanded_by(command: OperatorCommand) -> SetPoints:
     )
 
 
-def agree(now: SetPoints, least: SetPoints) -> bool:
-    """Whether set-points have reached those of a mode, except height and speeds."""
+def have_same_posture(now: SetPoints, wanted: SetPoints) -> bool:
+    """Whether set-points have reached wanted ones, except height and speeds."""
     pairs = (
-        (now.roll, least.roll),
-        (now.pitch, least.pitch),
-        (now.com_x, least.com_x),
-        (now.com_y, least.com_y),
-        *zip(now.trims, least.trims, strict=True),
+        (now.roll, wanted.roll),
+        (now.pitch, wanted.pitch),
+        (now.com_x, wanted.com_x),
+        (now.com_y, wanted.com_y),
+        *zip(now.trims, wanted.trims, strict=True),
     )
-    return all(abs(now_ - least_) < _NEAR for now_, least_ in pairs)
+    return all(abs(value - goal) < _TOLERANCE for value, goal in pairs)
 
 
 def is_upright(now: SetPoints) -> bool:
     """Whether set-points have reached an upright torso."""
-    return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < _NEAR
+    return max(map(abs, (now.roll, now.pitch, *now.trims[2:]))) < _TOLERANCE
