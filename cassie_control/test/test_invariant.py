@@ -13,7 +13,7 @@ from robot_states import leg_joints
 from cassie_control.config import ControllerConfig, WalkConfig
 from cassie_control.estimator.choice import make_estimator
 from cassie_control.estimator.config import EstimatorConfig, FilterConfig
-from cassie_control.estimator.invariant import take_origin_along
+from cassie_control.estimator.invariant import move_origin
 from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
 
@@ -83,7 +83,7 @@ def test_its_origin_goes_along_unseen(walked_faithful):
         one, other = still.step(sample), moved.step(sample)
         for field in ("q", "v", "covariance"):
             assert getattr(other, field) == pytest.approx(getattr(one, field), rel=1e-6, abs=1e-9)
-        take_origin_along(moved._filter.records, 1e-3)
+        move_origin(moved._filter.records, 1e-3)
     assert np.any(moved._filter.origin)
 
 

@@ -16,10 +16,11 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import cross, is_within, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_FIRST_TIME, _SCALE_TIME = 0.4, 6.0  # s, time constant of `Body.scale`: at the start, at the end
-_CONTACT_TIME = 0.05  # s, time constant of `Body.carried`
-_STANDS = 0.6  # ratio of the springs' force to mass times felt acceleration: threshold of standing
-_LEAST_SCALE, _LARGEST_SCALE = 0.7, 1.4  # springs +-20 %, mass +-10 %
+_FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s, time constant of `Body.force_scale`
+_STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
+_STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
+_STANCE_SHARE = 0.5  # of time with standing, from which the forces are scaled
+_MIN_SCALE, _MAX_SCALE = 0.7, 1.4  # of the springs' force: springs +-20 %, mass +-10 %
 
 
 class Body(Record):
@@ -31,21 +32,21 @@ class Body(Record):
         period: Time between samples. In s.
         mass: Mass of the robot. In kg.
         pelvis_moment: Mass times centre of mass of the pelvis. In kg m.
-        imu: Position of the IMU in the pelvis. In m.
+        imu_position: Position of the IMU in the pelvis. In m.
         toe_torques: Torques of the toes in the last sample. In Nm.
         attitude: IMU to world, as measured by the IMU in the last sample.
-        arms: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
-        carried: Low-passed share of time in which the feet carried the robot.
-        scale: Factor on the forces of the legs' springs.
-        scale_time: Time constant of `scale`. In s.
-        ground: Height of the ground under the loaded feet. In m.
-        aloft: Time for which no foot has touched the ground. In s.
+        imu_to_soles: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
+        stance_share: Low-passed share of time in which the feet carried the robot.
+        force_scale: Factor on the forces of the legs' springs.
+        force_scale_time: Time constant of `force_scale`; it grows after the start. In s.
+        ground_height: Height of the ground under the loaded feet. In m.
+        airborne_time: Time for which no foot has touched the ground. In s.
     """
 
     period: float
     mass: float
     pelvis_moment: FloatArray = array(3)
-    imu: FloatArray = array(3)
+    imu_position: FloatArray = array(3)
     load_from: float
     load_span: float
     contact_force: float
@@ -53,75 +54,79 @@ class Body(Record):
     height_bandwidth: float
     toe_torques: FloatArray = array(2)
     attitude: FloatArray = array(3, 3)
-    arms: FloatArray = array(2, 3)
-    carried: float
-    scale: float
-    scale_time: float
-    ground: float
-    aloft: float
+    imu_to_soles: FloatArray = array(2, 3)
+    stance_share: float
+    force_scale: float
+    force_scale_time: float
+    ground_height: float
+    airborne_time: float
+
+
+_MAX_LOG_ODDS = 50.0  # against contact, so that the exponential does not overflow
+_MIN_COS_PITCH = 0.05  # at such a pitch the robot has fallen
 
 
 @compiled
-def read_legs(
-    samples: RecordArray, states: RecordArray, pairs: Records[LegPair], bodies: Records[Body]
+def update_legs(
+    samples: RecordArray, states: RecordArray, leg_pairs: Records[LegPair], bodies: Records[Body]
 ) -> None:
     """Joints, kinematics, forces and loads of the legs; and the sample's values in the state.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
-        pairs: Result, kinematics of both legs. Shape (1,).
+        leg_pairs: Result, kinematics of both legs. Shape (1,).
         bodies: Data of the robot; its values of the last sample are updated. Shape (1,).
     """
-    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
-    _pass_on(samples, states)
+    sample, state, legs, body = samples[0], states[0], leg_pairs[0], bodies[0]
+    _copy_from_sample(samples, states)
     joints, rates, up = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7), body.attitude[2]
-    _arrange_joints(sample, joints, rates, body)
+    _order_joints(sample, joints, rates, body)
     rotation_of(sample.orientation, body.attitude)
-    both_legs(joints, rates, body.toe_torques, up, pair)
+    both_legs(joints, rates, body.toe_torques, up, legs)
     for i in range(2):
         for k in range(3):
-            body.arms[i, k] = pair.states[i].foot[k] - body.imu[k]
-    _scale_forces(body, pair.forces, sample.linear_acceleration, state.foot_force)
-    _weigh_feet(body, state)
+            body.imu_to_soles[i, k] = legs.states[i].foot[k] - body.imu_position[k]
+    _scale_forces(body, legs.forces, sample.linear_acceleration, state.foot_force)
+    _update_foot_loads(body, state)
 
 
 @compiled
-def finish(state: RobotState, pair: LegPair, body: Body, rotation: FloatArray) -> None:
-    """Compute the Euler angles and the CoM from the estimated pelvis.
+def complete_state(state: RobotState, legs: LegPair, body: Body, rotation: FloatArray) -> None:
+    """Complete the state by the Euler angles and the CoM, from the estimated pelvis.
 
     Args:
         state: Has position, velocity and angular velocity; gets Euler angles, rates and CoM.
-        pair: Kinematics of both legs.
+        legs: Kinematics of both legs.
         body: Data of the robot.
         rotation: Pelvis to world. Shape (3, 3).
     """
     euler_angles(rotation, state.angular_velocity, state.q[3:6], state.v[3:6])
-    _place_com(state, pair, body, rotation)
+    _compute_com(state, legs, body, rotation)
 
 
 @compiled
-def _place_com(state: RobotState, pair: LegPair, body: Body, rotation: FloatArray) -> None:
+def _compute_com(state: RobotState, legs: LegPair, body: Body, rotation: FloatArray) -> None:
     """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame."""
-    left, right, mass = pair.states[0], pair.states[1], body.mass
+    left, right, mass = legs.states[0], legs.states[1], body.mass
     moment = plus(plus(body.pelvis_moment, left.com_moment), right.com_moment)
     com = (moment[0] / mass, moment[1] / mass, moment[2] / mass)
-    rate = plus(left.com_rate, right.com_rate)
-    drift = (rate[0] / mass, rate[1] / mass, rate[2] / mass)
-    drift = turned(rotation, plus(drift, cross(state.angular_velocity, com)))
+    moment_rate = plus(left.com_rate, right.com_rate)
+    velocity = (moment_rate[0] / mass, moment_rate[1] / mass, moment_rate[2] / mass)
+    velocity = turned(rotation, plus(velocity, cross(state.angular_velocity, com)))
     offset = turned(rotation, minus(com, times(0.5, plus(left.foot, right.foot))))
     c, s = math.cos(state.q[3]), math.sin(state.q[3])
-    vx, vy = state.v[0] + drift[0], state.v[1] + drift[1]
+    vx, vy = state.v[0] + velocity[0], state.v[1] + velocity[1]
     state.com_position[0] = c * offset[0] + s * offset[1]
     state.com_position[1] = c * offset[1] - s * offset[0]
     state.com_position[2] = offset[2]
     state.com_velocity[0] = c * vx + s * vy
     state.com_velocity[1] = c * vy - s * vx
-    state.com_velocity[2] = state.v[2] + drift[2]
+    state.com_velocity[2] = state.v[2] + velocity[2]
 
 
 @compiled
-def _pass_on(samples: RecordArray, states: RecordArray) -> None:
+def _copy_from_sample(samples: RecordArray, states: RecordArray) -> None:
     """Copy the values of the sample that the state repeats."""
     sample, state = samples[0], states[0]
     state.sec, state.nanosec = sample.sec, sample.nanosec
@@ -136,7 +141,7 @@ def _pass_on(samples: RecordArray, states: RecordArray) -> None:
 
 
 @compiled
-def _arrange_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: Body) -> None:
+def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: Body) -> None:
     """Measurements of drives and joints in the order along each leg.
 
     Args:
@@ -172,28 +177,30 @@ def _scale_forces(
         forces: Result. Shape (2,), in N.
     """
     period, mass, up = body.period, body.mass, body.attitude[2]
-    carried, felt = springs[0] + springs[1], 0.0
+    spring_force, apparent_weight = springs[0] + springs[1], 0.0
     for k in range(3):
-        felt += mass * up[k] * specific_force[k]
-    stands = 1.0 if carried > _STANDS * felt else 0.0  # else a gantry carries too
-    body.carried += period / _CONTACT_TIME * (stands - body.carried)
-    if body.carried > 0.5:
-        body.scale_time = min(_SCALE_TIME, body.scale_time + period)
-        missing = felt - body.scale * carried
-        body.scale += period / body.scale_time * missing / (mass * robot.GRAVITY)
-        body.scale = max(_LEAST_SCALE, min(_LARGEST_SCALE, body.scale))
+        apparent_weight += mass * up[k] * specific_force[k]
+    # Else a gantry carries the robot, too.
+    standing = 1.0 if spring_force > _STANCE_FORCE_RATIO * apparent_weight else 0.0
+    body.stance_share += period / _STANCE_TIME * (standing - body.stance_share)
+    if body.stance_share > _STANCE_SHARE:
+        body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)
+        error = apparent_weight - body.force_scale * spring_force
+        body.force_scale += period / body.force_scale_time * error / (mass * robot.GRAVITY)
+        body.force_scale = max(_MIN_SCALE, min(_MAX_SCALE, body.force_scale))
     for i in range(2):
-        forces[i] = body.scale * springs[i]
+        forces[i] = body.force_scale * springs[i]
 
 
 @compiled
-def _weigh_feet(body: Body, state: RobotState) -> None:
+def _update_foot_loads(body: Body, state: RobotState) -> None:
     """Load and probability of contact of each foot, from its force."""
     for i in range(2):
         force = state.foot_force[i]
         state.foot_load[i] = max(0.0, min(1.0, (force - body.load_from) / body.load_span))
-        odds = (body.contact_force - force) / body.contact_width
-        state.contact_probability[i] = 1.0 / (1.0 + math.exp(max(-50.0, min(50.0, odds))))
+        log_odds = (body.contact_force - force) / body.contact_width
+        log_odds = max(-_MAX_LOG_ODDS, min(_MAX_LOG_ODDS, log_odds))
+        state.contact_probability[i] = 1.0 / (1.0 + math.exp(log_odds))
 
 
 @compiled
@@ -230,19 +237,20 @@ def euler_angles(
             that it can be tracked and integrated. Shape (3,), in rad.
         rates: Result, their time derivatives. Shape (3,), in rad/s.
     """
-    sine = max(-1.0, min(1.0, -rotation[2, 0]))
+    sin_pitch = max(-1.0, min(1.0, -rotation[2, 0]))
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     angles[0] = yaw + 2.0 * math.pi * round((angles[0] - yaw) / (2.0 * math.pi))
-    angles[1] = math.asin(sine)
+    angles[1] = math.asin(sin_pitch)
     angles[2] = math.atan2(rotation[2, 1], rotation[2, 2])
     c_roll, s_roll = math.cos(angles[2]), math.sin(angles[2])
-    c_pitch = max(0.05, math.cos(angles[1]))  # at such a pitch the robot has fallen
-    turning = s_roll * angular_velocity[1] + c_roll * angular_velocity[2]
-    rates[0] = turning / c_pitch
+    c_pitch = max(_MIN_COS_PITCH, math.cos(angles[1]))
+    scaled_yaw_rate = s_roll * angular_velocity[1] + c_roll * angular_velocity[2]
+    rates[0] = scaled_yaw_rate / c_pitch
     rates[1] = c_roll * angular_velocity[1] - s_roll * angular_velocity[2]
-    rates[2] = angular_velocity[0] + turning * math.sin(angles[1]) / c_pitch
+    rates[2] = angular_velocity[0] + scaled_yaw_rate * math.sin(angles[1]) / c_pitch
 
 
+_LEAST_SQUARED_NORM, _LARGEST_SQUARED_NORM = 0.8, 1.2  # of the measured quaternion
 _CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "height_bandwidth")
 
 
@@ -265,7 +273,7 @@ class LegEstimator:
         self._feet: FloatArray = self._legs.records["states"]["foot"][0]
         self._body = Body(period=period, mass=robot.total_mass())
         self._body.pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
-        self._body.imu[:] = robot.IMU_POSITION
+        self._body.imu_position[:] = robot.IMU_POSITION
         self._body.attitude = np.eye(3)
         self._rotation = self._body.attitude
         self._configure(config)
@@ -298,8 +306,8 @@ class LegEstimator:
         """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         self._state.floats[:] = 0.0
         body = self._body
-        body.carried, body.scale, body.scale_time = 0.0, 1.0, _FIRST_TIME
-        body.ground = body.aloft = 0.0
+        body.stance_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
+        body.ground_height = body.airborne_time = 0.0
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest; horizontal position and yaw are kept."""
@@ -308,8 +316,8 @@ class LegEstimator:
         if math.isfinite(x + y + yaw):
             self._state.q[[0, 1, 3]] = x, y, yaw
 
-    def coast(self, blind: bool) -> None:
-        """Set whether the accelerometer is lost, so that samples have gravity in its place."""
+    def set_accelerometer_rejected(self, rejected: bool) -> None:
+        """Set whether the accelerometer is rejected, so that samples have gravity in its place."""
 
     def step(self, sensors: Sensors) -> RobotState:
         """Estimate from one sample.
@@ -322,11 +330,11 @@ class LegEstimator:
                 estimate is then not changed.
         """
         _check(sensors)
-        read_legs(sensors.record, self._state.record, self._legs.records, self._body.records)
-        self._move(sensors)
+        update_legs(sensors.record, self._state.record, self._legs.records, self._body.records)
+        self._estimate_pelvis(sensors)
         return self._state
 
-    def _move(self, sensors: Sensors) -> None:
+    def _estimate_pelvis(self, sensors: Sensors) -> None:
         """Estimate the pelvis, with its covariance, and the CoM."""
         raise NotImplementedError
 
@@ -336,17 +344,18 @@ class LegEstimator:
 
 
 @compiled
-def _square(quaternion: FloatArray) -> float:
-    w, x, y, z = quaternion
-    square: float = w * w + x * x + y * y + z * z
-    return square
+def _squared_norm(quaternion: FloatArray) -> float:
+    a, b, c, d = quaternion
+    squared_norm: float = a * a + b * b + c * c + d * d
+    return squared_norm
 
 
 def _check(sensors: Sensors) -> None:
+    """Raise an error for values that are not finite and for an orientation of wrong length."""
     if not is_within(sensors.floats, LARGEST):
         # Estimation does not need the battery gauge, so its failure is no error.
         check(sensors, "sensor", SensorError, unused=("battery",))
-    square = _square(sensors.orientation)
-    if not 0.8 < square < 1.2:
-        norm = math.sqrt(square)
+    squared_norm = _squared_norm(sensors.orientation)
+    if not _LEAST_SQUARED_NORM < squared_norm < _LARGEST_SQUARED_NORM:
+        norm = math.sqrt(squared_norm)
         raise SensorError(f"sensor orientation is a quaternion of length {norm:.3g}, must be 1")

@@ -21,5 +21,6 @@ def make_estimator(config: EstimatorConfig, period: float) -> LegEstimator:
         config: Parameters.
         period: Time between samples. In s.
     """
-    kind = InvariantEstimator if config.estimator == "invariant" else KinematicEstimator
-    return kind(config, period)
+    if config.estimator == "invariant":
+        return InvariantEstimator(config, period)
+    return KinematicEstimator(config, period)

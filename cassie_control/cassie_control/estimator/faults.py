@@ -506,7 +506,7 @@ class MonitoredEstimator:
             monitor.rested = False
             self.starts += 1
             core.restart()
-        core.coast(bool(monitor.mask >> channels.ACCELEROMETER & 7))
+        core.set_accelerometer_rejected(bool(monitor.mask >> channels.ACCELEROMETER & 7))
         state = core.step(sample)
         self._unanswered = 0
         push_of_legs(sample.drive_torque, state.foot_force, core.feet, self._push)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator.base import Body, LegEstimator, finish
+from cassie_control.estimator.base import Body, LegEstimator, complete_state
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -21,6 +21,10 @@ SIZE = 21
 and accelerometer bias, three of each."""
 
 _R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
+"""Indices of each part's first error."""
+
+_VELOCITY, _POSITION, _CONTACTS = 0, 1, 2
+"""Rows of `FilterState.vectors`; from `_CONTACTS` on the left and the right contact."""
 
 
 class FilterState(Record):
@@ -28,26 +32,26 @@ class FilterState(Record):
 
     Attributes:
         rotation: IMU to world.
-        points: Velocity of the IMU in the world; positions of IMU, left and right contact from
+        vectors: Velocity of the IMU in the world; positions of IMU, left and right contact from
             `origin`. In m/s and m.
         origin: Origin of the filter in the world. Shape (2,), in m.
         gyro_bias: Bias of the gyro. In rad/s.
         accelerometer_bias: Bias of the accelerometer. In m/s^2.
         covariance: Covariance of the errors.
-        soles: Orientation of each foot in the world at the last sample.
-        ground: Slope of the ground along the feet, positive if it rises ahead.
-        doubt: Doubt in each foot's contact, 0..1: 1 when it slips, then decaying.
+        sole_rotations: Orientation of each foot in the world at the last sample.
+        ground_slope: Slope of the ground along the feet, positive if it rises ahead.
+        slip: 1 for a foot whose contact slips, then decaying to 0.
     """
 
     rotation: FloatArray = array(3, 3)
-    points: FloatArray = array(4, 3)
+    vectors: FloatArray = array(4, 3)
     origin: FloatArray = array(2)
     gyro_bias: FloatArray = array(3)
     accelerometer_bias: FloatArray = array(3)
     covariance: FloatArray = array(SIZE, SIZE)
-    soles: FloatArray = array(2, 3, 3)
-    ground: float
-    doubt: FloatArray = array(2)
+    sole_rotations: FloatArray = array(2, 3, 3)
+    ground_slope: float
+    slip: FloatArray = array(2)
 
 
 class FilterNoise(Record):
@@ -66,15 +70,15 @@ class FilterNoise(Record):
         kinematics: Variance of a foot's position from the pelvis. In m^2.
         tilt: Variance of the IMU's own roll and pitch, as white noise. In rad^2.
         heading: Variance of the IMU's own yaw, as white noise. In rad^2.
-        hanging: Velocity variance of a robot that does not touch the ground. In (m/s)^2.
-        gate: Squared Mahalanobis distance beyond which a foot slips.
-        slip_decay: Factor on the doubt over one period.
+        hanging_velocity: Velocity variance of a robot that does not touch the ground. In (m/s)^2.
+        slip_gate: Squared Mahalanobis distance beyond which a foot slips.
+        slip_decay: Factor on `slip` over one period.
         attitude_delay: Delay of the IMU's orientation. In s.
         sole_radius: Radius of the sole's round edge. In m.
         sole_line: From the middle of the sole's centre line to its front, toe link. In m.
-        sole_flat: Height of a sole's end over the ground below which both ends touch. In m.
-        ground_time: Time constant with which a still foot shows the ground's slope. In s.
-        ground_still: Turn rate up to about which a foot counts as still. In rad/s.
+        flat_sole_height: Height of a sole's end over the ground below which both ends touch. In m.
+        slope_time: Time constant with which a still foot shows the ground's slope. In s.
+        still_rate: Turn rate up to about which a foot counts as still. In rad/s.
     """
 
     period: float
@@ -88,22 +92,26 @@ class FilterNoise(Record):
     kinematics: float
     tilt: float
     heading: float
-    hanging: float
-    gate: float
+    hanging_velocity: float
+    slip_gate: float
     slip_decay: float
     attitude_delay: float
     sole_radius: float
     sole_line: FloatArray = array(3)
-    sole_flat: float
-    ground_time: float
-    ground_still: float
+    flat_sole_height: float
+    slope_time: float
+    still_rate: float
+
+
+_SMALL_ANGLE = 1e-4  # rad
+_AIRBORNE_PROBABILITY = 0.5  # of contact, below which a foot is in the air
 
 
 @compiled
-def move(
+def estimate_pelvis(
     samples: RecordArray,
     states: RecordArray,
-    pairs: Records[LegPair],
+    leg_pairs: Records[LegPair],
     bodies: Records[Body],
     filters: Records[FilterState],
     noises: Records[FilterNoise],
@@ -113,17 +121,17 @@ def move(
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
-        pairs: Legs as `read_legs` left them. Shape (1,).
+        leg_pairs: Legs as `update_legs` left them. Shape (1,).
         bodies: Data of the robot; the ground's height follows the loaded feet. Shape (1,).
         filters: Changed in place. Shape (1,).
         noises: Parameters of the filter. Shape (1,).
     """
-    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
-    _step_filter(sample, state.contact_probability, pair, body, filters[0], noises[0])
-    take_origin_along(filters, _FARTHEST)
-    if not _read_pelvis(filters[0], noises[0], body, sample.angular_velocity, state):
+    sample, state, legs, body = samples[0], states[0], leg_pairs[0], bodies[0]
+    _step_filter(sample, state.contact_probability, legs, body, filters[0], noises[0])
+    move_origin(filters, _MAX_ORIGIN_DISTANCE)
+    if not _compute_pelvis(filters[0], noises[0], body, sample.angular_velocity, state):
         return False
-    finish(state, pair, body, filters[0].rotation)
+    complete_state(state, legs, body, filters[0].rotation)
     return True
 
 
@@ -131,7 +139,7 @@ def move(
 def _step_filter(
     sample: Sensors,
     contact: FloatArray,
-    pair: LegPair,
+    legs: LegPair,
     body: Body,
     state: FilterState,
     noise: FilterNoise,
@@ -141,21 +149,23 @@ def _step_filter(
     Args:
         sample: Means over the period, and the IMU's own orientation `attitude_delay` ago.
         contact: Probability of each foot's contact. Shape (2,).
-        pair, body, state, noise: See `move`.
+        legs, body, state, noise: See `estimate_pelvis`.
     """
     sole = np.empty((3, 3))
     _predict(state, noise, sample.angular_velocity, sample.linear_acceleration, contact)
     for i in range(2):
-        multiply(state.rotation, pair.states[i].foot_rotation, sole)
-        _roll(state, noise, i, sole, contact[i])
-        state.soles[i] = sole
-    _correct_by_feet(state, noise, body.arms)
+        multiply(state.rotation, legs.states[i].foot_rotation, sole)
+        _roll_contact(state, noise, i, sole, contact[i])
+        state.sole_rotations[i] = sole
+    _correct_by_feet(state, noise, body.imu_to_soles)
     correction = np.zeros(SIZE)
     _correct_by_attitude(state, noise, body.attitude, sample.angular_velocity, correction)
-    touching = max(contact[0], contact[1])
-    if touching < 0.5:
-        _correct_by_hanging(state, noise.hanging / (1.0 - touching) ** 2, correction)
-    _apply(state, noise, correction)
+    contact_probability = max(contact[0], contact[1])
+    if contact_probability < _AIRBORNE_PROBABILITY:
+        _correct_hanging_velocity(
+            state, noise.hanging_velocity / (1.0 - contact_probability) ** 2, correction
+        )
+    _correct_state(state, noise, correction)
 
 
 @compiled
@@ -163,7 +173,7 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
     """Rotation by a vector, and the left Jacobian of SO(3) there. In rad."""
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
-    if angle < 1e-4:
+    if angle < _SMALL_ANGLE:  # first terms of the series
         a, b, c = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     else:
         a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
@@ -172,9 +182,9 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
     for i in range(3):
         for j in range(3):
             outer = w[i] * w[j]
-            same = 1.0 if i == j else 0.0
-            rotation[i, j] = (1.0 - b * square) * same + b * outer
-            jacobian[i, j] = (1.0 - c * square) * same + c * outer
+            identity = 1.0 if i == j else 0.0
+            rotation[i, j] = (1.0 - b * square) * identity + b * outer
+            jacobian[i, j] = (1.0 - c * square) * identity + c * outer
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         rotation[k, j] += a * w[i]
@@ -184,7 +194,7 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
 
 
 @compiled
-def small_turn(before: FloatArray, after: FloatArray) -> Vector:
+def small_rotation(before: FloatArray, after: FloatArray) -> Vector:
     """Rotation vector between two near orientations (3, 3): skew part of after before^T."""
     x = y = z = 0.0
     for c in range(3):
@@ -220,9 +230,9 @@ def _predict(
         dt * (angular_velocity[1] - bias[1]),
         dt * (angular_velocity[2] - bias[2]),
     )
-    _grow(state, noise, contact)
-    turn, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    exponential(w[0], w[1], w[2], turn, jacobian)
+    _predict_covariance(state, noise, contact)
+    rotation, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    exponential(w[0], w[1], w[2], rotation, jacobian)
     bias = state.accelerometer_bias
     force = (
         specific_force[0] - bias[0],
@@ -230,44 +240,46 @@ def _predict(
         specific_force[2] - bias[2],
     )
     force = turned(state.rotation, turned(jacobian, force))
-    velocity, position = state.points[0], state.points[1]
+    velocity, position = state.vectors[_VELOCITY], state.vectors[_POSITION]
     for k in range(3):
         a = force[k] - (robot.GRAVITY if k == 2 else 0.0)
         position[k] += dt * (velocity[k] + 0.5 * dt * a)
         velocity[k] += dt * a
-    multiply(state.rotation, turn, new)
+    multiply(state.rotation, rotation, new)
     state.rotation[:] = new
 
 
 @compiled
-def _roll(state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, contact: float) -> None:
+def _roll_contact(
+    state: FilterState, noise: FilterNoise, i: int, sole: FloatArray, contact: float
+) -> None:
     """Move the contact point of a foot that rolled on the ground without slipping.
 
     A sole that is not parallel to the ground stands on one end of its centre line, and on its round
     edge. The middle of the line, the contact point, moves by turn x (radius up - end).
     """
-    turn = small_turn(state.soles[i], sole)
+    rotation = small_rotation(state.sole_rotations[i], sole)
     line = turned(sole, noise.sole_line)
-    rise = line[2] - state.ground * math.hypot(line[0], line[1])
-    side = max(-1.0, min(1.0, -rise / noise.sole_flat))
-    arm = (-side * line[0], -side * line[1], noise.sole_radius - side * line[2])
-    moved = cross(turn, arm)
+    rise = line[2] - state.ground_slope * math.hypot(line[0], line[1])
+    end = max(-1.0, min(1.0, -rise / noise.flat_sole_height))
+    arm = (-end * line[0], -end * line[1], noise.sole_radius - end * line[2])
+    moved = cross(rotation, arm)
     for k in range(3):
-        state.points[2 + i, k] += moved[k]
-    rate = math.hypot(turn[0], turn[1]) / (noise.period * noise.ground_still)
-    share = contact**4 * noise.period / noise.ground_time / (1.0 + rate * rate)
-    state.ground += share * (rise / math.hypot(line[0], line[1]))
+        state.vectors[_CONTACTS + i, k] += moved[k]
+    relative_rate = math.hypot(rotation[0], rotation[1]) / (noise.period * noise.still_rate)
+    gain = contact**4 * noise.period / noise.slope_time / (1.0 + relative_rate * relative_rate)
+    state.ground_slope += gain * (rise / math.hypot(line[0], line[1]))
 
 
 @compiled
-def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
+def _predict_covariance(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
     """Covariance over one period: P = F P F^T + Q with F = 1 + A dt.
 
     No correction removes the asymmetry P - P^T by rounding, and F integrates it three times.
     """
     P = state.covariance
-    _flow(state, noise.period, P)
-    _flow(state, noise.period, P.T)
+    _apply_transition(state, noise.period, P)
+    _apply_transition(state, noise.period, P.T)
     _add_noise(state, noise, contact)
     for i in range(SIZE):
         for j in range(i):
@@ -275,7 +287,7 @@ def _grow(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
 
 
 @compiled
-def _flow(state: FilterState, dt: float, P: FloatArray) -> None:
+def _apply_transition(state: FilterState, dt: float, P: FloatArray) -> None:
     """P <- F P; the order of the rows is such that each one uses old values of the others."""
     R = state.rotation
     for j in range(SIZE):
@@ -286,9 +298,9 @@ def _flow(state: FilterState, dt: float, P: FloatArray) -> None:
         P[_V, j] += dt * robot.GRAVITY * P[_R + 1, j]
         P[_V + 1, j] -= dt * robot.GRAVITY * P[_R, j]
         for i in range(4):
-            swept = cross(state.points[i], gyro)
+            shift = cross(state.vectors[i], gyro)
             for k in range(3):
-                P[_V + 3 * i + k, j] -= swept[k]
+                P[_V + 3 * i + k, j] -= shift[k]
         for k in range(3):
             P[_V + k, j] -= force[k]
             P[_R + k, j] -= gyro[k]
@@ -298,26 +310,26 @@ def _flow(state: FilterState, dt: float, P: FloatArray) -> None:
 def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
     """Q of one period: the gyro's noise sweeps all vectors about the world's origin."""
     P, dt = state.covariance, noise.period
-    sweep = np.zeros((15, 3))
+    sweep = np.zeros((_BG, 3))
     for k in range(3):
         sweep[k, k] = 1.0
     for i in range(4):
-        x, y, z = state.points[i, 0], state.points[i, 1], state.points[i, 2]
-        at = _V + 3 * i
-        sweep[at, 1], sweep[at, 2] = -z, y
-        sweep[at + 1, 0], sweep[at + 1, 2] = z, -x
-        sweep[at + 2, 0], sweep[at + 2, 1] = -y, x
+        x, y, z = state.vectors[i, 0], state.vectors[i, 1], state.vectors[i, 2]
+        first = _V + 3 * i
+        sweep[first, 1], sweep[first, 2] = -z, y
+        sweep[first + 1, 0], sweep[first + 1, 2] = z, -x
+        sweep[first + 2, 0], sweep[first + 2, 1] = -y, x
     gyro = dt * noise.gyro
-    for i in range(15):
-        for j in range(15):
+    for i in range(_BG):
+        for j in range(_BG):
             P[i, j] += gyro * (
                 sweep[i, 0] * sweep[j, 0] + sweep[i, 1] * sweep[j, 1] + sweep[i, 2] * sweep[j, 2]
             )
     for i in range(2):
-        firm = contact[i] * (1.0 - state.doubt[i])
-        moves = dt * noise.stance**firm * noise.swing ** (1.0 - firm)
+        stance = contact[i] * (1.0 - state.slip[i])
+        variance = dt * noise.stance**stance * noise.swing ** (1.0 - stance)
         for k in range(3):
-            P[_D + 3 * i + k, _D + 3 * i + k] += moves
+            P[_D + 3 * i + k, _D + 3 * i + k] += variance
     for k in range(3):
         P[_V + k, _V + k] += dt * noise.accelerometer
         P[_BG + k, _BG + k] += dt * noise.gyro_bias
@@ -328,37 +340,45 @@ def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> N
 def _correct_by_feet(state: FilterState, noise: FilterNoise, feet: FloatArray) -> None:
     """z = R h + p - d of each foot."""
     P = state.covariance
-    correction, gain, z = np.zeros(SIZE), np.empty(SIZE), np.empty((2, 3))
+    correction, HP, z = np.zeros(SIZE), np.empty(SIZE), np.empty((2, 3))
     for i in range(2):
         arm = turned(state.rotation, feet[i])
         for k in range(3):
-            z[i, k] = arm[k] + state.points[1, k] - state.points[2 + i, k]
-        _let_slip(state, noise, i, z[i])
+            z[i, k] = arm[k] + state.vectors[_POSITION, k] - state.vectors[_CONTACTS + i, k]
+        _detect_slip(state, noise, i, z[i])
     for i in range(2):
         for k in range(3):
             p, d = _P + k, _D + 3 * i + k
             for j in range(SIZE):
-                gain[j] = P[d, j] - P[p, j]
-            rest = z[i, k] - correction[d] + correction[p]
-            _take(P, gain, gain[d] - gain[p] + noise.kinematics, rest, correction)
-    _apply(state, noise, correction)
+                HP[j] = P[d, j] - P[p, j]
+            innovation = z[i, k] - correction[d] + correction[p]
+            _update(P, HP, HP[d] - HP[p] + noise.kinematics, innovation, correction)
+    _correct_state(state, noise, correction)
 
 
 @compiled
-def _take(
-    P: FloatArray, gain: FloatArray, variance: float, rest: float, correction: FloatArray
+def _update(
+    P: FloatArray, HP: FloatArray, variance: float, innovation: float, correction: FloatArray
 ) -> None:
-    """Update with one scalar measurement: `gain` is H P, `rest` the remaining innovation."""
+    """Update covariance and correction with one scalar measurement.
+
+    Args:
+        P: Covariance; changed in place.
+        HP: Product of the measurement's row H and P. Shape (21,).
+        variance: Variance of the innovation, H P H^T plus noise.
+        innovation: Innovation less the part that `correction` explains already.
+        correction: Correction by the measurements so far; changed in place. Shape (21,).
+    """
     scale = 1.0 / variance
     for i in range(SIZE):
-        share = scale * gain[i]
-        correction[i] += share * rest
+        gain = scale * HP[i]
+        correction[i] += gain * innovation
         for j in range(SIZE):
-            P[i, j] -= share * gain[j]
+            P[i, j] -= gain * HP[j]
 
 
 @compiled
-def _let_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> None:
+def _detect_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> None:
     """Raise the contact's covariance where the innovation is an outlier for a still foot."""
     P, d = state.covariance, _D + 3 * i
     S = np.empty((3, 3))
@@ -368,41 +388,41 @@ def _let_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> 
         S[a, a] += noise.kinematics
     x, y, w = cross(S[1], S[2]), cross(S[2], S[0]), cross(S[0], S[1])
     determinant = S[0, 0] * x[0] + S[0, 1] * x[1] + S[0, 2] * x[2]
-    square = 0.0
+    squared_distance = 0.0
     for k in range(3):
-        square += z[k] * (x[k] * z[0] + y[k] * z[1] + w[k] * z[2])
-    square /= determinant
-    state.doubt[i] *= noise.slip_decay
-    if square > noise.gate:
-        state.doubt[i] = 1.0
+        squared_distance += z[k] * (x[k] * z[0] + y[k] * z[1] + w[k] * z[2])
+    squared_distance /= determinant
+    state.slip[i] *= noise.slip_decay
+    if squared_distance > noise.slip_gate:
+        state.slip[i] = 1.0
         for k in range(3):
             P[d + k, d + k] += noise.period * noise.swing
 
 
 @compiled
-def _apply(state: FilterState, noise: FilterNoise, correction: FloatArray) -> None:
+def _correct_state(state: FilterState, noise: FilterNoise, correction: FloatArray) -> None:
     """X <- exp(correction) X, biases added.
 
     The gyro's bias saturates: on a vehicle that accelerates it would absorb the contradiction of
     IMU and resting feet.
     """
-    turn, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    exponential(correction[0], correction[1], correction[2], turn, jacobian)
-    multiply(turn, state.rotation, new)
+    rotation, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    exponential(correction[0], correction[1], correction[2], rotation, jacobian)
+    multiply(rotation, state.rotation, new)
     state.rotation[:] = new
     for i in range(4):
-        moved = turned(turn, state.points[i])
+        moved = turned(rotation, state.vectors[i])
         shift = turned(jacobian, correction[_V + 3 * i : _V + 3 * i + 3])
         for k in range(3):
-            state.points[i, k] = moved[k] + shift[k]
+            state.vectors[i, k] = moved[k] + shift[k]
     for k in range(3):
-        most, bias = noise.largest_gyro_bias, state.gyro_bias[k] + correction[_BG + k]
-        state.gyro_bias[k] = max(-most, min(most, bias))
+        largest, bias = noise.largest_gyro_bias, state.gyro_bias[k] + correction[_BG + k]
+        state.gyro_bias[k] = max(-largest, min(largest, bias))
         state.accelerometer_bias[k] += correction[_BA + k]
 
 
 @compiled
-def take_origin_along(filters: Records[FilterState], farthest: float) -> None:
+def move_origin(filters: Records[FilterState], farthest: float) -> None:
     """Move the filter's origin o to the IMU, once the IMU is far from it.
 
     The distance of foot and pelvis is a small difference of large numbers where both are far from
@@ -414,27 +434,27 @@ def take_origin_along(filters: Records[FilterState], farthest: float) -> None:
         farthest: Distance from the origin at which it moves. In m.
     """
     state = filters[0]
-    position, P = state.points[1], state.covariance
+    position, P = state.vectors[_POSITION], state.covariance
     if abs(position[0]) + abs(position[1]) < farthest:
         return
     x, y = position[0], position[1]
-    for i in range(1, 4):
-        state.points[i, 0] -= x
-        state.points[i, 1] -= y
+    for i in range(_POSITION, len(state.vectors)):
+        state.vectors[i, 0] -= x
+        state.vectors[i, 1] -= y
     state.origin[0] += x
     state.origin[1] += y
-    _shift(P, x, y)
-    _shift(P.T, x, y)
+    _shift_rows(P, x, y)
+    _shift_rows(P.T, x, y)
 
 
 @compiled
-def _shift(P: FloatArray, x: float, y: float) -> None:
+def _shift_rows(P: FloatArray, x: float, y: float) -> None:
     """Move rows of the covariance, or of its transpose, to a new origin: position and contacts."""
     for j in range(SIZE):
-        across = (-P[_R + 2, j] * y, P[_R + 2, j] * x, P[_R, j] * y - P[_R + 1, j] * x)
+        shift = (-P[_R + 2, j] * y, P[_R + 2, j] * x, P[_R, j] * y - P[_R + 1, j] * x)
         for i in range(3):
             for k in range(3):
-                P[_P + 3 * i + k, j] += across[k]
+                P[_P + 3 * i + k, j] += shift[k]
 
 
 @compiled
@@ -447,28 +467,28 @@ def _correct_by_attitude(
 ) -> None:
     """z = Log(R_imu exp(delay rate) R^T), from its skew part."""
     P, R = state.covariance, state.rotation
-    turn, late, gain = small_turn(R, measured), turned(R, rate), np.empty(SIZE)
+    rotation, rate_W, HP = small_rotation(R, measured), turned(R, rate), np.empty(SIZE)
     for k in range(3):
-        z = turn[k] + noise.attitude_delay * late[k]
+        z = rotation[k] + noise.attitude_delay * rate_W[k]
         for j in range(SIZE):
-            gain[j] = P[k, j]
-        r = noise.heading if k == 2 else noise.tilt
-        _take(P, gain, gain[k] + r, z - correction[k], correction)
+            HP[j] = P[k, j]
+        variance = noise.heading if k == 2 else noise.tilt
+        _update(P, HP, HP[k] + variance, z - correction[k], correction)
 
 
 @compiled
-def _correct_by_hanging(state: FilterState, variance: float, correction: FloatArray) -> None:
+def _correct_hanging_velocity(state: FilterState, variance: float, correction: FloatArray) -> None:
     """z = -v: a robot that hangs for long is at rest; too weak to matter between two steps."""
-    P, gain = state.covariance, np.empty(SIZE)
+    P, HP = state.covariance, np.empty(SIZE)
     for k in range(3):
         for j in range(SIZE):
-            gain[j] = P[_V + k, j]
-        rest = -state.points[0, k] - correction[_V + k]
-        _take(P, gain, gain[_V + k] + variance, rest, correction)
+            HP[j] = P[_V + k, j]
+        innovation = -state.vectors[_VELOCITY, k] - correction[_V + k]
+        _update(P, HP, HP[_V + k] + variance, innovation, correction)
 
 
 @compiled
-def _read_pelvis(
+def _compute_pelvis(
     estimate: FilterState,
     noise: FilterNoise,
     body: Body,
@@ -478,65 +498,99 @@ def _read_pelvis(
     """Compute the pelvis from the filter's IMU; False where the filter has diverged.
 
     Args:
-        estimate, noise, body: See `move`.
+        estimate, noise, body: See `estimate_pelvis`.
         angular_velocity: Measured. Shape (3,), in rad/s.
-        state: Gets angular velocity less its bias, position with the height above `body.ground`,
-            velocity, covariance.
+        state: Gets angular velocity less its bias, position with the height above
+            `body.ground_height`, velocity, covariance.
     """
-    P, R, points = estimate.covariance, estimate.rotation, estimate.points
-    rate, load, covariance = state.angular_velocity, state.foot_load, state.covariance
+    P, R, vectors = estimate.covariance, estimate.rotation, estimate.vectors
+    rate, covariance = state.angular_velocity, state.covariance
     for k in range(3):
         rate[k] = angular_velocity[k] - estimate.gyro_bias[k]
-    swept, arm = turned(R, cross(rate, body.imu)), turned(R, body.imu)
-    total = load[0] + load[1]
-    touching = 0 if state.contact_probability[0] > state.contact_probability[1] else 1
-    if state.contact_probability[touching] < 0.5:
-        body.aloft += noise.period
-    elif body.aloft < _ALOFT or total >= 1.0:
-        body.aloft = 0.0
-    else:  # put down on other ground, until the feet carry the robot
-        body.ground = points[2 + touching, 2] - noise.sole_radius
-    if total > 0.0:
-        sole = (load[0] * points[2, 2] + load[1] * points[3, 2]) / total
-        follow = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total) * noise.period)
-        body.ground += follow * (sole - noise.sole_radius - body.ground)
+    imu_velocity = turned(R, cross(rate, body.imu_position))  # relative to the pelvis
+    imu_position = turned(R, body.imu_position)
+    _update_ground_height(vectors, noise, state, body)
     for k in range(3):
-        state.v[k] = points[0, k] - swept[k]
-        state.q[k] = points[1, k] - arm[k] + (estimate.origin[k] if k < 2 else -body.ground)
-        covariance[k] = _point_variance(P, points[1], _P, k)
-        covariance[6 + k] = _point_variance(P, points[0], _V, k)
+        origin = estimate.origin[k] if k < 2 else -body.ground_height
+        state.v[k] = vectors[_VELOCITY, k] - imu_velocity[k]
+        state.q[k] = vectors[_POSITION, k] - imu_position[k] + origin
+        covariance[k] = _vector_variance(P, vectors[_POSITION], _P, k)
+        covariance[6 + k] = _vector_variance(P, vectors[_VELOCITY], _V, k)
         covariance[9 + k] = P[_BG + k, _BG + k] + noise.gyro / noise.period
     heading = math.hypot(R[0, 0], R[1, 0])
     c, s = (R[0, 0] / heading, R[1, 0] / heading) if heading > 0.0 else (1.0, 0.0)
     covariance[3] = P[2, 2]
     covariance[4] = s * s * P[0, 0] + c * c * P[1, 1] - 2.0 * s * c * P[0, 1]
     covariance[5] = c * c * P[0, 0] + s * s * P[1, 1] + 2.0 * s * c * P[0, 1]
-    total = R.sum() + points.sum() + estimate.accelerometer_bias.sum()
-    sound = math.isfinite(total + estimate.ground)
-    for k in range(len(P)):
-        sound = sound and 0.0 < P[k, k] < math.inf  # NaN compares false
-    return sound
+    return _is_finite(estimate)
 
 
 @compiled
-def _point_variance(P: FloatArray, point: FloatArray, at: int, k: int) -> float:
-    """Variance of one coordinate k of a point: error of the filter plus xi_R x point."""
+def _update_ground_height(
+    vectors: FloatArray, noise: FilterNoise, state: RobotState, body: Body
+) -> None:
+    """Let the ground's height follow the loaded feet, or the first touch after a time in the air.
+
+    Args:
+        vectors: See `FilterState`.
+        noise: Parameters of the filter.
+        state: Has the feet's loads and contact probabilities.
+        body: Its `ground_height` and `airborne_time` are updated.
+    """
+    load, contact = state.foot_load, state.contact_probability
+    total_load = load[0] + load[1]
+    touching = 0 if contact[0] > contact[1] else 1
+    if contact[touching] < _AIRBORNE_PROBABILITY:
+        body.airborne_time += noise.period
+    elif body.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
+        body.airborne_time = 0.0
+    else:  # put down on other ground, until the feet carry the robot
+        body.ground_height = vectors[_CONTACTS + touching, 2] - noise.sole_radius
+    if total_load > 0.0:
+        left, right = vectors[_CONTACTS, 2], vectors[_CONTACTS + 1, 2]
+        sole = (load[0] * left + load[1] * right) / total_load
+        gain = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total_load) * noise.period)
+        body.ground_height += gain * (sole - noise.sole_radius - body.ground_height)
+
+
+@compiled
+def _is_finite(estimate: FilterState) -> bool:
+    """Whether the filter's state is finite and its variances are positive."""
+    total = estimate.rotation.sum() + estimate.vectors.sum() + estimate.accelerometer_bias.sum()
+    finite = math.isfinite(total + estimate.ground_slope)
+    for k in range(SIZE):
+        finite = finite and 0.0 < estimate.covariance[k, k] < math.inf  # NaN compares false
+    return finite
+
+
+@compiled
+def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> float:
+    """Variance of coordinate k of one of `FilterState.vectors`.
+
+    The vector's error is that of the filter plus xi_R x vector.
+
+    Args:
+        P: Covariance of the filter's errors.
+        vector: Velocity or position.
+        first: Index of its first error.
+        k: Coordinate.
+    """
     i, j = (k + 1) % 3, (k + 2) % 3
-    a, b = point[j], -point[i]
-    value: float = P[at + k, at + k] + 2.0 * (a * P[at + k, i] + b * P[at + k, j])
-    value += a * a * P[i, i] + b * b * P[j, j] + 2.0 * a * b * P[i, j]
-    return value
+    a, b = vector[j], -vector[i]
+    variance: float = P[first + k, first + k] + 2.0 * (a * P[first + k, i] + b * P[first + k, j])
+    variance += a * a * P[i, i] + b * b * P[j, j] + 2.0 * a * b * P[i, j]
+    return variance
 
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, correlation time of this speed
-_WALKING_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
-_FARTHEST = 10.0  # m, of the IMU from the filter's origin
-_ALOFT = 1.0  # s without contact, after which the robot may stand on other ground
-_SOLE_FLAT = 0.002  # m
-_GROUND_TIME = 0.1  # s
-_GROUND_STILL = 0.3  # rad/s
-_START = (
+_REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
+_MAX_ORIGIN_DISTANCE = 10.0  # m, of the IMU from the filter's origin
+_NEW_GROUND_TIME = 1.0  # s without contact, after which the robot may stand on other ground
+_FLAT_SOLE_HEIGHT = 0.002  # m
+_SLOPE_TIME = 0.1  # s
+_STILL_RATE = 0.3  # rad/s
+_FIRST_DEVIATION = (
     (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
     (0.1, 0.1, 0.1),  # m/s
     (1e-4, 1e-4, 1e-4),  # m
@@ -587,7 +641,7 @@ class InvariantEstimator(LegEstimator):
     def __init__(self, config: EstimatorConfig, period: float) -> None:
         self._filter = FilterState()
         self._noise = FilterNoise()
-        self._blind = False
+        self._accelerometer_rejected = False
         super().__init__(config, period)
         self._rotation = self._filter.rotation
         self.reset()
@@ -602,18 +656,18 @@ class InvariantEstimator(LegEstimator):
         self._filter.clear()
         self._started = False
 
-    def coast(self, blind: bool) -> None:
-        """Set whether the accelerometer is lost, so that samples have gravity in its place."""
-        if blind is not self._blind:
-            self._blind = blind
+    def set_accelerometer_rejected(self, rejected: bool) -> None:
+        """Set whether the accelerometer is rejected, so that samples have gravity in its place."""
+        if rejected is not self._accelerometer_rejected:
+            self._accelerometer_rejected = rejected
             self._set_noise()
 
-    def _move(self, sensors: Sensors) -> None:
+    def _estimate_pelvis(self, sensors: Sensors) -> None:
         if not self._started:
             self._start()
         state, legs = self._state.record, self._legs.records
         body, noise = self._body.records, self._noise.records
-        if not move(sensors.record, state, legs, body, self._filter.records, noise):
+        if not estimate_pelvis(sensors.record, state, legs, body, self._filter.records, noise):
             self.restart()
             raise SensorError("the filter has diverged: the estimate begins anew")
 
@@ -621,22 +675,25 @@ class InvariantEstimator(LegEstimator):
         """Begin at rest with the IMU's orientation, the lower sole on the ground."""
         self._started = True
         start, body = self._filter, self._body
-        R, points = body.attitude, start.points
+        R, vectors = body.attitude, start.vectors
         start.rotation = R
-        points[1] = R @ body.imu
-        points[1, 2] += self._first_height()
+        vectors[_POSITION] = R @ body.imu_position
+        vectors[_POSITION, 2] += self._first_height()
         start.origin[:] = self._state.q[:2]
         for i in range(2):
-            points[2 + i] = points[1] + R @ body.arms[i]
-            start.soles[i] = R @ self._legs.states[i].foot_rotation
-        start.covariance = np.diag(np.square(np.ravel(_START)))
+            vectors[_CONTACTS + i] = vectors[_POSITION] + R @ body.imu_to_soles[i]
+            start.sole_rotations[i] = R @ self._legs.states[i].foot_rotation
+        start.covariance = np.diag(np.square(np.ravel(_FIRST_DEVIATION)))
 
     def _set_noise(self) -> None:
         c, noise, period = self._config.filter, self._noise, self._period
         persistent = 2.0 * c.error_time / period
         noise.period = period
         noise.gyro = c.gyro_noise**2
-        noise.accelerometer = (_WALKING_NOISE if self._blind else c.accelerometer_noise) ** 2
+        if self._accelerometer_rejected:
+            noise.accelerometer = _REJECTED_ACCELEROMETER_NOISE**2
+        else:
+            noise.accelerometer = c.accelerometer_noise**2
         noise.gyro_bias = c.gyro_drift**2
         noise.largest_gyro_bias = c.gyro_bias
         noise.accelerometer_bias = c.accelerometer_drift**2
@@ -645,13 +702,13 @@ class InvariantEstimator(LegEstimator):
         noise.kinematics = c.kinematics_noise**2
         noise.tilt = c.tilt_error**2 * persistent
         noise.heading = c.heading_error**2 * persistent
-        noise.hanging = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
-        noise.gate = c.slip_gate**2
+        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
+        noise.slip_gate = c.slip_gate**2
         noise.slip_decay = math.exp(-period / c.slip_time)
         noise.attitude_delay = c.attitude_delay
         noise.sole_radius = robot.SOLE_RADIUS
         front, back = np.array(robot.FOOT_CONTACTS)
         noise.sole_line = 0.5 * (front - back)
-        noise.sole_flat = _SOLE_FLAT
-        noise.ground_time = _GROUND_TIME
-        noise.ground_still = _GROUND_STILL
+        noise.flat_sole_height = _FLAT_SOLE_HEIGHT
+        noise.slope_time = _SLOPE_TIME
+        noise.still_rate = _STILL_RATE

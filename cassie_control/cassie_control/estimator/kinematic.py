@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.estimator.base import Body, LegEstimator, finish
+from cassie_control.estimator.base import Body, LegEstimator, complete_state
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -15,8 +15,10 @@ from cassie_msgs.layout import RobotState, Sensors
 
 _YAW_VARIANCE, _TILT_VARIANCE = 0.01, math.radians(0.35) ** 2  # rad^2
 _RATE_VARIANCE = math.radians(0.1) ** 2  # (rad/s)^2
-_HANGING_LEAK = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
-_ACCELERATION_VARIANCE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
+_HANGING_DECAY = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
+_ACCELERATION_NOISE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
+_CORRELATED_NOISE_RATIO = 0.1  # of the legs' velocity: its variance stays above half of this
+_VELOCITY_CORRELATION_TIME = 0.1  # s, of the velocity's error
 
 
 class VelocityFilter(Record):
@@ -38,10 +40,10 @@ class VelocityFilter(Record):
 
 
 @compiled
-def move(
+def estimate_pelvis(
     samples: RecordArray,
     states: RecordArray,
-    pairs: Records[LegPair],
+    leg_pairs: Records[LegPair],
     bodies: Records[Body],
     filters: Records[VelocityFilter],
 ) -> None:
@@ -50,82 +52,97 @@ def move(
     Args:
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
-        pairs: Legs as `read_legs` left them. Shape (1,).
+        leg_pairs: Legs as `update_legs` left them. Shape (1,).
         bodies: Data of the robot. Shape (1,).
         filters: Changed in place. Shape (1,).
     """
-    sample, state, pair, body = samples[0], states[0], pairs[0], bodies[0]
-    estimate = filters[0]
+    sample, state, legs, body = samples[0], states[0], leg_pairs[0], bodies[0]
+    velocity_filter = filters[0]
     state.angular_velocity[:] = sample.angular_velocity
-    _fuse_velocity(sample.linear_acceleration, state, pair, body, estimate)
+    _fuse_velocity(sample.linear_acceleration, state, legs, body, velocity_filter)
     for k in range(3):
-        state.covariance[k] = estimate.position_variance
+        state.covariance[k] = velocity_filter.position_variance
         state.covariance[3 + k] = _YAW_VARIANCE if k == 0 else _TILT_VARIANCE
-        state.covariance[6 + k] = estimate.velocity_variance
+        state.covariance[6 + k] = velocity_filter.velocity_variance
         state.covariance[9 + k] = _RATE_VARIANCE
-    finish(state, pair, body, body.attitude)
+    complete_state(state, legs, body, body.attitude)
 
 
 @compiled
 def _fuse_velocity(
     specific_force: FloatArray,
     state: RobotState,
-    pair: LegPair,
+    legs: LegPair,
     body: Body,
-    estimate: VelocityFilter,
+    velocity_filter: VelocityFilter,
 ) -> None:
     """Predict the pelvis's velocity with the accelerometer, correct it with the loaded feet.
 
     Args:
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
         state: Has angular velocity and loads; gets velocity and position.
-        pair, body, estimate: See `move`.
+        legs, body, velocity_filter: See `estimate_pelvis`.
     """
     R, omega, load, period = body.attitude, state.angular_velocity, state.foot_load, body.period
-    total = load[0] + load[1]
-    share = min(1.0, total)
-    gain = 1.0 - math.exp(-estimate.bandwidth * share * period)
-    arm, force = turned(R, cross(omega, body.imu)), turned(R, specific_force)
+    total_load = load[0] + load[1]
+    confidence = min(1.0, total_load)
+    gain = 1.0 - math.exp(-velocity_filter.bandwidth * confidence * period)
+    imu_velocity, force = turned(R, cross(omega, body.imu_position)), turned(R, specific_force)
     for k in range(3):
-        estimate.velocity[k] += period * force[k]
-    estimate.velocity[2] -= period * robot.GRAVITY
-    if total > 0.0:
-        measured = plus(turned(R, _still_velocity(omega, load, total, pair)), arm)
+        velocity_filter.velocity[k] += period * force[k]
+    velocity_filter.velocity[2] -= period * robot.GRAVITY
+    if total_load > 0.0:
+        by_legs = turned(R, _velocity_by_legs(omega, load, total_load, legs))
+        measured = plus(by_legs, imu_velocity)
         for k in range(3):
-            estimate.velocity[k] += gain * (measured[k] - estimate.velocity[k])
+            velocity_filter.velocity[k] += gain * (measured[k] - velocity_filter.velocity[k])
     else:
         for k in range(3):
-            estimate.velocity[k] *= 1.0 - _HANGING_LEAK * period
+            velocity_filter.velocity[k] *= 1.0 - _HANGING_DECAY * period
     for k in range(3):
-        state.v[k] = estimate.velocity[k] - arm[k]
+        state.v[k] = velocity_filter.velocity[k] - imu_velocity[k]
         state.q[k] += period * state.v[k]
-    if total > 0.0:
-        follow = 1.0 - math.exp(-body.height_bandwidth * share * period)
-        state.q[2] += follow * (_standing_height(R, load, total, pair) - state.q[2])
-    noise = estimate.noise * estimate.noise
-    variance = (1.0 - gain) ** 2 * (estimate.velocity_variance + _ACCELERATION_VARIANCE * period)
-    estimate.velocity_variance = variance + (gain * gain * noise + gain * 0.1 * noise)
-    estimate.position_variance += estimate.velocity_variance * period * 0.1
+    if total_load > 0.0:
+        height_gain = 1.0 - math.exp(-body.height_bandwidth * confidence * period)
+        state.q[2] += height_gain * (_height_by_legs(R, load, total_load, legs) - state.q[2])
+    _update_variances(velocity_filter, gain, period)
 
 
 @compiled
-def _still_velocity(omega: FloatArray, load: FloatArray, total: float, pair: LegPair) -> Vector:
+def _update_variances(velocity_filter: VelocityFilter, gain: float, period: float) -> None:
+    """Variances of velocity and position after one prediction and correction."""
+    noise = velocity_filter.noise * velocity_filter.noise
+    predicted = velocity_filter.velocity_variance + _ACCELERATION_NOISE * period
+    variance = (1.0 - gain) ** 2 * predicted
+    added = gain * gain * noise + gain * _CORRELATED_NOISE_RATIO * noise
+    velocity_filter.velocity_variance = variance + added
+    velocity_filter.position_variance += (
+        velocity_filter.velocity_variance * period * _VELOCITY_CORRELATION_TIME
+    )
+
+
+@compiled
+def _velocity_by_legs(
+    omega: FloatArray, load: FloatArray, total_load: float, legs: LegPair
+) -> Vector:
     """Pelvis velocity, in the pelvis frame, at which the loaded feet stand still."""
     velocity = (0.0, 0.0, 0.0)
     for i in range(2):
-        leg = pair.states[i]
-        moved = plus(leg.foot_velocity, cross(omega, leg.foot))
-        velocity = minus(velocity, times(load[i] / total, moved))
+        leg = legs.states[i]
+        foot_velocity = plus(leg.foot_velocity, cross(omega, leg.foot))
+        velocity = minus(velocity, times(load[i] / total_load, foot_velocity))
     return velocity
 
 
 @compiled
-def _standing_height(rotation: FloatArray, load: FloatArray, total: float, pair: LegPair) -> float:
+def _height_by_legs(
+    rotation: FloatArray, load: FloatArray, total_load: float, legs: LegPair
+) -> float:
     """Pelvis height at which the loaded feet are on the ground."""
     height = 0.0
     for i in range(2):
-        below = turned(rotation, pair.states[i].foot)[2]
-        height += load[i] / total * (robot.SOLE_RADIUS - below)
+        foot_height = turned(rotation, legs.states[i].foot)[2]
+        height += load[i] / total_load * (robot.SOLE_RADIUS - foot_height)
     return height
 
 
@@ -159,9 +176,11 @@ class KinematicEstimator(LegEstimator):
         self._filter.velocity_variance, self._filter.position_variance = 1.0, 0.0
         self._started = False
 
-    def _move(self, sensors: Sensors) -> None:
+    def _estimate_pelvis(self, sensors: Sensors) -> None:
         state, legs = self._state, self._legs.records
         if not self._started:
             state.q[2] = self._first_height()
             self._started = True
-        move(sensors.record, state.record, legs, self._body.records, self._filter.records)
+        estimate_pelvis(
+            sensors.record, state.record, legs, self._body.records, self._filter.records
+        )
