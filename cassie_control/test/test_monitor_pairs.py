@@ -16,9 +16,9 @@ from cassie_control.estimator.pairs import (
     Pair,
     PairLimits,
     V,
-    look_at_pair,
+    check_pair,
+    initialise_pair,
     set_pair_limits,
-    start_pair,
     velocity_response,
 )
 from cassie_gaits.robot import DRIVE_VELOCITY_FILTER, ENCODER_RATE, JOINT_VELOCITY_FILTER
@@ -98,9 +98,9 @@ def rejections(jerk: float, back: float, duration: float, late: float, spike: fl
     for tick, (p, v) in enumerate(zip(position[::4], velocity[::4], strict=True)):
         pairs["position"], pairs["velocity"] = p, v
         if tick == 0:
-            start_pair(pairs[0])
-        look_at_pair(pairs[0], limits[4], tick, 0.0)
-        rejected |= pairs["bad"][0] > 0.0
+            initialise_pair(pairs[0])
+        check_pair(pairs[0], limits[4], tick, 0.0)
+        rejected |= pairs["rejected_for"][0] > 0.0
     return rejected[P], rejected[V]
 
 
@@ -211,13 +211,13 @@ def test_however_it_walks_the_right_one_is_named_in_time(ahead, what):
 def test_the_filters_of_velocities_are_expected(noise, filters, rate):
     """An even motion is expected as it is; legs that ring on their springs to a few percent.
 
-    Cut off after 18 ms the joints' answer was 3 % more: a toe that turned at 8 rad/s was taken for
-    a late one. The drives' filter was not expected: ringing at 45 Hz was taken for faults.
+    Cut off after 18 ms the joints' response was 3 % more: a toe that turned at 8 rad/s was taken
+    for a late one. The drives' filter was not expected: ringing at 45 Hz was taken for faults.
     """
     forward, back = filters if len(filters) == 2 else (*filters, ())
-    answer = velocity_response(1.0 / rate, noise, *filters)
+    weights = velocity_response(1.0 / rate, noise, *filters)
     gain = -(np.arange(len(forward)) @ forward) / (1.0 + sum(back)) / ENCODER_RATE
-    assert answer.sum() == pytest.approx(gain, abs=1e-5)
+    assert weights.sum() == pytest.approx(gain, abs=1e-5)
 
     def position(t):
         return 0.03 * np.sin(2.0 * np.pi * 45.0 * t)
@@ -230,6 +230,6 @@ def test_the_filters_of_velocities_are_expected(noise, filters, rate):
     every = round(ENCODER_RATE / rate)
     steps, v = np.diff(position(t[::every])), velocity[::every]
     turns = 0.5 / rate * (v[1:] + v[:-1])
-    expected = np.convolve(steps, answer)[: len(steps)]
+    expected = np.convolve(steps, weights)[: len(steps)]
     error = np.abs(expected - turns)[len(turns) // 2 :].max()
     assert error < (0.04 if rate > 250 else 0.06) * np.abs(turns).max()

@@ -7,41 +7,55 @@ import math
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, IntArray, Record, array, whole
-from cassie_gaits.vectors import cross, dot, minus
-
-_KEPT = 192  # ticks of expected acceleration: more than the longest of `DELAYS` at 2 kHz
+from cassie_gaits.vectors import Vector, cross, dot, minus
 
 DELAYS = (0.02, 0.03, 0.04)
 """Delays that are tested; delays close to one of these fit it better than no delay. In s."""
 
-_SPIKE_TIME, _SPIKES = 0.04, 3.0  # s, time constant; decaying count that bouncing soles stay below
-_SHOCK = 0.05  # ratio to a spike: sum of the other two axes from which it is a shock to the robot
-_FROZEN = 0.016  # s for which a noisy signal does not keep its bits; a delay begins with a freeze
-_FAST, _SLOW = 0.003, 0.02  # s, time constants of the band-pass before the comparison
+_HISTORY_TICKS = 192  # in `Accelerometer.expected_history`: above the longest of `DELAYS` at 2 kHz
+
+_MEASURED, _EXPECTED, _ANGULAR = 0, 1, 2  # signals of `Accelerometer.low_passed`
+_FAST, _SLOW = 0, 1  # its low-passes; their difference is the band-passed signal
+_FAST_TIME, _SLOW_TIME = 0.003, 0.02  # s, their time constants
+
+_SPIKE_TIME = 0.04  # s, time constant of `Accelerometer.spike_counts`
+_SPIKE_COUNT_LIMIT = 3.0  # bouncing soles stay below it
+_SHOCK_RATIO = 0.05  # of the other two axes' sum to a spike, from which the robot has a shock
+_FROZEN_TIME = 0.016  # s for which a noisy signal does not keep its bits; a delay begins like this
+
+_STANCE_FORCE_RATIO = 0.5  # of the feet's force to the weight: threshold of standing
+_STANCE_TIME = 0.3  # s, time constant of `Accelerometer.stance_share`
+_STANCE_SHARE = 0.75  # of time with standing, from which the expected acceleration is known
+
 _POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
-_CARRIED, _CARRIED_TIME, _CARRIED_SHARE = 0.5, 0.3, 0.75  # of the weight; s; of that time
-_UNSURE, _NOISE = 0.5, 0.4  # share of the expected power, and (m/s^2)^2: square of one misfit
-_NORMAL = 0.1  # misfits by which a delay must fit better
-_DOUBT = 2.0  # weight of the misfit that a delay leaves: an external push fits neither hypothesis
-_LARGEST = 2.0  # ratio to `AccelerometerLimits.late`: saturation of `Accelerometer.late`
-_NEAREST = 0.005  # s, spacing of the delays that are tested for a blow
-# A blow fits each delay worse than so many misfits; time in s for which the legs' response to the
-# blow may look like a delay.
-_BLOW, _BLOW_TIME = 4.0, 0.1
+_MODEL_ERROR = 0.5  # share of the expected power: variance of the model's error
+_NOISE_VARIANCE = 0.4  # (m/s^2)^2
+_ALLOWANCE = 0.1  # normalised squared residuals by which a delay must fit better
+_DELAY_ERROR_WEIGHT = 2.0  # of the residual that a delay leaves: a push fits neither hypothesis
+_SATURATION_RATIO = 2.0  # to `AccelerometerLimits.delay_sum`: saturation of each cumulative sum
+
+_IMPACT_RESIDUAL = 4.0  # normalised squared residual of every delay, from which it is an impact
+_IMPACT_DELAY_STEP = 0.005  # s, between the delays that are tested for an impact
+_IMPACT_TIME = 0.1  # s for which the legs' response to an impact may look like a delay
+
 _LOAD_TIME = 5.0  # s, time constant with which the estimate of a load is forgotten
-_NO_LOAD = 5.0  # s/m^2, prior information that there is no load: that of some 15 ms of walking
+_NO_LOAD_PRIOR = 5.0  # s/m^2, information that there is no load: that of some 15 ms of walking
 
 # Coefficients of the pelvis's acceleration, rows forward, sideways and up: the left leg's force
 # times its lean forward and sideways, the force (1/kg), torques of hip pitch, knee (1/(kg m)), ...
-_FORCES = (
+_FORCE_COEFFICIENTS = (
     (0.0411, 0.0, 0.0082, 0.0, -0.0254),
     (0.0, 0.0342, 0.0, 0.0, 0.0),
     (0.0, 0.0, 0.0339, -0.0611, -0.0152),
 )
 # ... the angular accelerations of its hip roll, yaw and pitch, and those of the pelvis (m).
-_DRIVES = ((0.0, 0.0065, -0.0145), (-0.0321, 0.0, 0.0), (0.0, 0.0, -0.0084))
-_PELVIS = ((0.0, -0.0267, 0.0), (0.0454, 0.0, 0.0443), (0.0, 0.0, 0.0))
-_LEAST_HEIGHT = 0.4  # m
+_HIP_COEFFICIENTS = ((0.0, 0.0065, -0.0145), (-0.0321, 0.0, 0.0), (0.0, 0.0, -0.0084))
+_PELVIS_COEFFICIENTS = ((0.0, -0.0267, 0.0), (0.0454, 0.0, 0.0443), (0.0, 0.0, 0.0))
+_MIN_HEIGHT = 0.4  # m
+
+_LEG_DRIVES, _HIP_PITCH, _KNEE = 5, 2, 3  # number of a leg's drives; indices among them
+_GYRO = 10  # index of the gyro's first axis in `Accelerometer.velocities`
+_SIDEWAYS = 1  # axis of the pelvis
 
 
 class Accelerometer(Record):
@@ -49,36 +63,38 @@ class Accelerometer(Record):
 
     Attributes:
         measured: Last measurements, newest first. In m/s^2.
-        same: Ticks for which the axis has had the same bits.
-        spikes: Decaying count of spikes.
-        smooth: Signals after a fast and a slow low-pass: measured, expected, and the pelvis's
+        unchanged_ticks: Ticks for which the axis has had the same bits.
+        spike_counts: Decaying count of spikes.
+        low_passed: Signals after a fast and a slow low-pass: measured, expected, and the pelvis's
             angular acceleration. In m/s^2 and rad/s^2.
         load: Position of a load on the pelvis times its share of the moved mass. In m.
-        evidence: Information matrix of `load`, and its product with `load`. In s/m^2 and s/m.
-        expected: Ring buffer of the band-passed expected acceleration. In m/s^2.
+        information: Information matrix of `load`. In s/m^2.
+        weighted_load: Product of `information` and `load`. In s/m.
+        expected_history: Ring buffer of the band-passed expected acceleration. In m/s^2.
         power: Low-passed square of the band-passed expected acceleration. In (m/s^2)^2.
-        late: Time for which the axis fitted each of `DELAYS` better than none. In s.
-        bad: Remaining time for which the axis is rejected. In s.
-        carried: Low-passed share of time in which the feet carried the robot.
-        blow: Remaining time for which the response to a blow may last. In s.
+        delay_sums: Time for which the axis fitted each of `DELAYS` better than none. In s.
+        rejected_for: Remaining time for which the axis is rejected. In s.
+        stance_share: Low-passed share of time in which the feet carried the robot.
+        impact_time: Remaining time for which the response to an impact may last. In s.
         velocities: Velocities of the ten drives and the gyro's three axes, newest first. In rad/s.
-        now: Expected acceleration. In m/s^2.
+        expected: Expected acceleration. In m/s^2.
     """
 
     measured: FloatArray = array(3, 3)
-    same: IntArray = whole(3)
-    spikes: FloatArray = array(3)
-    smooth: FloatArray = array(6, 3)
+    unchanged_ticks: IntArray = whole(3)
+    spike_counts: FloatArray = array(3)
+    low_passed: FloatArray = array(3, 2, 3)
     load: FloatArray = array(3)
-    evidence: FloatArray = array(4, 3)
-    expected: FloatArray = array(_KEPT, 3)
+    information: FloatArray = array(3, 3)
+    weighted_load: FloatArray = array(3)
+    expected_history: FloatArray = array(_HISTORY_TICKS, 3)
     power: FloatArray = array(3)
-    late: FloatArray = array(len(DELAYS), 3)
-    bad: FloatArray = array(3)
-    carried: float
-    blow: float
+    delay_sums: FloatArray = array(len(DELAYS), 3)
+    rejected_for: FloatArray = array(3)
+    stance_share: float
+    impact_time: float
     velocities: FloatArray = array(3, 13)
-    now: FloatArray = array(3)
+    expected: FloatArray = array(3)
 
 
 class AccelerometerLimits(Record):
@@ -86,153 +102,191 @@ class AccelerometerLimits(Record):
 
     Attributes:
         period: Time between samples. In s.
-        hold: Time for which an axis stays rejected after its last fault. In s.
-        largest: Largest acceleration. In m/s^2.
+        hold_time: Time for which an axis stays rejected after its last fault. In s.
+        acceleration: Largest acceleration. In m/s^2.
         spike: Threshold of a spike. In m/s^2.
-        late: Time for which a late axis fits one of `DELAYS` better than none. In s.
+        delay_sum: Threshold of the cumulative sums from which an axis is delayed. In s.
         weight: Weight of the robot. In N.
     """
 
     period: float
-    hold: float
-    largest: float
+    hold_time: float
+    acceleration: float
     spike: float
-    late: float
+    delay_sum: float
     weight: float
 
-    def __init__(self, period: float, hold: float) -> None:
-        """Limits of the nominal robot, at a period between samples in s and a hold in s."""
-        limits = {"largest": 300.0, "spike": 6.0, "late": 0.019}
-        super().__init__(period, hold, weight=robot.WEIGHT, **limits)
+    def __init__(self, period: float, hold_time: float) -> None:
+        """Limits of the nominal robot, at a period between samples and a hold time in s."""
+        limits = {"acceleration": 300.0, "spike": 6.0, "delay_sum": 0.019}
+        super().__init__(period, hold_time, weight=robot.WEIGHT, **limits)
 
 
 @compiled
-def push_of_legs(
-    torques: FloatArray, forces: FloatArray, feet: FloatArray, expected: FloatArray
+def acceleration_by_legs(
+    torques: FloatArray, forces: FloatArray, feet: FloatArray, acceleration: FloatArray
 ) -> None:
     """Acceleration that the legs' forces and the drives' torques give the pelvis.
 
     A leg's force points along the leg; hip and knee transmit it to the pelvis. The part that
-    accelerates the legs themselves is not included, see `expect_acceleration`.
+    accelerates the legs themselves is not included, see `predict_acceleration`.
 
     Args:
         torques: Torques of the ten drives. Shape (10,), in Nm.
         forces: Forces of the feet. Shape (2,), in N.
         feet: Middle of each sole in the pelvis frame. Shape (2, 3), in m.
-        expected: Result, pelvis frame. Shape (3,), in m/s^2.
+        acceleration: Result, pelvis frame. Shape (3,), in m/s^2.
     """
     for k in range(3):
-        expected[k] = 0.0
+        acceleration[k] = 0.0
     for i in range(2):
         side = 1.0 if i == 0 else -1.0  # the right leg is the mirror image of the left
-        lean = forces[i] / min(feet[i, 2], -_LEAST_HEIGHT)
-        pitch, knee = torques[5 * i + 2], torques[5 * i + 3]
-        causes = lean * feet[i, 0], side * lean * feet[i, 1], forces[i], pitch, knee
+        lean = forces[i] / min(feet[i, 2], -_MIN_HEIGHT)
+        hip_pitch, knee = torques[_LEG_DRIVES * i + _HIP_PITCH], torques[_LEG_DRIVES * i + _KNEE]
+        causes = lean * feet[i, 0], side * lean * feet[i, 1], forces[i], hip_pitch, knee
         for j in range(5):
-            expected[0] += _FORCES[0][j] * causes[j]
-            expected[1] += side * _FORCES[1][j] * causes[j]
-            expected[2] += _FORCES[2][j] * causes[j]
+            acceleration[0] += _FORCE_COEFFICIENTS[0][j] * causes[j]
+            acceleration[1] += side * _FORCE_COEFFICIENTS[1][j] * causes[j]
+            acceleration[2] += _FORCE_COEFFICIENTS[2][j] * causes[j]
 
 
 @compiled
-def expect_acceleration(axes: Accelerometer, push: FloatArray, period: float) -> None:
+def predict_acceleration(accelerometer: Accelerometer, by_legs: FloatArray, period: float) -> None:
     """Acceleration that the accelerometer must have measured one sample ago, without constants.
 
-    Newton's law: the legs' forces on the pelvis (`push_of_legs`), less the part that accelerates
-    the legs, plus the pelvis's angular acceleration times the IMU's offset from its middle. The
-    coefficients were fitted to walks; they hold for changes within a step (8 to 50 Hz). They
-    explain 84 to 95 % of the variance of these changes forward, 96 to 97 % sideways and 93 to 99 %
-    up. This holds in four walks that they were not fitted to: a slow one, and random sticks with
-    two libraries, up to a fall.
+    Newton's law: the legs' forces on the pelvis (`acceleration_by_legs`), less the part that
+    accelerates the legs, plus the pelvis's angular acceleration times the IMU's offset from its
+    middle. The coefficients were fitted to walks; they hold for changes within a step (8 to 50 Hz).
+    They explain 84 to 95 % of the variance of these changes forward, 96 to 97 % sideways and 93 to
+    99 % up. This holds in four walks that they were not fitted to: a slow one, and random sticks
+    with two libraries, up to a fall.
 
     Args:
-        axes: `velocities` are of this sample and of two before; `now` is the result.
-        push: Acceleration one sample ago from `push_of_legs`. Shape (3,), in m/s^2.
+        accelerometer: `velocities` are of this sample and of two before; `expected` is the result.
+        by_legs: Acceleration one sample ago from `acceleration_by_legs`. Shape (3,), in m/s^2.
         period: Time between samples. In s.
     """
-    v, per_time = axes.velocities, 0.5 / period
+    v, per_time, right_leg = accelerometer.velocities, 0.5 / period, _LEG_DRIVES
     for k in range(3):
-        axes.now[k] = push[k]
+        accelerometer.expected[k] = by_legs[k]
         for j in range(3):
-            right = v[0, 5 + j] - v[2, 5 + j]
-            if j < 2:
-                right = -right  # of roll and yaw
+            right = v[0, right_leg + j] - v[2, right_leg + j]
+            if j != _HIP_PITCH:
+                right = -right  # roll and yaw of the right leg are mirrored
             left = v[0, j] - v[2, j]
-            both = left - right if k == 1 else left + right
-            axes.now[k] += _DRIVES[k][j] * per_time * both
-            axes.now[k] += _PELVIS[k][j] * per_time * (v[0, 10 + j] - v[2, 10 + j])
+            hips = left - right if k == _SIDEWAYS else left + right
+            pelvis = v[0, _GYRO + j] - v[2, _GYRO + j]
+            accelerometer.expected[k] += _HIP_COEFFICIENTS[k][j] * per_time * hips
+            accelerometer.expected[k] += _PELVIS_COEFFICIENTS[k][j] * per_time * pelvis
 
 
 @compiled
-def look_at_acceleration(
-    axes: Accelerometer,
-    limit: AccelerometerLimits,
+def check_accelerometer(
+    accelerometer: Accelerometer,
+    limits: AccelerometerLimits,
     ticks: int,
     force: float,
-    trusted: bool,
+    others_accepted: bool,
 ) -> None:
     """Check the accelerometer's samples, and compare that of one sample ago with the expected one.
 
     Args:
-        axes: Changed in place.
-        limit: Limits of a healthy accelerometer.
+        accelerometer: Changed in place.
+        limits: Limits of a healthy accelerometer.
         ticks: Ticks since the start.
         force: Sum of both feet's forces. In N.
-        trusted: Whether all sensors behind the expected acceleration are accepted.
+        others_accepted: Whether all sensors behind the expected acceleration are accepted.
     """
-    dt, a = limit.period, axes.measured
-    stands = 1.0 if force > _CARRIED * limit.weight else 0.0
-    axes.blow = max(0.0, axes.blow - dt)
-    axes.carried += (1.0 - math.exp(-dt / _CARRIED_TIME)) * (stands - axes.carried)
+    dt = limits.period
+    standing = 1.0 if force > _STANCE_FORCE_RATIO * limits.weight else 0.0
+    accelerometer.impact_time = max(0.0, accelerometer.impact_time - dt)
+    gain = 1.0 - math.exp(-dt / _STANCE_TIME)
+    accelerometer.stance_share += gain * (standing - accelerometer.stance_share)
     # The expected acceleration is wrong in a gantry, and with sensors that fail.
-    known = trusted and axes.carried > _CARRIED_SHARE
-    _smooth(axes, dt, ticks)
-    healthy = known
+    expected_known = others_accepted and accelerometer.stance_share > _STANCE_SHARE
+    _update_low_passed(accelerometer, dt, ticks)
+    all_accepted = expected_known
     for k in range(3):
-        axes.bad[k] = max(0.0, axes.bad[k] - dt)
-        axes.same[k] = axes.same[k] + 1 if a[0, k] == a[1, k] else 0
-        axes.spikes[k] *= math.exp(-dt / _SPIKE_TIME)
-        out = abs(a[1, k] - 0.5 * (a[0, k] + a[2, k]))
-        # A step, as where a push begins or ends, is no spike.
-        if out > max(limit.spike, abs(a[0, k] - a[2, k])) and _alone(a, k, out):
-            axes.spikes[k] += 1.0
-        wrong = not abs(a[0, k]) <= limit.largest
-        wrong = wrong or dt * axes.same[k] > _FROZEN - 0.5 * dt
-        wrong = wrong or axes.spikes[k] > _SPIKES
-        late = _late(axes, limit, ticks, k)
-        if not known:
-            axes.late[:, k] = 0.0
-        if wrong or (late and known):
-            axes.bad[k] = limit.hold
-        healthy = healthy and axes.bad[k] == 0.0
-    if healthy:
-        _weigh(axes, dt)
+        accelerometer.rejected_for[k] = max(0.0, accelerometer.rejected_for[k] - dt)
+        faulty = _violates_limits(accelerometer, limits, k)
+        delayed = _is_delayed(accelerometer, limits, ticks, k)
+        if not expected_known:
+            accelerometer.delay_sums[:, k] = 0.0
+        if faulty or (delayed and expected_known):
+            accelerometer.rejected_for[k] = limits.hold_time
+        all_accepted = all_accepted and accelerometer.rejected_for[k] == 0.0
+    if all_accepted:
+        _estimate_load(accelerometer, dt)
 
 
 @compiled
-def _smooth(axes: Accelerometer, dt: float, ticks: int) -> None:
-    """Update `smooth` with the signals of one sample ago."""
-    a, now, v = axes.measured, axes.now, axes.velocities
+def _violates_limits(accelerometer: Accelerometer, limits: AccelerometerLimits, k: int) -> bool:
+    """Whether axis k is out of range, is frozen or has spikes."""
+    dt, a = limits.period, accelerometer.measured
+    unchanged_ticks, spike_counts = accelerometer.unchanged_ticks, accelerometer.spike_counts
+    unchanged_ticks[k] = unchanged_ticks[k] + 1 if a[0, k] == a[1, k] else 0
+    spike_counts[k] *= math.exp(-dt / _SPIKE_TIME)
+    deviation = _deviation(a, k)
+    # A step, as where a push begins or ends, is no spike.
+    threshold = max(limits.spike, abs(a[0, k] - a[2, k]))
+    if deviation > threshold and _is_on_one_axis(a, k, deviation):
+        spike_counts[k] += 1.0
+    out_of_range = not abs(a[0, k]) <= limits.acceleration  # NaN compares false
+    frozen = dt * unchanged_ticks[k] > _FROZEN_TIME - 0.5 * dt
+    return out_of_range or frozen or spike_counts[k] > _SPIKE_COUNT_LIMIT
+
+
+@compiled
+def _deviation(a: FloatArray, k: int) -> float:
+    """Deviation of axis k, one sample ago, from the line of its neighbours, in m/s^2."""
+    deviation: float = abs(a[1, k] - 0.5 * (a[0, k] + a[2, k]))
+    return deviation
+
+
+@compiled
+def _is_on_one_axis(a: FloatArray, k: int, deviation: float) -> bool:
+    """Whether axis k deviates from the line of its neighbours and the other two axes do not."""
+    others = 0.0
+    for i in range(3):
+        if i != k and math.isfinite(a[0, i] + a[1, i] + a[2, i]):
+            others += _deviation(a, i)
+    return others < _SHOCK_RATIO * deviation
+
+
+@compiled
+def _update_low_passed(accelerometer: Accelerometer, dt: float, ticks: int) -> None:
+    """Update `low_passed` with the signals of one sample ago."""
+    a, expected, v = accelerometer.measured, accelerometer.expected, accelerometer.velocities
+    low_passed = accelerometer.low_passed
     for k in range(3):
         if ticks == 0:
-            axes.smooth[:4, k] = a[1, k], a[1, k], now[k], now[k]
-        latest = a[1, k], now[k], 0.5 / dt * (v[0, 10 + k] - v[2, 10 + k])
-        for j in range(3):
-            fast, slow = axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k]
-            fast += (1.0 - math.exp(-dt / _FAST)) * (latest[j] - fast)
-            slow += (1.0 - math.exp(-dt / _SLOW)) * (fast - slow)
-            axes.smooth[2 * j, k], axes.smooth[2 * j + 1, k] = fast, slow
+            low_passed[_MEASURED, _FAST, k] = low_passed[_MEASURED, _SLOW, k] = a[1, k]
+            low_passed[_EXPECTED, _FAST, k] = low_passed[_EXPECTED, _SLOW, k] = expected[k]
+        angular = 0.5 / dt * (v[0, _GYRO + k] - v[2, _GYRO + k])
+        latest = a[1, k], expected[k], angular
+        for signal in range(3):
+            fast, slow = low_passed[signal, _FAST, k], low_passed[signal, _SLOW, k]
+            fast += (1.0 - math.exp(-dt / _FAST_TIME)) * (latest[signal] - fast)
+            slow += (1.0 - math.exp(-dt / _SLOW_TIME)) * (fast - slow)
+            low_passed[signal, _FAST, k], low_passed[signal, _SLOW, k] = fast, slow
 
 
 @compiled
-def _changes(axes: Accelerometer, j: int) -> tuple[float, float, float]:
-    """Band-passed acceleration: measured (0), expected (1), or the pelvis's angular one (2)."""
-    fast, slow = axes.smooth[2 * j], axes.smooth[2 * j + 1]
+def _band_passed(accelerometer: Accelerometer, signal: int) -> Vector:
+    """Band-passed acceleration: `_MEASURED`, `_EXPECTED`, or the pelvis's `_ANGULAR` one."""
+    fast, slow = accelerometer.low_passed[signal, _FAST], accelerometer.low_passed[signal, _SLOW]
     return fast[0] - slow[0], fast[1] - slow[1], fast[2] - slow[2]
 
 
 @compiled
-def _weigh(axes: Accelerometer, dt: float) -> None:
+def _residual_variance(accelerometer: Accelerometer, k: int) -> float:
+    """Variance of the residual of a healthy axis k, in (m/s^2)^2."""
+    variance: float = _MODEL_ERROR * accelerometer.power[k] + _NOISE_VARIANCE
+    return variance
+
+
+@compiled
+def _estimate_load(accelerometer: Accelerometer, dt: float) -> None:
     """Estimate where a load is fixed to the pelvis, by recursive least squares.
 
     A mass m at r from the IMU has the pelvis's acceleration a and turns with the pelvis. M is the
@@ -243,79 +297,91 @@ def _weigh(axes: Accelerometer, dt: float) -> None:
 
     The first factor only scales the expected acceleration; no delay is inferred from the scale.
     """
-    measured, expected, turning = _changes(axes, 0), _changes(axes, 1), _changes(axes, 2)
-    left = minus(measured, expected)
-    keep = 1.0 - dt / _LOAD_TIME
-    for i in range(4):
-        for k in range(3):
-            axes.evidence[i, k] *= keep
+    measured = _band_passed(accelerometer, _MEASURED)
+    expected = _band_passed(accelerometer, _EXPECTED)
+    angular = _band_passed(accelerometer, _ANGULAR)
+    residual = minus(measured, expected)
+    information, weighted_load = accelerometer.information, accelerometer.weighted_load
+    forgetting = 1.0 - dt / _LOAD_TIME
     for k in range(3):
-        row = _turning_with(turning, k)
-        weight = dt / (_UNSURE * axes.power[k] + _NOISE)
+        for i in range(3):
+            information[i, k] *= forgetting
+        weighted_load[k] *= forgetting
+    for k in range(3):
+        row = _load_jacobian_row(angular, k)
+        weight = dt / _residual_variance(accelerometer, k)
         for i in range(3):
             for j in range(3):
-                axes.evidence[i, j] += weight * row[i] * row[j]
-            axes.evidence[3, i] += weight * row[i] * left[k]
-    x = axes.evidence[0, 0] + _NO_LOAD, axes.evidence[0, 1], axes.evidence[0, 2]
-    y = axes.evidence[1, 0], axes.evidence[1, 1] + _NO_LOAD, axes.evidence[1, 2]
-    z = axes.evidence[2, 0], axes.evidence[2, 1], axes.evidence[2, 2] + _NO_LOAD
+                information[i, j] += weight * row[i] * row[j]
+            weighted_load[i] += weight * row[i] * residual[k]
+    # Cramer's rule.
+    x = information[0, 0] + _NO_LOAD_PRIOR, information[0, 1], information[0, 2]
+    y = information[1, 0], information[1, 1] + _NO_LOAD_PRIOR, information[1, 2]
+    z = information[2, 0], information[2, 1], information[2, 2] + _NO_LOAD_PRIOR
     yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)
-    told, whole = axes.evidence[3], dot(x, yz)
+    b, determinant = weighted_load, dot(x, yz)
     for k in range(3):
-        axes.load[k] = (told[0] * yz[k] + told[1] * zx[k] + told[2] * xy[k]) / whole
+        accelerometer.load[k] = (b[0] * yz[k] + b[1] * zx[k] + b[2] * xy[k]) / determinant
 
 
 @compiled
-def _turning_with(turning: tuple[float, float, float], k: int) -> tuple[float, float, float]:
+def _load_jacobian_row(angular: Vector, k: int) -> Vector:
     """Derivatives of -w' x load, the acceleration along axis k, by the load's coordinates."""
     if k == 0:
-        return 0.0, turning[2], -turning[1]
+        return 0.0, angular[2], -angular[1]
     if k == 1:
-        return -turning[2], 0.0, turning[0]
-    return turning[1], -turning[0], 0.0
+        return -angular[2], 0.0, angular[0]
+    return angular[1], -angular[0], 0.0
 
 
 @compiled
-def _alone(a: FloatArray, k: int, out: float) -> bool:
-    """Whether axis k is off the line of its neighbour samples and the other two axes are not."""
-    others = 0.0
-    for i in range(3):
-        if i != k and math.isfinite(a[0, i] + a[1, i] + a[2, i]):
-            others += abs(a[1, i] - 0.5 * (a[0, i] + a[2, i]))
-    return others < _SHOCK * out
+def _is_delayed(
+    accelerometer: Accelerometer, limits: AccelerometerLimits, ticks: int, k: int
+) -> bool:
+    """Whether axis k, by enough evidence, follows the expected acceleration with a delay.
 
-
-@compiled
-def _late(axes: Accelerometer, limit: AccelerometerLimits, ticks: int, k: int) -> bool:
-    """Whether axis k, by enough evidence, follows the expected acceleration with a delay."""
-    dt, measured = limit.period, _changes(axes, 0)[k]
-    now = _changes(axes, 1)[k] + dot(_turning_with(_changes(axes, 2), k), axes.load)
-    axes.expected[ticks % _KEPT, k] = now
-    axes.power[k] += (1.0 - math.exp(-dt / _POWER_TIME)) * (now * now - axes.power[k])
-    scale = _UNSURE * axes.power[k] + _NOISE
-    misfit, late = min(1.0, (measured - now) ** 2 / scale), False
-    if _unexplained(axes, ticks, dt, k, measured) > _BLOW * scale:
-        axes.blow = _BLOW_TIME
+    Cumulative sum test for each of `DELAYS`, as in `pairs`.
+    """
+    dt, history = limits.period, accelerometer.expected_history
+    measured = _band_passed(accelerometer, _MEASURED)[k]
+    angular = _band_passed(accelerometer, _ANGULAR)
+    by_load = dot(_load_jacobian_row(angular, k), accelerometer.load)
+    expected = _band_passed(accelerometer, _EXPECTED)[k] + by_load
+    history[ticks % _HISTORY_TICKS, k] = expected
+    gain = 1.0 - math.exp(-dt / _POWER_TIME)
+    accelerometer.power[k] += gain * (expected * expected - accelerometer.power[k])
+    variance = _residual_variance(accelerometer, k)
+    undelayed_error = min(1.0, (measured - expected) ** 2 / variance)
+    least_squared_residual = _least_squared_residual(accelerometer, ticks, dt, k, measured)
+    if least_squared_residual > _IMPACT_RESIDUAL * variance:
+        accelerometer.impact_time = _IMPACT_TIME
+    delayed = False
     for j in range(len(DELAYS)):
-        count = int(DELAYS[j] / dt + 0.5)
-        before = axes.expected[(ticks - count) % _KEPT, k] if ticks >= count else now
-        gain = misfit - _DOUBT * min(1.0, (measured - before) ** 2 / scale) - _NORMAL
-        if axes.blow > 0.0:
-            gain = min(0.0, gain)
-        total = max(0.0, axes.late[j, k] + dt * gain)
-        axes.late[j, k] = min(_LARGEST * limit.late, total)
-        late = late or total > limit.late
-    return late
+        delay_ticks = int(DELAYS[j] / dt + 0.5)
+        earlier = expected
+        if ticks >= delay_ticks:
+            earlier = history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
+        error = min(1.0, (measured - earlier) ** 2 / variance)
+        increase = undelayed_error - _DELAY_ERROR_WEIGHT * error - _ALLOWANCE
+        if accelerometer.impact_time > 0.0:
+            increase = min(0.0, increase)
+        total = max(0.0, accelerometer.delay_sums[j, k] + dt * increase)
+        accelerometer.delay_sums[j, k] = min(_SATURATION_RATIO * limits.delay_sum, total)
+        delayed = delayed or total > limits.delay_sum
+    return delayed
 
 
 @compiled
-def _unexplained(axes: Accelerometer, ticks: int, dt: float, k: int, measured: float) -> float:
+def _least_squared_residual(
+    accelerometer: Accelerometer, ticks: int, dt: float, k: int, measured: float
+) -> float:
     """Least squared residual (m^2/s^4) of axis k over all delays from 0 to 40 ms."""
-    least, late = math.inf, 0.0
-    while late < DELAYS[-1] + 0.5 * dt:
-        count = int(late / dt + 0.5)
-        if count > ticks:
+    least, delay = math.inf, 0.0
+    while delay < DELAYS[-1] + 0.5 * dt:
+        delay_ticks = int(delay / dt + 0.5)
+        if delay_ticks > ticks:
             break
-        least = min(least, (measured - axes.expected[(ticks - count) % _KEPT, k]) ** 2)
-        late += _NEAREST
+        earlier = accelerometer.expected_history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
+        least = min(least, (measured - earlier) ** 2)
+        delay += _IMPACT_DELAY_STEP
     return least

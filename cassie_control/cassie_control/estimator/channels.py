@@ -22,6 +22,9 @@ ORIENTATION, GYRO, ACCELEROMETER, DRIVE_POSITION, DRIVE_VELOCITY = 0, 1, 4, 7, 1
 JOINT_POSITION, JOINT_VELOCITY, DRIVE_TORQUE = 27, 33, 39
 """Bit of the first channel of each field."""
 
+ACCELEROMETER_BITS = 0b111 << ACCELEROMETER
+"""Bits of the accelerometer's three axes."""
+
 
 def names(mask: int) -> tuple[str, ...]:
     """Names of the channels whose bits are set: "drive_position.3 (left_knee)"."""

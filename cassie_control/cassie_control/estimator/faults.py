@@ -16,28 +16,29 @@ from cassie_control.estimator import channels
 from cassie_control.estimator.acceleration import (
     Accelerometer,
     AccelerometerLimits,
-    expect_acceleration,
-    look_at_acceleration,
-    push_of_legs,
+    acceleration_by_legs,
+    check_accelerometer,
+    predict_acceleration,
 )
 from cassie_control.estimator.base import LegEstimator
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.pairs import (
-    APART_TIME,
-    DRIVE,
-    FIRST_AXIS,
-    IMU,
-    JOINT,
+    DRIVE_PAIRS,
+    FIRST_IMU_AXIS,
+    FIRST_JOINT,
+    IMU_PAIRS,
+    JOINT_PAIRS,
     PAIRS,
+    RESIDUAL_TIME,
     REST_TIME,
     P,
     Pair,
     PairLimits,
     V,
-    go_on,
-    look_at_pair,
+    check_pair,
+    initialise_pair,
     set_pair_limits,
-    start_pair,
+    substitute_rejected,
 )
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
@@ -47,254 +48,268 @@ from cassie_msgs.layout import RobotState, Sensors
 
 BoolArray = npt.NDArray[np.bool_]
 
-BELIEVED, RESTED = 1, 2
-"""Result bits of `inspect`: the whole sample is accepted; the robot rests without power."""
+ALL_ACCEPTED, CAME_TO_REST = 1, 2
+"""Result bits of `check_sample`: all channels are accepted; the robot rests without power."""
 
-_TILTED = 0.02  # rad, misalignment of orientation and gyro: a turn then shows on the other axes
-_MOST_TORQUE = 1.5  # ratio to the drive's limit, which a wrong torque constant does not reach
+_MISALIGNMENT = 0.02  # rad, of orientation and gyro: a rotation then shows on the other axes
+_TORQUE_RATIO = 1.5  # to the drive's limit, which a wrong torque constant does not reach
+_LEAST_SQUARED_NORM, _LARGEST_SQUARED_NORM = 0.9, 1.1  # of a measured quaternion
 
 
-class Watch(Record):
+class MonitorState(Record):
     """State of the monitor.
 
     Attributes:
         pairs: Drives, joints and axes of the IMU.
         accelerometer: Axes of the accelerometer.
         ticks: Ticks since the start.
-        last_orientation: Last measured orientation, x y z w.
-        orientation: Measured orientation or its replacement, for the estimator, x y z w.
-        turned: Integrated gyro, decaying with `APART_TIME`. In rad.
-        bad_torque: Remaining time for which each drive's torque is rejected. In s.
-        rest: Time for which the robot has hung or lain still without power. In s.
+        measured_orientation: Last measured orientation, x y z w.
+        orientation: Measured orientation or its substitute, for the estimator, x y z w.
+        gyro_rotation: Integrated gyro, decaying with `RESIDUAL_TIME`. In rad.
+        torque_rejected_for: Remaining time for which each drive's torque is rejected. In s.
+        rest_time: Time for which the robot has hung or lain still without power. In s.
         powered: Whether the robot has power.
-        used: Whether the robot has had power since the start.
-        moved: Whether the robot, once used, has moved since the estimate began anew.
+        was_powered: Whether the robot has had power since the start.
+        restart_due: Whether the estimate begins anew at the next rest: once powered, the robot has
+            moved, or a channel was accepted again.
     """
 
     pairs: Records[Pair] = part(Pair, PAIRS)
     accelerometer: Accelerometer = part(Accelerometer)
     ticks: int = whole()
-    last_orientation: FloatArray = array(4)
+    measured_orientation: FloatArray = array(4)
     orientation: FloatArray = array(4)
-    turned: FloatArray = array(3)
-    bad_torque: FloatArray = array(10)
-    rest: float
+    gyro_rotation: FloatArray = array(3)
+    torque_rejected_for: FloatArray = array(10)
+    rest_time: float
     powered: int = whole()
-    used: int = whole()
-    moved: int = whole()
+    was_powered: int = whole()
+    restart_due: int = whole()
 
 
-class Limits(Record):
+class MonitorLimits(Record):
     """Limits of healthy sensors.
 
     Attributes:
         pairs: Limits of the drives, joints and axes of the IMU.
         accelerometer: Limits of the accelerometer's axes.
         period: Time between samples. In s.
-        hold: Time for which a channel stays rejected after its last fault. In s.
+        hold_time: Time for which a channel stays rejected after its last fault. In s.
         torque: Largest torque of each drive. In Nm.
     """
 
     pairs: Records[PairLimits] = part(PairLimits, PAIRS)
     accelerometer: AccelerometerLimits = part(AccelerometerLimits)
     period: float
-    hold: float
+    hold_time: float
     torque: FloatArray = array(10)
 
-    def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
+    def __init__(self, period: float, attitude_delay: float, hold_time: float) -> None:
         """Limits of Cassie.
 
         Args:
             period: Time between samples. In s.
             attitude_delay: Delay of the IMU's orientation. In s.
-            hold: Time for which a channel stays rejected after its last fault. In s.
+            hold_time: Time for which a channel stays rejected after its last fault. In s.
         """
-        super().__init__(period=period, hold=hold)
-        set_pair_limits(period, attitude_delay, hold, self.records["pairs"][0])
-        self.records["accelerometer"] = AccelerometerLimits(period, hold).records
-        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
-        self.torque[:] = _MOST_TORQUE * np.tile(limits, 2)
+        super().__init__(period=period, hold_time=hold_time)
+        set_pair_limits(period, attitude_delay, hold_time, self.records["pairs"][0])
+        self.records["accelerometer"] = AccelerometerLimits(period, hold_time).records
+        torque_limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
+        self.torque[:] = _TORQUE_RATIO * np.tile(torque_limits, 2)
 
 
 @compiled
-def inspect(
+def check_sample(
     samples: RecordArray,
-    watches: Records[Watch],
-    limits: Records[Limits],
-    push: FloatArray,
+    monitors: Records[MonitorState],
+    all_limits: Records[MonitorLimits],
+    leg_acceleration: FloatArray,
     force: float,
 ) -> int:
-    """Check a sample; afterwards every `bad` and `trusted` is that of this sample.
+    """Check a sample; afterwards every `rejected_for` and `output` is that of this sample.
 
     Args:
         samples: `Sensors.record`. Shape (1,).
-        watches: Changed in place. Shape (1,).
-        limits: Limits of healthy sensors. Shape (1,).
-        push: Acceleration at the last sample from `push_of_legs`. Shape (3,), in m/s^2.
+        monitors: Changed in place. Shape (1,).
+        all_limits: Limits of healthy sensors. Shape (1,).
+        leg_acceleration: From `acceleration_by_legs` at the last sample. Shape (3,), in m/s^2.
         force: Sum of both feet's forces at the last sample. In N.
 
     Returns:
-        `BELIEVED` if the whole sample is accepted. `RESTED` is added when the robot has rested
-        without power for `REST_TIME`, and again when a channel is accepted later in that rest.
+        `ALL_ACCEPTED` if the whole sample is accepted. `CAME_TO_REST` is added when the robot has
+        rested without power for `REST_TIME`, and again when a channel is accepted later in that
+        rest.
     """
-    sample, watch, limit = samples[0], watches[0], limits[0]
-    _take_in(sample, watch)
-    _turn(sample.orientation, watch)
-    _look_at_torques(sample.drive_torque, watch, limit)
-    _rest(watch, limit, sample.power)
-    if watch.ticks == 0:
-        for pair in watch.pairs:
-            start_pair(pair)
-        watch.accelerometer.measured[1:] = watch.accelerometer.measured[0]
-    _compare_pairs(watch, limit)
-    believed = watch.bad_torque.max() <= 0.0
-    for pair in watch.pairs:
-        believed = believed and pair.bad.max() <= 0.0
-    axes = watch.accelerometer
-    _take_in_velocities(watch)
-    expect_acceleration(axes, push, limit.period)
-    look_at_acceleration(axes, limit.accelerometer, watch.ticks, force, believed)
-    watch.ticks += 1
-    found = BELIEVED if believed and axes.bad.max() <= 0.0 else 0
-    if watch.moved > 0 and watch.rest >= REST_TIME:
-        watch.moved = 0
-        found += RESTED
-    return found
+    sample, monitor, limits = samples[0], monitors[0], all_limits[0]
+    accelerometer = monitor.accelerometer
+    _read_measurements(sample, monitor)
+    _read_orientation(sample.orientation, monitor)
+    _check_torques(sample.drive_torque, monitor, limits)
+    _update_rest_time(monitor, limits, sample.power)
+    if monitor.ticks == 0:
+        for pair in monitor.pairs:
+            initialise_pair(pair)
+        accelerometer.measured[1:] = accelerometer.measured[0]
+    _check_pairs(monitor, limits)
+    others_accepted = monitor.torque_rejected_for.max() <= 0.0
+    for pair in monitor.pairs:
+        others_accepted = others_accepted and pair.rejected_for.max() <= 0.0
+    _store_velocities(monitor)
+    predict_acceleration(accelerometer, leg_acceleration, limits.period)
+    check_accelerometer(accelerometer, limits.accelerometer, monitor.ticks, force, others_accepted)
+    monitor.ticks += 1
+    all_accepted = others_accepted and accelerometer.rejected_for.max() <= 0.0
+    result = ALL_ACCEPTED if all_accepted else 0
+    if monitor.restart_due > 0 and monitor.rest_time >= REST_TIME:
+        monitor.restart_due = 0
+        result += CAME_TO_REST
+    return result
 
 
 @compiled
-def _take_in(sample: Sensors, watch: Watch) -> None:
+def _read_measurements(sample: Sensors, monitor: MonitorState) -> None:
     """Copy all measurements but the orientation."""
-    pairs, acceleration = watch.pairs, watch.accelerometer.measured
+    pairs, acceleration = monitor.pairs, monitor.accelerometer.measured
     for i in range(10):
         pairs[i].position, pairs[i].velocity = sample.drive_position[i], sample.drive_velocity[i]
     for i in range(6):
-        pair = pairs[10 + i]
+        pair = pairs[FIRST_JOINT + i]
         pair.position, pair.velocity = sample.joint_position[i], sample.joint_velocity[i]
     for k in range(3):
-        pairs[FIRST_AXIS + k].velocity = sample.angular_velocity[k]
+        pairs[FIRST_IMU_AXIS + k].velocity = sample.angular_velocity[k]
         acceleration[2, k] = acceleration[1, k]
         acceleration[1, k] = acceleration[0, k]
         acceleration[0, k] = sample.linear_acceleration[k]
 
 
 @compiled
-def _take_in_velocities(watch: Watch) -> None:
-    """Store the trusted velocities of drives and gyro, for the pelvis's expected acceleration."""
-    v = watch.accelerometer.velocities
+def _store_velocities(monitor: MonitorState) -> None:
+    """Store the outputs for drives and gyro, for the pelvis's expected acceleration."""
+    v = monitor.accelerometer.velocities
     for j in range(13):
-        pair = watch.pairs[j if j < 10 else FIRST_AXIS + j - 10]
-        now = pair.trusted[V] if math.isfinite(pair.trusted[V]) else v[0, j]
-        v[2, j] = v[1, j] if watch.ticks > 0 else now
-        v[1, j] = v[0, j] if watch.ticks > 0 else now
-        v[0, j] = now
+        pair = monitor.pairs[j if j < 10 else FIRST_IMU_AXIS + j - 10]
+        velocity = pair.output[V] if math.isfinite(pair.output[V]) else v[0, j]
+        v[2, j] = v[1, j] if monitor.ticks > 0 else velocity
+        v[1, j] = v[0, j] if monitor.ticks > 0 else velocity
+        v[0, j] = velocity
 
 
 @compiled
-def _turn(q: FloatArray, watch: Watch) -> None:
-    """Add the turn of the quaternion (4,), x y z w, to the IMU's axes; NaN if its norm is wrong."""
-    p, axes = watch.last_orientation, watch.pairs[FIRST_AXIS:]
-    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    if not 0.9 < square < 1.1:  # NaN compares false
+def _read_orientation(q: FloatArray, monitor: MonitorState) -> None:
+    """Set the positions of the IMU's axes: the rotation since the start, NaN if the norm is wrong.
+
+    Args:
+        q: Measured quaternion, x y z w. Shape (4,).
+        monitor: Changed in place.
+    """
+    last, axes = monitor.measured_orientation, monitor.pairs[FIRST_IMU_AXIS:]
+    squared_norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    if not _LEAST_SQUARED_NORM < squared_norm < _LARGEST_SQUARED_NORM:  # NaN compares false
         for axis in axes:
             axis.position = math.nan
         return
-    if watch.ticks == 0:
+    if monitor.ticks == 0:
         for k in range(4):
-            p[k] = q[k]
-            if axes[0].bad[P] <= 0.0:
-                watch.orientation[k] = q[k]
-    sign = 2.0 if q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3] > 0.0 else -2.0
-    x = p[3] * q[0] - p[0] * q[3] - p[1] * q[2] + p[2] * q[1]
-    y = p[3] * q[1] - p[1] * q[3] - p[2] * q[0] + p[0] * q[2]
-    z = p[3] * q[2] - p[2] * q[3] - p[0] * q[1] + p[1] * q[0]
-    turn = (x, y, z)
+            last[k] = q[k]
+            if axes[0].rejected_for[P] <= 0.0:
+                monitor.orientation[k] = q[k]
+    cosine = q[0] * last[0] + q[1] * last[1] + q[2] * last[2] + q[3] * last[3]
+    factor = 2.0 if cosine > 0.0 else -2.0  # q and -q are the same orientation
+    x = last[3] * q[0] - last[0] * q[3] - last[1] * q[2] + last[2] * q[1]
+    y = last[3] * q[1] - last[1] * q[3] - last[2] * q[0] + last[0] * q[2]
+    z = last[3] * q[2] - last[2] * q[3] - last[0] * q[1] + last[1] * q[0]
+    half_rotation = (x, y, z)
     for k in range(3):
-        axes[k].position = axes[k].last_position + sign * turn[k]
+        axes[k].position = axes[k].last_position + factor * half_rotation[k]
     for k in range(4):
-        p[k] = q[k]
+        last[k] = q[k]
 
 
 @compiled
-def _rest(watch: Watch, limit: Limits, power: float) -> None:
+def _update_rest_time(monitor: MonitorState, limits: MonitorLimits, power: float) -> None:
     """Count for how long the robot, by its sensors, has hung or lain still without power."""
-    still = power < 0.5
-    watch.powered = 0 if still else 1
-    if not still:
-        watch.used = 1
+    resting = power < 0.5
+    monitor.powered = 0 if resting else 1
+    if monitor.powered:
+        monitor.was_powered = 1
     else:
         for i in range(PAIRS):
-            pair = watch.pairs[i]
-            if pair.bad[V] <= 0.0 and not abs(pair.velocity) < limit.pairs[i].still:
-                still = False
-    if still:
-        watch.rest += limit.period
+            pair, still_speed = monitor.pairs[i], limits.pairs[i].still_speed
+            if pair.rejected_for[V] <= 0.0 and not abs(pair.velocity) < still_speed:
+                resting = False
+    if resting:
+        monitor.rest_time += limits.period
     else:
-        watch.rest, watch.moved = 0.0, watch.used
+        monitor.rest_time, monitor.restart_due = 0.0, monitor.was_powered
 
 
 @compiled
-def _look_at_torques(drive_torque: FloatArray, watch: Watch, limit: Limits) -> None:
+def _check_torques(drive_torque: FloatArray, monitor: MonitorState, limits: MonitorLimits) -> None:
     """Reject torques that a drive cannot give; no other test of a torque exists."""
+    rejected_for = monitor.torque_rejected_for
     for i in range(10):
-        watch.bad_torque[i] = max(0.0, watch.bad_torque[i] - limit.period)
-        if not abs(drive_torque[i]) <= limit.torque[i]:  # NaN compares false
-            watch.bad_torque[i] = limit.hold
+        rejected_for[i] = max(0.0, rejected_for[i] - limits.period)
+        if not abs(drive_torque[i]) <= limits.torque[i]:  # NaN compares false
+            rejected_for[i] = limits.hold_time
 
 
 @compiled
-def _compare_pairs(watch: Watch, limit: Limits) -> None:
-    """Find the bad channels of all pairs, and replace them. The IMU has one orientation."""
-    pairs, turned = watch.pairs, watch.turned
-    axes = pairs[FIRST_AXIS:]
+def _check_pairs(monitor: MonitorState, limits: MonitorLimits) -> None:
+    """Find the faulty channels of all pairs, and substitute them."""
+    pairs, gyro_rotation = monitor.pairs, monitor.gyro_rotation
+    axes = pairs[FIRST_IMU_AXIS:]
     for k in range(3):
         rate = axes[k].velocity
-        turned[k] *= math.exp(-limit.period / APART_TIME)
-        turned[k] += limit.period * rate if math.isfinite(rate) else 0.0
+        gyro_rotation[k] *= math.exp(-limits.period / RESIDUAL_TIME)
+        gyro_rotation[k] += limits.period * rate if math.isfinite(rate) else 0.0
     for i in range(PAIRS):
-        tilt = 0.0
-        if i >= FIRST_AXIS:
-            tilt = _TILTED * (np.abs(turned).sum() - abs(turned[i - FIRST_AXIS]))
-        withdrawn = look_at_pair(pairs[i], limit.pairs[i], watch.ticks, tilt)
-        if withdrawn and i >= FIRST_AXIS:
+        tolerance = 0.0
+        if i >= FIRST_IMU_AXIS:
+            of_this_axis = abs(gyro_rotation[i - FIRST_IMU_AXIS])
+            tolerance = _MISALIGNMENT * (np.abs(gyro_rotation).sum() - of_this_axis)
+        position_reaccepted = check_pair(pairs[i], limits.pairs[i], monitor.ticks, tolerance)
+        if position_reaccepted and i >= FIRST_IMU_AXIS:
             for axis in axes:
-                axis.bad[P] = 0.0
-    bad = max(axes[0].bad[P], axes[1].bad[P], axes[2].bad[P])
+                axis.rejected_for[P] = 0.0
+    # The three axes have one orientation, which is rejected as a whole.
+    rejected_for = max(axes[0].rejected_for[P], axes[1].rejected_for[P], axes[2].rejected_for[P])
     for axis in axes:
-        axis.bad[P] = bad
+        axis.rejected_for[P] = rejected_for
     for i in range(PAIRS):
-        if go_on(pairs[i], limit.pairs[i], watch.powered, watch.rest):
-            watch.moved = watch.used  # the estimate begins anew with the accepted channel
-    _orient(watch, limit.period, bad > 0.0)
+        if substitute_rejected(pairs[i], limits.pairs[i], monitor.powered, monitor.rest_time):
+            monitor.restart_due = monitor.was_powered  # with the channel that is accepted again
+    _update_orientation(monitor, limits.period, rejected_for > 0.0)
 
 
 @compiled
-def _orient(watch: Watch, period: float, bad: bool) -> None:
+def _update_orientation(monitor: MonitorState, period: float, rejected: bool) -> None:
     """Orientation for the estimator: the measured one, or the last one turned by the gyro."""
-    q, axes = watch.orientation, watch.pairs[FIRST_AXIS:]
-    if not bad:
+    q, axes = monitor.orientation, monitor.pairs[FIRST_IMU_AXIS:]
+    if not rejected:
         for k in range(4):
-            q[k] = watch.last_orientation[k]
+            q[k] = monitor.measured_orientation[k]
         return
     half = 0.5 * period
-    x, y, z = half * axes[0].trusted[V], half * axes[1].trusted[V], half * axes[2].trusted[V]
+    x, y, z = half * axes[0].output[V], half * axes[1].output[V], half * axes[2].output[V]
     a, b, c, w = q[0], q[1], q[2], q[3]
     q[0] = a + w * x + b * z - c * y
     q[1] = b + w * y + c * x - a * z
     q[2] = c + w * z + a * y - b * x
     q[3] = w - a * x - b * y - c * z
-    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    scale = 1.0 / math.sqrt(square) if square > 0.0 else 0.0  # 0 before the first orientation
+    squared_norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    # The norm is 0 before the first orientation.
+    scale = 1.0 / math.sqrt(squared_norm) if squared_norm > 0.0 else 0.0
     for k in range(4):
         q[k] *= scale
 
 
-_GAP = 0.02  # s without an estimate, after which the last estimate is useless
-_TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)
+_MAX_GAP = 0.02  # s without an estimate, after which the last estimate is useless
+_TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)  # indices among the pairs, left and right
 
 
 class SensorMonitor:
-    """Detects channels that fail, and replaces them.
+    """Detects channels that fail, and substitutes them.
 
     - A value that is not a number or that the robot cannot have, such as a torque beyond the
       drive's limit or a position that jumps: rejected at once. A torque has no other test.
@@ -303,14 +318,14 @@ class SensorMonitor:
       A pillar at the hip or a harness that chatters shakes all axes of the accelerometer, which is
       no spike.
     - Position and integrated velocity disagree: the channel that moves now as the other one did 20
-      to 100 ms ago is late. With other delays they grow apart, and the sign of the covariance of
-      their difference and the velocity shows which one is late. The response of the velocity
-      filters of drives and joints is modelled. The IMU's orientation and gyro are such a pair.
-    - The accelerometer is late if it fits the acceleration of the pelvis 20, 30 or 40 ms ago, for
-      longer than it fits the present one. That acceleration comes from forces, torques and the
-      legs' own motion. A push from outside is not among them; it fits neither. After a blow, which
-      fits no delay at all, the legs yield with such a delay; for a while no evidence for a delay is
-      added. In the gantry nothing is compared.
+      to 100 ms ago is delayed. With other delays their difference grows, and the sign of its
+      covariance with the velocity shows which one is delayed. The response of the velocity filters
+      of drives and joints is modelled. The IMU's orientation and gyro are such a pair.
+    - The accelerometer is delayed if it fits the acceleration of the pelvis 20, 30 or 40 ms ago,
+      for longer than it fits the present one. That acceleration comes from forces, torques and the
+      legs' own motion. A push from outside is not among them; it fits neither. After an impact,
+      which fits no delay at all, the legs yield with such a delay; for a while no evidence for a
+      delay is added. In the gantry nothing is compared.
 
     A position (or the orientation) is replaced by the integral of its velocity (or the gyro). A
     velocity (or the gyro) is replaced by the difference of its position (or the orientation). The
@@ -325,126 +340,140 @@ class SensorMonitor:
     Args:
         period: Time between samples. In s.
         attitude_delay: Delay of the IMU's orientation. In s.
-        hold: Time for which a channel stays rejected after its last fault. In s.
+        hold_time: Time for which a channel stays rejected after its last fault. In s.
     """
 
-    def __init__(self, period: float, attitude_delay: float, hold: float) -> None:
-        self._watch = Watch()
-        self._limits = Limits(period, attitude_delay, hold)
-        pairs = self._watch.records["pairs"][0]
-        self._bad: FloatArray = pairs["bad"].T
-        self._trusted: FloatArray = pairs["trusted"].T
-        self._beliefs: list[npt.NDArray[np.float64 | np.int64]] = [
-            self._bad,
-            self._trusted,
-            pairs["life"],
-            self._watch.accelerometer.bad,
-            self._watch.bad_torque,
-            self._watch.orientation,
+    def __init__(self, period: float, attitude_delay: float, hold_time: float) -> None:
+        self._state = MonitorState()
+        self._limits = MonitorLimits(period, attitude_delay, hold_time)
+        pairs = self._state.records["pairs"][0]
+        self._rejected_for: FloatArray = pairs["rejected_for"].T
+        self._output: FloatArray = pairs["output"].T
+        self._kept_over_gaps: list[npt.NDArray[np.float64 | np.int64]] = [
+            self._rejected_for,
+            self._output,
+            pairs["status"],
+            self._state.accelerometer.rejected_for,
+            self._state.torque_rejected_for,
+            self._state.orientation,
         ]
-        self._repaired = Sensors()
+        self._substituted = Sensors()
         self._seq = -1
-        self._trusted[:] = math.nan
+        self._output[:] = math.nan
         self.mask = 0
         """Rejected channels, a bit each; see `channels`."""
-        self.lost = 0
+        self.missing = 0
         """Rejected channels without which there is no estimate, a bit each."""
-        self.rested = False
+        self.came_to_rest = False
         """Whether the robot has come to rest without power. Who begins anew clears this flag."""
 
     def reset(self) -> None:
         """Accept all channels."""
-        self._watch.clear()
-        self._trusted[:] = math.nan  # no replacement yet
+        self._state.clear()
+        self._output[:] = math.nan  # no substitute yet
         self._seq = -1
-        self.mask = self.lost = 0
-        self.rested = False
+        self.mask = self.missing = 0
+        self.came_to_rest = False
 
-    def _start_over(self) -> None:
+    def _restart_comparisons(self) -> None:
         """Begin the comparisons anew, as samples are missing; rejected channels stay rejected."""
-        watch, beliefs = self._watch, [belief.copy() for belief in self._beliefs]
-        rest, used, moved = watch.rest, watch.used, watch.moved
-        watch.clear()
-        watch.rest, watch.used, watch.moved = rest, used, moved
-        for belief, before in zip(self._beliefs, beliefs, strict=True):
-            belief[...] = before
+        state, kept = self._state, [values.copy() for values in self._kept_over_gaps]
+        rest_time, was_powered = state.rest_time, state.was_powered
+        restart_due = state.restart_due
+        state.clear()
+        state.rest_time, state.was_powered = rest_time, was_powered
+        state.restart_due = restart_due
+        for values, before in zip(self._kept_over_gaps, kept, strict=True):
+            values[...] = before
 
     def step(
         self,
         sensors: Sensors,
         rotation: FloatArray,
-        push: FloatArray,
+        leg_acceleration: FloatArray,
         force: float,
     ) -> Sensors:
-        """Sample for the estimator: the same, or one in which bad channels are replaced.
+        """Sample for the estimator: the same, or one with substitutes for rejected channels.
 
         Args:
             sensors: One sample.
             rotation: Pelvis to world, last known. Shape (3, 3).
-            push: Acceleration at the last sample from `push_of_legs`. Shape (3,), in m/s^2.
+            leg_acceleration: From `acceleration_by_legs` at the last sample. Shape (3,), in m/s^2.
             force: Sum of both feet's forces at the last sample. In N.
         """
         seq = int(sensors.seq)
         if seq != self._seq + 1:
-            self._start_over()
+            self._restart_comparisons()
         self._seq = seq
-        found = inspect(sensors.record, self._watch.records, self._limits.records, push, force)
-        if found & RESTED:
-            self.rested = True
-        if found & BELIEVED:
-            self.mask = self.lost = 0
+        result = check_sample(
+            sensors.record, self._state.records, self._limits.records, leg_acceleration, force
+        )
+        if result & CAME_TO_REST:
+            self.came_to_rest = True
+        if result & ALL_ACCEPTED:
+            self.mask = self.missing = 0
             return sensors
-        return self._repair(sensors, rotation)
+        return self._substitute(sensors, rotation)
 
-    def _repair(self, sensors: Sensors, rotation: FloatArray) -> Sensors:
-        result, (position, velocity) = self._repaired, self._trusted
-        bad_position, bad_velocity = self._bad > 0.0
-        bad_acceleration = self._watch.accelerometer.bad > 0.0
-        bad_torque = self._watch.bad_torque > 0.0
-        self.mask = _mask(bad_position, bad_velocity, bad_acceleration)
-        self.mask |= _bits(bad_torque) << channels.DRIVE_TORQUE
-        both = bad_position & bad_velocity
+    def _substitute(self, sensors: Sensors, rotation: FloatArray) -> Sensors:
+        """Sample with substitutes for rejected channels; sets `mask` and `missing`."""
+        result, (position, velocity) = self._substituted, self._output
+        position_rejected, velocity_rejected = self._rejected_for > 0.0
+        acceleration_rejected = self._state.accelerometer.rejected_for > 0.0
+        torque_rejected = self._state.torque_rejected_for > 0.0
+        self.mask = _mask(position_rejected, velocity_rejected, acceleration_rejected)
+        self.mask |= _bits(torque_rejected) << channels.DRIVE_TORQUE
+        both_rejected = position_rejected & velocity_rejected
         result.copy_from(sensors)
         for drive, joint in zip(_TOE_DRIVES, _TOE_JOINTS, strict=True):
-            if both[drive] and not both[joint]:
+            if both_rejected[drive] and not both_rejected[joint]:
                 position[drive], velocity[drive] = position[joint], velocity[joint]
-                both[drive] = False
-            both[joint] = False
-        self.lost = _mask(both, both, np.zeros(3, bool))
-        result.drive_position[:], result.drive_velocity[:] = position[DRIVE], velocity[DRIVE]
-        result.joint_position[:], result.joint_velocity[:] = position[JOINT], velocity[JOINT]
-        result.angular_velocity[:] = velocity[IMU]
-        result.orientation[:] = self._watch.orientation
+                both_rejected[drive] = False
+            both_rejected[joint] = False
+        self.missing = _mask(both_rejected, both_rejected, np.zeros(3, bool))
+        result.drive_position[:] = position[DRIVE_PAIRS]
+        result.drive_velocity[:] = velocity[DRIVE_PAIRS]
+        result.joint_position[:] = position[JOINT_PAIRS]
+        result.joint_velocity[:] = velocity[JOINT_PAIRS]
+        result.angular_velocity[:] = velocity[IMU_PAIRS]
+        result.orientation[:] = self._state.orientation
         gravity = robot.GRAVITY * rotation[2]
-        result.linear_acceleration[bad_acceleration] = gravity[bad_acceleration]
-        result.drive_torque[bad_torque] = 0.0
+        result.linear_acceleration[acceleration_rejected] = gravity[acceleration_rejected]
+        result.drive_torque[torque_rejected] = 0.0
         return result
 
 
 def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> int:
+    """Bits of channels in the order of `channels`; the orientation is that of the first axis.
+
+    Args:
+        position, velocity: Whether these channels of each pair count. Shape (19,).
+        acceleration: Whether these axes of the accelerometer count. Shape (3,).
+    """
     flags = np.concatenate(
         [
-            position[FIRST_AXIS : FIRST_AXIS + 1],
-            velocity[IMU],
+            position[FIRST_IMU_AXIS : FIRST_IMU_AXIS + 1],
+            velocity[IMU_PAIRS],
             acceleration,
-            position[DRIVE],
-            velocity[DRIVE],
-            position[JOINT],
-            velocity[JOINT],
+            position[DRIVE_PAIRS],
+            velocity[DRIVE_PAIRS],
+            position[JOINT_PAIRS],
+            velocity[JOINT_PAIRS],
         ]
     )
     return _bits(flags)
 
 
 def _bits(flags: BoolArray) -> int:
+    """Number whose bits are the flags, the first one lowest."""
     return sum(1 << k for k in np.flatnonzero(flags).tolist())
 
 
 class MonitoredEstimator:
     """An estimator behind the sensor monitor.
 
-    The estimate begins anew after more than `_GAP` without one, and once the robot has come to rest
-    without power: after a fall or after it was lifted, attitude and height are off.
+    The estimate begins anew after more than `_MAX_GAP` without one, and once the robot has come to
+    rest without power: after a fall or after it was lifted, attitude and height are off.
 
     Args:
         core: The estimator.
@@ -453,13 +482,13 @@ class MonitoredEstimator:
 
     def __init__(self, core: LegEstimator, period: float) -> None:
         self.core = core
-        self._longest_gap = round(_GAP / period)
-        self._unanswered = 0  # samples in a row
+        self._max_gap_samples = round(_MAX_GAP / period)
+        self._samples_without_estimate = 0  # in a row
         self.starts = 0
         """How often the estimate has begun anew since the reset."""
         self._names: tuple[str, ...] = ()
-        self._named = 0
-        self._push, self._force = np.zeros(3), 0.0
+        self._named_mask = 0
+        self._leg_acceleration, self._force = np.zeros(3), 0.0
         self._monitor = SensorMonitor(
             period, core.config.filter.attitude_delay, core.config.distrust_time
         )
@@ -477,15 +506,15 @@ class MonitoredEstimator:
     def faults(self) -> tuple[str, ...]:
         """Names of the channels that are rejected now."""
         mask = self._monitor.mask
-        if mask != self._named:
-            self._names, self._named = channels.names(mask), mask
+        if mask != self._named_mask:
+            self._names, self._named_mask = channels.names(mask), mask
         return self._names
 
     def reset(self) -> None:
         """Start afresh."""
         self._monitor.reset()
-        self._push[:], self._force = 0.0, 0.0
-        self._unanswered = self.starts = 0
+        self._leg_acceleration[:], self._force = 0.0, 0.0
+        self._samples_without_estimate = self.starts = 0
         self.core.reset()
 
     def step(self, sensors: Sensors) -> RobotState:
@@ -498,18 +527,20 @@ class MonitoredEstimator:
             SensorError: if channels fail that have no replacement; the message names them.
         """
         monitor, core = self._monitor, self.core
-        sample = monitor.step(sensors, core.rotation, self._push, self._force)
-        self._unanswered += 1
-        if monitor.lost:
-            raise SensorError(channels.no_estimate(monitor.lost), monitor.lost)
-        if monitor.rested or self._unanswered > self._longest_gap:
-            monitor.rested = False
+        sample = monitor.step(sensors, core.rotation, self._leg_acceleration, self._force)
+        self._samples_without_estimate += 1
+        if monitor.missing:
+            raise SensorError(channels.no_estimate(monitor.missing), monitor.missing)
+        if monitor.came_to_rest or self._samples_without_estimate > self._max_gap_samples:
+            monitor.came_to_rest = False
             self.starts += 1
             core.restart()
-        core.set_accelerometer_rejected(bool(monitor.mask >> channels.ACCELEROMETER & 7))
+        core.set_accelerometer_rejected(bool(monitor.mask & channels.ACCELEROMETER_BITS))
         state = core.step(sample)
-        self._unanswered = 0
-        push_of_legs(sample.drive_torque, state.foot_force, core.feet, self._push)
+        self._samples_without_estimate = 0
+        acceleration_by_legs(
+            sample.drive_torque, state.foot_force, core.feet, self._leg_acceleration
+        )
         left, right = state.foot_force.tolist()
         self._force = left + right
         state.sensor_faults[...] = monitor.mask

@@ -15,10 +15,12 @@ from cassie_gaits.records import FloatArray, IntArray, Record, RecordArray, arra
 PAIRS = 19
 """Ten drives, six joints, three axes of the IMU."""
 
-FIRST_AXIS = 16
-"""Index of the IMU's first axis among the pairs."""
+FIRST_JOINT, FIRST_IMU_AXIS = 10, 16
+"""Indices of the first joint and of the IMU's first axis among the pairs."""
 
-DRIVE, JOINT, IMU = slice(0, 10), slice(10, FIRST_AXIS), slice(FIRST_AXIS, PAIRS)
+DRIVE_PAIRS = slice(0, FIRST_JOINT)
+JOINT_PAIRS = slice(FIRST_JOINT, FIRST_IMU_AXIS)
+IMU_PAIRS = slice(FIRST_IMU_AXIS, PAIRS)
 """Indices of the drives, the joints and the IMU's axes among the pairs."""
 
 P, V = 0, 1
@@ -27,92 +29,116 @@ P, V = 0, 1
 DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
 """Delays that are tested; a delay between two of them fits one of these well enough. In s."""
 
-APART_TIME = 0.3
+RESIDUAL_TIME = 0.3
 """Time constant with which the difference of position and integrated velocity decays. In s."""
 
 REST_TIME = 1.0
 """Time at rest without power after which channels are accepted again. In s."""
 
-_KEPT_TICKS = 201  # in `Pair.past`: the present one and the longest of `DELAYS` at 2 kHz
-_RESPONSE_TICKS = 36  # in `Pair.steps`: the joints' velocity filter responds for 18 ms, at 2 kHz
-_LATE_TIME = 0.1  # s, time constant of `Pair.late`, `leap` and `peak`
-_SPIKE_TIME = 0.04  # s, time constant of `Pair.spikes`
-_LATE = 0.010  # s, threshold of the estimated delay between position and velocity
-_DELAYED = 0.4  # ratio to `_LATE`: threshold from which the delay's sign decides
-_TIMEOUT = 0.03  # s, to find which channel of a pair is wrong
-_TAIL = 2.0  # ratio to the velocity filter's delay
-_SMALL_SPIKE = 0.35  # ratio of a small spike's threshold to a clear one's
-_SPIKES = 1.2  # threshold of the decaying count: two spikes within `_SPIKE_TIME`
-_HARDLY_A_SPIKE = 0.3  # decaying count of small spikes, below which there was no recent one
+_NO_CHANNEL = -1
+_ACCEPTED, _REJECTED, _RESPONSIVE = 0, 1, 2  # values of `Pair.status`
+_CLEAR, _SMALL = 0, 1  # indices of `Pair.spike_counts`
+
+_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS` at 2 kHz
+_RESPONSE_TICKS = 36  # in `Pair.position_steps`: the joints' velocity filter responds for 18 ms
+_VELOCITY_TICKS = 4  # in `Pair.last_velocities`: with the present one, five for the cubic
+_STATISTICS_TIME = 0.1  # s, time constant of mean, covariance and variance, and of both peaks
+_DECISION_TIMEOUT = 0.03  # s, to find which channel of a pair is faulty
+_SMALL_RESIDUAL_RATIO = 0.5  # to `PairLimits.residual`: too small for the sign of a delay
+_DELAY_THRESHOLD = 0.010  # s, of the estimated delay between position and velocity
+_DELAY_SIGN_RATIO = 0.4  # to `_DELAY_THRESHOLD`: threshold from which the delay's sign decides
+
+_VELOCITY_JUMP_RATIO = 0.5  # to `PairLimits.jump`: velocity's second difference times the period
+_JUMP_PEAK_RATIO = 0.25  # to `PairLimits.jump`: threshold of `Pair.jump_peak`
+_JUMP_CAUSE_RATIO = 0.6  # of a jump to `Pair.residual`, from which the jump is its cause
+_FILTER_MODEL_ERROR = 0.05  # relative, of the velocity filter's response where a foot is hit
+
+_SPIKE_TIME = 0.04  # s, time constant of `Pair.spike_counts`
+_SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
+_SPIKE_STEP_RATIO = 0.5  # of a velocity step's residual to the spike that must have caused it
+_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within `_SPIKE_TIME`
+_SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three in quick succession
+_RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none lately
+
 _STUCK_TICKS = 3
 _FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
-_UNSEEN_POSITION, _UNSEEN_VELOCITY = 0.008, 0.002  # rad, thresholds of `Pair.unseen`
-_SEEN_SPEED = 0.5  # rad/s, saturation of a motion that the velocity does not show
-_WRONG_SPEED = 0.5  # rad/s, error from which a velocity stays rejected
-_NOT_AGAIN = 0.02  # rad, error within which a rejected position may be accepted again
-_UNSURE = 0.05  # relative error of the velocity filter's model where a foot is hit
-_LEAP = 0.25  # ratio to `PairLimits.jump`: threshold of a leap
-_LEAPT = 0.6  # ratio of a leap to `Pair.apart`, from which the leap explains it
-_WORSE = 3.0  # weight of the squared residual that a delay leaves
-_FADE = 0.01  # ratio to `PairLimits.evidence`: decrease of each sum per tick
-_AT_ONCE = 0.25  # ratio to it: increase per tick at most; a landing lasts fewer than five ticks
-_UNDECIDED = 0.5  # ratio of smaller to larger evidence, below which the larger one decides
-_LARGEST = 4.0  # ratio to `PairLimits.evidence`: saturation of each sum
+_STUCK_POSITION_MOTION = 0.008  # rad, of the velocity while the position keeps its bits
+_STUCK_VELOCITY_MOTION = 0.002  # rad, of the position while the velocity keeps its bits
+_STUCK_VELOCITY_SPEED = 0.5  # rad/s, saturation of the motion in `_STUCK_VELOCITY_MOTION`
+_FILTER_TAIL_RATIO = 2.0  # of the time in which a filtered velocity decays to the filter's delay
+
+_DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
+_ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative sum per tick
+_MAX_INCREASE_RATIO = 0.25  # to it: increase per tick; a landing lasts fewer than five ticks
+_SATURATION_RATIO = 4.0  # to it: saturation of each cumulative sum
+_AMBIGUITY_RATIO = 0.5  # of smaller to larger evidence, below which the larger one decides
+
+_SUBSTITUTE_VELOCITY_TIME = 0.004  # s, time constant of the differentiated position
+_VELOCITY_TOLERANCE = 0.5  # rad/s, error from which a velocity stays rejected
+_FROZEN_VELOCITY_SPEED = 0.1  # rad/s, of the position: a velocity that does not change is wrong
+_POSITION_TOLERANCE = 0.02  # rad, error from which a position stays rejected
+_FROZEN_POSITION_TOLERANCE = 0.002  # rad, the same for a position that does not change
 
 
 class Pair(Record):
     """State of the fault detection of one pair.
 
-    The first index of `same`, `unseen`, `past`, `evidence`, `doubt`, `bad`, `life` and `trusted` is
-    the channel, `P` or `V`.
+    The first index of `unchanged_ticks`, `partner_motion`, `step_history`, `delay_sums`,
+    `delay_evidence`, `rejected_for`, `status` and `output` is the channel, `P` or `V`.
 
     Attributes:
         position: Measured position; of an IMU axis the rotation since the start. In rad.
         velocity: Measured velocity. In rad/s.
         last_position: Position of the previous tick. In rad.
-        last_velocity: Velocities of the previous ticks, newest first. In rad/s.
-        steps: Changes of the position per tick, newest first. In rad.
-        turns: Integrals of the velocity over a tick, newest first. In rad.
-        same: Ticks for which the channel has had the same bits.
-        unseen: Motion that the other channel has shown meanwhile. In rad.
-        apart: Position minus integrated velocity, decaying with `APART_TIME`. In rad.
-        late: Low-passed means of `apart` and velocity, their covariance, the velocity's variance.
-        past: Ring buffer of the steps and turns that are compared. In rad.
-        evidence: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
-        doubt: Largest evidence of the channel. In rad^2.
-        unclear: Time for which the channels have disagreed without a known cause. In s.
-        guessed: 1 where a channel was rejected without a delay that explains it.
-        last_step: Step of the position at the previous comparison. In rad.
-        leap: Decaying peak of sudden steps of the position. In rad.
-        peak: Decaying peak of the speed. In rad/s.
-        spikes: Decaying counts of the velocity's clear and small spikes.
-        bad: Remaining time for which the channel is rejected. In s.
-        life: 0: accepted; 1: rejected; 2: rejected, but its bits change without power.
-        trusted: Measurement or its replacement, for the estimator. In rad and rad/s.
+        last_velocities: Velocities of the previous ticks, newest first. In rad/s.
+        position_steps: Changes of the position per tick, newest first. In rad.
+        velocity_steps: Integrals of the velocity over a tick, newest first. In rad.
+        unchanged_ticks: Ticks for which the channel has had the same bits.
+        partner_motion: Motion that the other channel has shown meanwhile. In rad.
+        residual: Position minus integrated velocity, decaying with `RESIDUAL_TIME`. In rad.
+        residual_mean: Low-passed `residual`. In rad.
+        velocity_mean: Low-passed velocity. In rad/s.
+        covariance: Low-passed covariance of `residual` and velocity. In rad^2/s.
+        velocity_variance: Low-passed variance of the velocity. In (rad/s)^2.
+        step_history: Ring buffer of the steps of position and velocity that are compared. In rad.
+        delay_sums: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
+        delay_evidence: Largest of the channel's cumulative sums. In rad^2.
+        undecided_time: Time for which the channels have disagreed without a known cause. In s.
+        provisional: 1 where a channel was rejected without a delay that explains it.
+        last_position_step: Step of the position at the previous comparison. In rad.
+        jump_peak: Decaying peak of the position's jumps. In rad.
+        speed_peak: Decaying peak of the speed. In rad/s.
+        spike_counts: Decaying counts of the velocity's clear and small spikes.
+        rejected_for: Remaining time for which the channel is rejected. In s.
+        status: Accepted; rejected; or rejected, but its bits change without power.
+        output: Measurement or its substitute, for the estimator. In rad and rad/s.
     """
 
     position: float
     velocity: float
     last_position: float
-    last_velocity: FloatArray = array(4)
-    steps: FloatArray = array(_RESPONSE_TICKS)
-    turns: FloatArray = array(3)
-    same: IntArray = whole(2)
-    unseen: FloatArray = array(2)
-    apart: float
-    late: FloatArray = array(4)
-    past: FloatArray = array(2, _KEPT_TICKS)
-    evidence: FloatArray = array(2, len(DELAYS))
-    doubt: FloatArray = array(2)
-    unclear: float
-    guessed: int = whole()
-    last_step: float
-    leap: float
-    peak: float
-    spikes: FloatArray = array(2)
-    bad: FloatArray = array(2)
-    life: IntArray = whole(2)
-    trusted: FloatArray = array(2)
+    last_velocities: FloatArray = array(_VELOCITY_TICKS)
+    position_steps: FloatArray = array(_RESPONSE_TICKS)
+    velocity_steps: FloatArray = array(3)
+    unchanged_ticks: IntArray = whole(2)
+    partner_motion: FloatArray = array(2)
+    residual: float
+    residual_mean: float
+    velocity_mean: float
+    covariance: float
+    velocity_variance: float
+    step_history: FloatArray = array(2, _HISTORY_TICKS)
+    delay_sums: FloatArray = array(2, len(DELAYS))
+    delay_evidence: FloatArray = array(2)
+    undecided_time: float
+    provisional: int = whole()
+    last_position_step: float
+    jump_peak: float
+    speed_peak: float
+    spike_counts: FloatArray = array(2)
+    rejected_for: FloatArray = array(2)
+    status: IntArray = whole(2)
+    output: FloatArray = array(2)
 
 
 class PairLimits(Record):
@@ -120,16 +146,17 @@ class PairLimits(Record):
 
     Attributes:
         period: Time between samples. In s.
-        hold: Time for which a channel stays rejected after its last fault. In s.
+        hold_time: Time for which a channel stays rejected after its last fault. In s.
         averaged: 1 where the velocity is the mean over the period, as a gyro's.
         low, high: Range of the position. In rad.
         speed: Largest speed. In rad/s.
-        still: Speed below which the pair counts as still. In rad/s.
-        jump: Largest difference of a step and its turn in one tick. In rad.
-        apart, apart_at_speed: Threshold of `Pair.apart`: constant, in rad, and by the speed, in s.
-        spike: Threshold of the velocity's spikes. In rad/s.
-        excited: Variance of the velocity from which a delay can be estimated. In (rad/s)^2.
-        evidence: Threshold of the cumulative sums from which a channel is late. In rad^2.
+        still_speed: Speed below which the pair counts as still. In rad/s.
+        jump: Largest difference of the steps of position and velocity in one tick. In rad.
+        residual, residual_by_speed: Threshold of `Pair.residual`: a constant, in rad, and its
+            increase with the speed, in s.
+        spike: Threshold of the velocity's clear spikes. In rad/s.
+        excitation: Variance of the velocity from which a delay can be estimated. In (rad/s)^2.
+        evidence: Threshold of the cumulative sums from which a channel is delayed. In rad^2.
         delay_ticks: Each of `DELAYS` in ticks.
         response_ticks: Ticks for which the velocity responds to a step of the position.
         response: Weights of the steps, newest first, in the velocity filter's response.
@@ -137,17 +164,17 @@ class PairLimits(Record):
     """
 
     period: float
-    hold: float
+    hold_time: float
     averaged: int = whole()
     low: float
     high: float
     speed: float
-    still: float
+    still_speed: float
     jump: float
-    apart: float
-    apart_at_speed: float
+    residual: float
+    residual_by_speed: float
     spike: float
-    excited: float
+    excitation: float
     evidence: float
     delay_ticks: IntArray = whole(len(DELAYS))
     response_ticks: int = whole()
@@ -157,162 +184,244 @@ class PairLimits(Record):
 
 
 @compiled
-def start_pair(pair: Pair) -> None:
-    """Initialise the pair with its first sample; a finite value that is not bad is trusted."""
-    p, v = pair.position, pair.velocity
-    pair.last_position = p if math.isfinite(p) else 0.0
-    pair.last_velocity[:] = v if math.isfinite(v) else 0.0
-    if pair.bad[P] == 0.0 and math.isfinite(p):
-        pair.trusted[P] = p
-    if pair.bad[V] == 0.0 and math.isfinite(v):
-        pair.trusted[V] = v
+def initialise_pair(pair: Pair) -> None:
+    """Initialise the pair with its first sample; the output takes values that are accepted."""
+    position, velocity = pair.position, pair.velocity
+    pair.last_position = position if math.isfinite(position) else 0.0
+    pair.last_velocities[:] = velocity if math.isfinite(velocity) else 0.0
+    if pair.rejected_for[P] == 0.0 and math.isfinite(position):
+        pair.output[P] = position
+    if pair.rejected_for[V] == 0.0 and math.isfinite(velocity):
+        pair.output[V] = velocity
 
 
 @compiled
-def look_at_pair(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool:
-    """Compare position and velocity of a pair, and mark in `bad` which of them is wrong.
+def check_pair(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> bool:
+    """Compare position and velocity of a pair, and set in `rejected_for` which of them is faulty.
 
     Args:
         pair: Changed in place.
-        limit: Its limits.
+        limits: Its limits.
         ticks: Ticks since the start.
-        tilt: Difference of position and integrated velocity that is no fault. In rad.
+        tolerance: Difference of position and integrated velocity that is no fault. In rad.
 
     Returns:
-        Whether the position is accepted again because it was rejected by a wrong guess.
+        Whether the position is accepted again because its rejection was a wrong decision.
     """
-    p, v, dt, hold = pair.position, pair.velocity, limit.period, limit.hold
-    last = pair.last_velocity
-    for kind in range(2):
-        pair.bad[kind] = max(0.0, pair.bad[kind] - dt)
-    if not limit.low <= p <= limit.high:
-        pair.bad[P] = hold
-        p = pair.last_position
-    if not abs(v) <= limit.speed:
-        pair.bad[V] = hold
-        v = last[0]
-    step, turn = p - pair.last_position, 0.5 * dt * (v + last[0])
-    if limit.averaged:
-        turn = dt * v
-    if abs(step - turn) > limit.jump:
-        # At a hard landing the position leads its filtered velocity, and neither jumps.
-        sudden = abs(v - 2.0 * last[0] + last[1]) * dt > 0.5 * limit.jump
-        if sudden and pair.bad[P] <= 0.0:
-            pair.bad[V] = hold
-            turn = step
-        elif abs(step - pair.steps[0]) > limit.jump and not _is_answered(pair, limit, step, turn):
-            pair.bad[P] = hold
-            step = turn
-    for k in range(limit.response_ticks - 1, 0, -1):
-        pair.steps[k] = pair.steps[k - 1]
+    for channel in range(2):
+        pair.rejected_for[channel] = max(0.0, pair.rejected_for[channel] - limits.period)
+    position, velocity = _check_ranges(pair, limits)
+    position_step, velocity_step = _check_jumps(pair, limits, position, velocity)
+    for k in range(limits.response_ticks - 1, 0, -1):
+        pair.position_steps[k] = pair.position_steps[k - 1]
     for k in (2, 1):
-        pair.turns[k] = pair.turns[k - 1]
-    pair.steps[0], pair.turns[0] = step, turn
-    pair.peak = max(abs(v), pair.peak * math.exp(-dt / _LATE_TIME))
-    _count_same(pair, limit, p, v)
-    _look_for_spikes(pair, limit, ticks, v)
-    withdrawn = ticks > 3 and _look_apart(pair, limit, ticks, tilt)
+        pair.velocity_steps[k] = pair.velocity_steps[k - 1]
+    pair.position_steps[0], pair.velocity_steps[0] = position_step, velocity_step
+    decay = math.exp(-limits.period / _STATISTICS_TIME)
+    pair.speed_peak = max(abs(velocity), pair.speed_peak * decay)
+    _detect_stuck_channel(pair, limits, position, velocity)
+    _detect_spikes(pair, limits, ticks, velocity)
+    reaccepted = ticks >= _VELOCITY_TICKS and _check_residual(pair, limits, ticks, tolerance)
     for k in (3, 2, 1):
-        last[k] = last[k - 1]
-    pair.last_position, last[0] = p, v
-    return withdrawn
+        pair.last_velocities[k] = pair.last_velocities[k - 1]
+    pair.last_position, pair.last_velocities[0] = position, velocity
+    return reaccepted
 
 
 @compiled
-def _is_answered(pair: Pair, limit: PairLimits, step: float, turn: float) -> bool:
+def _check_ranges(pair: Pair, limits: PairLimits) -> tuple[float, float]:
+    """Reject values out of range or NaN; position and velocity, or the last ones in their place."""
+    position, velocity = pair.position, pair.velocity
+    if not limits.low <= position <= limits.high:
+        pair.rejected_for[P] = limits.hold_time
+        position = pair.last_position
+    if not abs(velocity) <= limits.speed:
+        pair.rejected_for[V] = limits.hold_time
+        velocity = pair.last_velocities[0]
+    return position, velocity
+
+
+@compiled
+def _check_jumps(
+    pair: Pair, limits: PairLimits, position: float, velocity: float
+) -> tuple[float, float]:
+    """Reject a channel that jumps without the other one.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        position, velocity: Values of this tick, in range. In rad and rad/s.
+
+    Returns:
+        Steps of position and velocity over this tick; that of a jump is replaced by the other one.
+        In rad.
+    """
+    dt, last = limits.period, pair.last_velocities
+    position_step = position - pair.last_position
+    velocity_step = 0.5 * dt * (velocity + last[0])
+    if limits.averaged:
+        velocity_step = dt * velocity
+    if abs(position_step - velocity_step) > limits.jump:
+        # At a hard landing the position leads its filtered velocity, and neither jumps.
+        second_difference = abs(velocity - 2.0 * last[0] + last[1])
+        velocity_jumps = second_difference * dt > _VELOCITY_JUMP_RATIO * limits.jump
+        position_jumps = abs(position_step - pair.position_steps[0]) > limits.jump
+        if velocity_jumps and pair.rejected_for[P] <= 0.0:
+            pair.rejected_for[V] = limits.hold_time
+            velocity_step = position_step
+        elif position_jumps and not _velocity_confirms(pair, limits, position_step, velocity_step):
+            pair.rejected_for[P] = limits.hold_time
+            position_step = velocity_step
+    return position_step, velocity_step
+
+
+@compiled
+def _velocity_confirms(
+    pair: Pair, limits: PairLimits, position_step: float, velocity_step: float
+) -> bool:
     """Whether the velocity confirms a sudden step of the position, as when a foot is hit.
 
     The velocity filter's response decides between two hypotheses: the joint made this step, or it
     repeated the previous step.
     """
-    expected = limit.response[0] * step  # value of `turn` under the first hypothesis
-    for k in range(1, limit.response_ticks):
-        expected += limit.response[k] * pair.steps[k - 1]
-    otherwise = expected - limit.response[0] * (step - pair.steps[0])
-    return bool(abs(turn - expected) < abs(turn - otherwise) + _UNSURE * abs(turn))
+    expected = limits.response[0] * position_step  # value of `velocity_step` if the joint made it
+    for k in range(1, limits.response_ticks):
+        expected += limits.response[k] * pair.position_steps[k - 1]
+    repeated = expected - limits.response[0] * (position_step - pair.position_steps[0])
+    model_error = _FILTER_MODEL_ERROR * abs(velocity_step)
+    return bool(abs(velocity_step - expected) < abs(velocity_step - repeated) + model_error)
 
 
 @compiled
-def _count_same(pair: Pair, limit: PairLimits, p: float, v: float) -> None:
-    """Find a channel that is stuck or off: its bits stay the same while its partner moves."""
-    step, turn = pair.steps[0], pair.turns[0]
-    most = _SEEN_SPEED * limit.period  # a single jump of the position is no motion
-    now, last, moved = (
-        (p, v),
-        (pair.last_position, pair.last_velocity[0]),
-        (turn, max(-most, min(most, step - turn))),
-    )
+def _detect_stuck_channel(pair: Pair, limits: PairLimits, position: float, velocity: float) -> None:
+    """Reject a channel that is stuck or off: its bits stay the same while its partner moves."""
+    position_step, velocity_step = pair.position_steps[0], pair.velocity_steps[0]
     # A filtered velocity decays only some time after the position has stopped.
-    tail = (_TAIL * limit.velocity_lag * limit.period * pair.peak, 0.0)
-    unseen = (_UNSEEN_POSITION, _UNSEEN_VELOCITY)
-    for kind in range(2):
-        if now[kind] == last[kind]:
-            pair.same[kind] += 1
-            pair.unseen[kind] += moved[kind]
-        else:
-            pair.same[kind] = 0
-            pair.unseen[kind] = 0.0
-        stuck = pair.same[kind] >= _STUCK_TICKS
-        stuck = stuck and abs(pair.unseen[kind]) > unseen[kind] + tail[kind]
-        if stuck and pair.bad[1 - kind] <= 0.0:
-            pair.bad[kind] = limit.hold
+    tail = _FILTER_TAIL_RATIO * limits.velocity_lag * limits.period * pair.speed_peak
+    unchanged = position == pair.last_position
+    threshold = _STUCK_POSITION_MOTION + tail
+    _count_unchanged(pair, limits, P, unchanged, velocity_step, threshold)
+    max_step = _STUCK_VELOCITY_SPEED * limits.period  # a single jump of the position is no motion
+    unexplained_step = max(-max_step, min(max_step, position_step - velocity_step))
+    unchanged = velocity == pair.last_velocities[0]
+    _count_unchanged(pair, limits, V, unchanged, unexplained_step, _STUCK_VELOCITY_MOTION)
 
 
 @compiled
-def _look_for_spikes(pair: Pair, limit: PairLimits, ticks: int, v: float) -> None:
-    """Find spikes: velocities of one tick that are off the curve through their neighbours.
+def _count_unchanged(
+    pair: Pair,
+    limits: PairLimits,
+    channel: int,
+    unchanged: bool,
+    partner_step: float,
+    threshold: float,
+) -> None:
+    """Update `unchanged_ticks` and `partner_motion` of a channel; reject it if it is stuck.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        channel: `P` or `V`.
+        unchanged: Whether the channel has the bits of the previous tick.
+        partner_step: Motion of the other channel in this tick. In rad.
+        threshold: Motion of the other channel from which this one is stuck. In rad.
+    """
+    if unchanged:
+        pair.unchanged_ticks[channel] += 1
+        pair.partner_motion[channel] += partner_step
+    else:
+        pair.unchanged_ticks[channel] = 0
+        pair.partner_motion[channel] = 0.0
+    stuck = pair.unchanged_ticks[channel] >= _STUCK_TICKS
+    stuck = stuck and abs(pair.partner_motion[channel]) > threshold
+    if stuck and pair.rejected_for[1 - channel] <= 0.0:
+        pair.rejected_for[channel] = limits.hold_time
+
+
+@compiled
+def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> None:
+    """Count spikes of the velocity, and reject it after two clear ones in quick succession."""
+    spike = _spike_size(pair, limits, ticks, velocity)
+    decay = math.exp(-limits.period / _SPIKE_TIME)
+    clear = 1.0 if spike > limits.spike else 0.0
+    small = 1.0 if spike > _SMALL_SPIKE_RATIO * limits.spike else 0.0
+    pair.spike_counts[_CLEAR] = decay * pair.spike_counts[_CLEAR] + clear
+    pair.spike_counts[_SMALL] = decay * pair.spike_counts[_SMALL] + small
+    if pair.spike_counts[_CLEAR] > _SPIKE_COUNT_LIMIT:
+        pair.rejected_for[V] = limits.hold_time
+
+
+@compiled
+def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> float:
+    """Deviation of the velocity two ticks ago from its neighbours' curve; 0 if it is no spike.
 
     The curve is the cubic through two samples on each side. Legs that oscillate on their springs,
     with ten samples per period, stay on it. Where a foot is hit, the joint itself leaves it: the
     velocity filter's response to the position then tells that the velocity is right.
     """
-    fade, last = math.exp(-limit.period / _SPIKE_TIME), pair.last_velocity
-    after, spike, before = last[0], last[1], last[2]
-    outer = v - last[3]
-    out = abs(spike - (4.0 * (after + before) - v - last[3]) / 6.0)
-    if abs(after - before) > out or abs(outer - 2.0 * (after - before)) > out:
-        out = 0.0  # a step, as at a hard landing, or a neighbour's spike
-    if out > _SMALL_SPIKE * limit.spike and not limit.averaged and pair.bad[P] <= 0.0:
-        residual = 0.0  # of the two turns to which the velocity in question belongs
+    last = pair.last_velocities
+    after, middle, before, oldest = last[0], last[1], last[2], last[3]
+    deviation: float = abs(middle - (4.0 * (after + before) - velocity - oldest) / 6.0)
+    inner, outer = after - before, velocity - oldest
+    if abs(inner) > deviation or abs(outer - 2.0 * inner) > deviation:
+        return 0.0  # a step, as at a hard landing, or a neighbour's spike
+    large = deviation > _SMALL_SPIKE_RATIO * limits.spike
+    if large and not limits.averaged and pair.rejected_for[P] <= 0.0:
+        residual = 0.0  # of the two steps to which the velocity in question belongs
         for k in (1, 2):
-            then = (ticks - k) % _KEPT_TICKS
-            residual += pair.past[P, then] - pair.past[V, then]
-        if abs(residual) < 0.5 * limit.period * out:
-            out = 0.0  # the likelier of two hypotheses: the joint moved like this
-    for k in range(2):
-        bound = limit.spike * (1.0, _SMALL_SPIKE)[k]
-        pair.spikes[k] = fade * pair.spikes[k] + (1.0 if out > bound else 0.0)
-    if pair.spikes[0] > _SPIKES:
-        pair.bad[V] = limit.hold
+            tick = (ticks - k) % _HISTORY_TICKS
+            residual += pair.step_history[P, tick] - pair.step_history[V, tick]
+        if abs(residual) < _SPIKE_STEP_RATIO * limits.period * deviation:
+            return 0.0  # the likelier of two hypotheses: the joint moved like this
+    return deviation
 
 
 @compiled
-def _look_apart(pair: Pair, limit: PairLimits, ticks: int, tilt: float) -> bool:
-    """Compare the position with the integrated velocity; see `look_at_pair`."""
-    dt, late = limit.period, pair.late
-    step, turn = pair.steps[limit.velocity_lag], pair.turns[limit.position_lag]
-    pair.apart = pair.apart * math.exp(-dt / APART_TIME) + step - turn
-    leap = min(abs(step - turn), abs(step - pair.last_step))
-    pair.leap = max(leap, pair.leap * math.exp(-dt / _LATE_TIME))
-    pair.last_step = step
-    apart, rate, share = pair.apart, 0.5 * (step + turn) / dt, 1.0 - math.exp(-dt / _LATE_TIME)
-    late[0] += share * (apart - late[0])
-    late[1] += share * (rate - late[1])
-    late[2] += share * ((apart - late[0]) * (rate - late[1]) - late[2])
-    late[3] += share * ((rate - late[1]) ** 2 - late[3])
-    delay = late[2] / max(late[3], limit.excited)
-    bound = limit.apart + limit.apart_at_speed * pair.peak + tilt
-    small = 0.5 * limit.apart + tilt
-    near = abs(apart) < bound and (abs(delay) < _LATE or abs(apart) < small)
-    matched = _weigh_delays(pair, limit, ticks, turn)
-    if matched < 0 and near:
+def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> bool:
+    """Compare the position with the integrated velocity; see `check_pair`."""
+    position_step = pair.position_steps[limits.velocity_lag]
+    velocity_step = pair.velocity_steps[limits.position_lag]
+    decay = math.exp(-limits.period / RESIDUAL_TIME)
+    pair.residual = pair.residual * decay + position_step - velocity_step
+    _update_statistics(pair, limits, position_step, velocity_step)
+    delayed = _delayed_channel(pair, limits, ticks, velocity_step)
+    if delayed == _NO_CHANNEL and _is_small(pair, limits, tolerance):
         return False
-    return _judge(pair, limit, matched)
+    return _isolate_fault(pair, limits, delayed)
 
 
 @compiled
-def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int:
-    """Channel that repeats the other one's motion after one of `DELAYS`; -1 if none does.
+def _update_statistics(
+    pair: Pair, limits: PairLimits, position_step: float, velocity_step: float
+) -> None:
+    """Update the jumps' peak, and mean, variance and covariance of residual and velocity."""
+    decay = math.exp(-limits.period / _STATISTICS_TIME)
+    jump = min(abs(position_step - velocity_step), abs(position_step - pair.last_position_step))
+    pair.jump_peak = max(jump, pair.jump_peak * decay)
+    pair.last_position_step = position_step
+    velocity, gain = 0.5 * (position_step + velocity_step) / limits.period, 1.0 - decay
+    pair.residual_mean += gain * (pair.residual - pair.residual_mean)
+    pair.velocity_mean += gain * (velocity - pair.velocity_mean)
+    residual_error = pair.residual - pair.residual_mean
+    velocity_error = velocity - pair.velocity_mean
+    pair.covariance += gain * (residual_error * velocity_error - pair.covariance)
+    pair.velocity_variance += gain * (velocity_error**2 - pair.velocity_variance)
+
+
+@compiled
+def _is_small(pair: Pair, limits: PairLimits, tolerance: float) -> bool:
+    """Whether the residual is within its threshold, and does not come from a delay."""
+    residual = abs(pair.residual)
+    threshold = limits.residual + limits.residual_by_speed * pair.speed_peak + tolerance
+    small_threshold = _SMALL_RESIDUAL_RATIO * limits.residual + tolerance
+    delay = pair.covariance / max(pair.velocity_variance, limits.excitation)
+    no_delay = abs(delay) < _DELAY_THRESHOLD or residual < small_threshold
+    return residual < threshold and no_delay
+
+
+@compiled
+def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: float) -> int:
+    """Channel that repeats the other one's motion after one of `DELAYS`, or `_NO_CHANNEL`.
 
     Cumulative sum test (Page, Biometrika 1954), for each channel and each delay. A tick adds by how
     much the delay explains the motion better than no delay does. The sum stays at or above zero:
@@ -320,212 +429,314 @@ def _weigh_delays(pair: Pair, limit: PairLimits, ticks: int, turn: float) -> int
 
     Args:
         pair: Changed in place.
-        limit: Its limits.
+        limits: Its limits.
         ticks: Ticks since the start.
-        turn: Integral of the velocity over this tick. In rad.
+        velocity_step: Integral of the velocity over this tick. In rad.
     """
-    step = 0.0  # value of `turn` that the position's steps predict
-    for k in range(limit.response_ticks):
-        step += limit.response[k] * pair.steps[k]
+    expected_step = 0.0  # value of `velocity_step` that the position's steps predict
+    for k in range(limits.response_ticks):
+        expected_step += limits.response[k] * pair.position_steps[k]
     # A velocity that is not filtered agrees with the newest step.
-    apart = min((step - turn) ** 2, (pair.steps[0] - turn) ** 2)
-    spikes = pair.spikes[1] >= _HARDLY_A_SPIKE
-    leapt = pair.leap > max(_LEAP * limit.jump, _LEAPT * abs(pair.apart))
-    enough = limit.evidence
-    fade = _FADE * enough
-    now = ticks % _KEPT_TICKS
-    pair.past[P, now], pair.past[V, now] = step, turn
-    if apart <= fade and pair.doubt[P] + pair.doubt[V] <= 0.0:
-        return -1
-    for kind in range(2):
-        moved, past = (step, turn)[kind], pair.past[1 - kind]
-        # At constant speed, a channel that is stuck, leaps or has spikes makes the other look late.
-        silent = pair.same[1 - kind] > 0 or (spikes if kind == P else leapt)
-        most, sums = 0.0, pair.evidence[kind]
-        for m in range(len(DELAYS)):
-            then = now - limit.delay_ticks[m]
-            left = moved - past[then if then >= 0 else then + _KEPT_TICKS]
-            gain = min(apart - _WORSE * left * left - fade, 0.0 if silent else _AT_ONCE * enough)
-            sums[m] = max(0.0, min(sums[m] + gain, _LARGEST * enough))
-            most = max(most, sums[m])
-        pair.doubt[kind] = most
-    for kind in range(2):
-        most = pair.doubt[kind]
-        if most > enough and pair.doubt[1 - kind] < _UNDECIDED * most:
-            return kind
-    return -1
+    newest_step = pair.position_steps[0]
+    error = min((expected_step - velocity_step) ** 2, (newest_step - velocity_step) ** 2)
+    tick, evidence = ticks % _HISTORY_TICKS, pair.delay_evidence
+    pair.step_history[P, tick], pair.step_history[V, tick] = expected_step, velocity_step
+    if error <= _ALLOWANCE_RATIO * limits.evidence and evidence[P] + evidence[V] <= 0.0:
+        return _NO_CHANNEL  # each sum would stay zero
+    # At constant speed, a channel that is stuck, jumps or has spikes makes the other look delayed.
+    spikes = pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT
+    jump_threshold = max(_JUMP_PEAK_RATIO * limits.jump, _JUMP_CAUSE_RATIO * abs(pair.residual))
+    jumps = pair.jump_peak > jump_threshold
+    velocity_unreliable = pair.unchanged_ticks[V] > 0 or spikes
+    position_unreliable = pair.unchanged_ticks[P] > 0 or jumps
+    _update_delay_sums(pair, limits, P, tick, error, velocity_unreliable)
+    _update_delay_sums(pair, limits, V, tick, error, position_unreliable)
+    for channel in range(2):
+        larger, smaller = evidence[channel], evidence[1 - channel]
+        if larger > limits.evidence and smaller < _AMBIGUITY_RATIO * larger:
+            return channel
+    return _NO_CHANNEL
 
 
 @compiled
-def _judge(pair: Pair, limit: PairLimits, matched: int) -> bool:
-    """Reject the wrong channel of a pair that disagrees: the late one, or that of `_blame`.
+def _update_delay_sums(
+    pair: Pair,
+    limits: PairLimits,
+    channel: int,
+    tick: int,
+    undelayed_error: float,
+    partner_unreliable: bool,
+) -> None:
+    """Update the cumulative sums for a channel's delay, and the largest of them.
 
     Args:
         pair: Changed in place.
-        limit: Its limits.
-        matched: The late channel; -1 if there is none.
+        limits: Its limits.
+        channel: `P` or `V`.
+        tick: Index of this tick in `step_history`.
+        undelayed_error: Squared residual of the steps without a delay. In rad^2.
+        partner_unreliable: Whether the other channel may make this one look delayed.
+    """
+    step, partner_steps = pair.step_history[channel, tick], pair.step_history[1 - channel]
+    allowance = _ALLOWANCE_RATIO * limits.evidence
+    max_increase = 0.0 if partner_unreliable else _MAX_INCREASE_RATIO * limits.evidence
+    largest, sums = 0.0, pair.delay_sums[channel]
+    for m in range(len(DELAYS)):
+        earlier = tick - limits.delay_ticks[m]
+        error = step - partner_steps[earlier if earlier >= 0 else earlier + _HISTORY_TICKS]
+        increase = undelayed_error - _DELAY_ERROR_WEIGHT * error * error - allowance
+        increase = min(increase, max_increase)
+        sums[m] = max(0.0, min(sums[m] + increase, _SATURATION_RATIO * limits.evidence))
+        largest = max(largest, sums[m])
+    pair.delay_evidence[channel] = largest
+
+
+@compiled
+def _isolate_fault(pair: Pair, limits: PairLimits, delayed: int) -> bool:
+    """Reject the faulty channel of a pair that disagrees, or keep the present rejection.
+
+    A delay decides. Other symptoms decide next, and after `_DECISION_TIMEOUT` the likelier channel
+    is rejected. Such a rejection is provisional: a delay that is found later corrects it.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        delayed: The delayed channel, or `_NO_CHANNEL`.
 
     Returns:
-        Whether the position is accepted again because it was rejected by a wrong guess.
+        Whether the position is accepted again because its rejection was a wrong decision.
     """
-    if max(pair.bad[P], pair.bad[V]) <= 0.0:
-        pair.guessed = 0
-    withdrawn = matched >= 0 and pair.guessed > 0
-    if withdrawn:
-        pair.bad[1 - matched] = 0.0
-    if pair.bad[P] > 0.0 or pair.bad[V] > 0.0:
-        for kind in range(2):
-            if pair.bad[kind] > 0.0:
-                pair.bad[kind] = limit.hold
-        return withdrawn and matched == V
-    kind = matched if matched >= 0 else _blame(pair)
-    if kind < 0 and pair.unclear < _TIMEOUT:
-        pair.unclear += limit.period
+    if max(pair.rejected_for[P], pair.rejected_for[V]) <= 0.0:
+        pair.provisional = 0
+    corrected = delayed != _NO_CHANNEL and pair.provisional > 0
+    position_reaccepted = corrected and delayed == V
+    if corrected:
+        pair.rejected_for[1 - delayed] = 0.0
+    if pair.rejected_for[P] > 0.0 or pair.rejected_for[V] > 0.0:
+        for channel in range(2):
+            if pair.rejected_for[channel] > 0.0:
+                pair.rejected_for[channel] = limits.hold_time
+        return position_reaccepted
+    faulty = delayed if delayed != _NO_CHANNEL else _channel_with_symptom(pair)
+    if faulty == _NO_CHANNEL and pair.undecided_time < _DECISION_TIMEOUT:
+        pair.undecided_time += limits.period
         return False
-    if kind < 0:
-        kind = _guess(pair)
-    pair.unclear, pair.guessed = 0.0, matched < 0
-    pair.bad[kind] = limit.hold
-    if kind == P:
-        pair.trusted[P] = pair.position - pair.apart - pair.turns[0]
-    return withdrawn and matched == V
+    if faulty == _NO_CHANNEL:
+        faulty = _likelier_faulty_channel(pair)
+    pair.undecided_time, pair.provisional = 0.0, delayed == _NO_CHANNEL
+    pair.rejected_for[faulty] = limits.hold_time
+    if faulty == P:
+        pair.output[P] = pair.position - pair.residual - pair.velocity_steps[0]
+    return position_reaccepted
 
 
 @compiled
-def _blame(pair: Pair) -> int:
-    """Wrong channel of a pair that disagrees; -1 while this is unclear."""
-    if pair.leap > _LEAPT * abs(pair.apart):
+def _channel_with_symptom(pair: Pair) -> int:
+    """Channel of a pair that disagrees that jumps, has spikes or is stuck; or `_NO_CHANNEL`."""
+    if pair.jump_peak > _JUMP_CAUSE_RATIO * abs(pair.residual):
         return P  # also at rest, where the velocity is rightly 0
-    if pair.spikes[1] >= _HARDLY_A_SPIKE:
-        return V if pair.spikes[1] > 2.0 else -1  # the next spike decides
-    still = (pair.same[P] >= _STUCK_TICKS, pair.same[V] >= _STUCK_TICKS)
-    if still[0] != still[1]:
-        return P if still[0] else V
-    return -1
+    if pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT:
+        # After fewer spikes, the next one decides.
+        return V if pair.spike_counts[_SMALL] > _SMALL_SPIKE_COUNT_LIMIT else _NO_CHANNEL
+    position_stuck = pair.unchanged_ticks[P] >= _STUCK_TICKS
+    velocity_stuck = pair.unchanged_ticks[V] >= _STUCK_TICKS
+    if position_stuck != velocity_stuck:
+        return P if position_stuck else V
+    return _NO_CHANNEL
 
 
 @compiled
-def _guess(pair: Pair) -> int:
-    """Likelier wrong channel: by spikes, by the evidence for delays, or by the delay's sign."""
-    if pair.spikes[1] >= _HARDLY_A_SPIKE:
+def _likelier_faulty_channel(pair: Pair) -> int:
+    """Likelier faulty channel: by spikes, by the evidence for delays, or by the delay's sign."""
+    if pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT:
         return V
-    if pair.doubt[P] != pair.doubt[V]:
-        return P if pair.doubt[P] > pair.doubt[V] else V
-    return P if pair.late[2] < -_DELAYED * _LATE * pair.late[3] else V
+    if pair.delay_evidence[P] != pair.delay_evidence[V]:
+        return P if pair.delay_evidence[P] > pair.delay_evidence[V] else V
+    threshold = -_DELAY_SIGN_RATIO * _DELAY_THRESHOLD * pair.velocity_variance
+    return P if pair.covariance < threshold else V
 
 
 @compiled
-def go_on(pair: Pair, limit: PairLimits, powered: int, rest: float) -> bool:
-    """Replace a bad position by the integrated velocity, a bad velocity by differences.
+def substitute_rejected(pair: Pair, limits: PairLimits, powered: int, rest_time: float) -> bool:
+    """Set `output`: the measurements, or a substitute for a rejected one.
+
+    The substitute of a position is the integral of the velocity, and that of a velocity is the
+    difference of the position.
 
     Args:
         pair: Changed in place.
-        limit: Its limits.
+        limits: Its limits.
         powered: Whether the robot has power.
-        rest: Time for which the robot has hung or lain still without power. In s.
+        rest_time: Time for which the robot has hung or lain still without power. In s.
 
     Returns:
         Whether a channel is accepted again.
     """
-    dt, again = limit.period, False
-    if pair.bad[P] > 0.0 and pair.bad[V] > 0.0:
+    if pair.rejected_for[P] > 0.0 and pair.rejected_for[V] > 0.0:
         # A velocity alone is of no use without a position to start from.
-        pair.bad[V] = max(pair.bad[P], pair.bad[V])
-    bad_p, bad_v = pair.bad[P] > 0.0, pair.bad[V] > 0.0
-    for kind in range(2):
-        if pair.bad[kind] > 0.0:
-            if pair.life[kind] == 0:
-                pair.life[kind] = 1
-            elif pair.same[kind] == 0 and not powered:
-                pair.life[kind] = 2
-        elif pair.life[kind] > 0:
-            pair.life[kind] = 0
-            again = True
-    if bad_v:
-        follow = 1.0 - math.exp(-dt / 0.004)
-        rate = pair.steps[0] / dt
-        if not bad_p:
-            last = pair.trusted[V] if math.isfinite(pair.trusted[V]) else rate
-            pair.trusted[V] = last + follow * (rate - last)
-        frozen = pair.same[V] >= _STUCK_TICKS and abs(rate) > 0.1
-        wrong = frozen or abs(pair.velocity - pair.trusted[V]) >= _WRONG_SPEED
-        _hold(pair, limit, V, wrong, rest > 0.0 or not (powered or bad_p))
+        pair.rejected_for[V] = max(pair.rejected_for[P], pair.rejected_for[V])
+    position_rejected, velocity_rejected = pair.rejected_for[P] > 0.0, pair.rejected_for[V] > 0.0
+    reaccepted = _update_status(pair, powered)
+    resting = rest_time > 0.0
+    if velocity_rejected:
+        confirmed = resting or not (powered or position_rejected)
+        _substitute_velocity(pair, limits, position_rejected, confirmed)
     else:
-        pair.trusted[V] = pair.velocity
-    if bad_p:
-        near = _NOT_AGAIN if pair.same[P] < _FROZEN_TICKS else _UNSEEN_VELOCITY
-        pair.trusted[P] += dt * pair.trusted[V] if bad_v else pair.turns[0]
-        wrong = abs(pair.position - pair.trusted[P]) >= near  # False for NaN
-        _hold(pair, limit, P, wrong, rest > 0.0 or not (powered or bad_v))
+        pair.output[V] = pair.velocity
+    if position_rejected:
+        confirmed = resting or not (powered or velocity_rejected)
+        _substitute_position(pair, limits, velocity_rejected, confirmed)
     else:
-        pair.trusted[P] = pair.position
-    return again
+        pair.output[P] = pair.position
+    return reaccepted
 
 
 @compiled
-def _hold(pair: Pair, limit: PairLimits, kind: int, wrong: bool, borne_out: bool) -> None:
-    """Keep a channel rejected while it differs from its replacement.
+def _update_status(pair: Pair, powered: int) -> bool:
+    """Update `status` of both channels; whether one of them is accepted again."""
+    reaccepted = False
+    for channel in range(2):
+        if pair.rejected_for[channel] > 0.0:
+            if pair.status[channel] == _ACCEPTED:
+                pair.status[channel] = _REJECTED
+            elif pair.unchanged_ticks[channel] == 0 and not powered:
+                pair.status[channel] = _RESPONSIVE
+        elif pair.status[channel] != _ACCEPTED:
+            pair.status[channel] = _ACCEPTED
+            reaccepted = True
+    return reaccepted
 
-    After a fall the replacement may stay far off. So without power a channel whose bits change is
-    accepted after `REST_TIME` unless something else contradicts it. `borne_out` says that its
-    accepted partner agrees with it, or that the robot is at rest.
+
+@compiled
+def _substitute_velocity(
+    pair: Pair, limits: PairLimits, position_rejected: bool, confirmed: bool
+) -> None:
+    """Set the velocity's output to the low-passed difference of the position.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        position_rejected: Whether the position is rejected, too: the output then stays.
+        confirmed: See `_extend_rejection`.
     """
-    if borne_out and pair.life[kind] == 2:
-        pair.bad[kind] = min(pair.bad[kind], REST_TIME)
-    elif wrong:
-        pair.bad[kind] = limit.hold
+    difference = pair.position_steps[0] / limits.period
+    if not position_rejected:
+        gain = 1.0 - math.exp(-limits.period / _SUBSTITUTE_VELOCITY_TIME)
+        last = pair.output[V] if math.isfinite(pair.output[V]) else difference
+        pair.output[V] = last + gain * (difference - last)
+    frozen = pair.unchanged_ticks[V] >= _STUCK_TICKS and abs(difference) > _FROZEN_VELOCITY_SPEED
+    differs = frozen or abs(pair.velocity - pair.output[V]) >= _VELOCITY_TOLERANCE
+    _extend_rejection(pair, limits, V, differs, confirmed)
 
 
-_MARGIN = 0.2  # rad beyond the stops
-_JOINT_DELAY = 0.0045  # s, of the joints' velocity filter
-_FASTEST = 100.0  # Hz, highest frequency to which a velocity filter's response is fitted
-_SAMPLED = 0.2  # ratio to the sample rate: highest frequency that the samples resolve
-_EVEN = 1e3  # weight of a constant velocity, relative to one frequency
-_DRIVE_NOISE, _JOINT_NOISE = 0.2, 2.5  # weights of the encoders' noise, relative to one frequency
+@compiled
+def _substitute_position(
+    pair: Pair, limits: PairLimits, velocity_rejected: bool, confirmed: bool
+) -> None:
+    """Integrate the velocity into the position's output.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        velocity_rejected: Whether the velocity is rejected, too: its own output is then integrated.
+        confirmed: See `_extend_rejection`.
+    """
+    frozen = pair.unchanged_ticks[P] >= _FROZEN_TICKS
+    tolerance = _FROZEN_POSITION_TOLERANCE if frozen else _POSITION_TOLERANCE
+    step = limits.period * pair.output[V] if velocity_rejected else pair.velocity_steps[0]
+    pair.output[P] += step
+    differs = abs(pair.position - pair.output[P]) >= tolerance  # False for NaN
+    _extend_rejection(pair, limits, P, differs, confirmed)
 
 
-def set_pair_limits(period: float, attitude_delay: float, hold: float, limits: RecordArray) -> None:
+@compiled
+def _extend_rejection(
+    pair: Pair, limits: PairLimits, channel: int, differs: bool, confirmed: bool
+) -> None:
+    """Keep a channel rejected while it differs from its substitute.
+
+    After a fall the substitute may stay far off. So without power a channel whose bits change is
+    accepted after `REST_TIME` unless something else contradicts it.
+
+    Args:
+        pair: Changed in place.
+        limits: Its limits.
+        channel: `P` or `V`.
+        differs: Whether the channel differs from its substitute.
+        confirmed: Whether its accepted partner agrees with it, or the robot is at rest.
+    """
+    if confirmed and pair.status[channel] == _RESPONSIVE:
+        pair.rejected_for[channel] = min(pair.rejected_for[channel], REST_TIME)
+    elif differs:
+        pair.rejected_for[channel] = limits.hold_time
+
+
+_RANGE_MARGIN = 0.2  # rad beyond the stops
+_JOINT_FILTER_DELAY = 0.0045  # s, of the joints' velocity filter
+_MAX_FREQUENCY = 100.0  # Hz, highest frequency to which a velocity filter's response is fitted
+_MAX_FREQUENCY_RATIO = 0.2  # of the highest frequency that samples resolve to their rate
+_CONSTANT_VELOCITY_WEIGHT = 1e3  # relative to one frequency
+_DRIVE_NOISE_WEIGHT, _JOINT_NOISE_WEIGHT = 0.2, 2.5  # of encoders, relative to one frequency
+
+
+def set_pair_limits(
+    period: float, attitude_delay: float, hold_time: float, limits: RecordArray
+) -> None:
     """Set the limits of each pair: values that no healthy sensor exceeds, with a margin.
 
     Args:
         period: Time between samples. In s.
         attitude_delay: Delay of the IMU's orientation. In s.
-        hold: Time for which a channel stays rejected after its last fault. In s.
+        hold_time: Time for which a channel stays rejected after its last fault. In s.
         limits: Result, records of `PairLimits`. Shape (19,).
     """
-    limits["period"], limits["hold"], limits["averaged"][IMU] = period, hold, 1
+    limits["period"], limits["hold_time"], limits["averaged"][IMU_PAIRS] = period, hold_time, 1
+    _set_position_ranges(limits)
+    limits["speed"], limits["jump"] = 50.0, 0.02
+    limits["still_speed"], limits["still_speed"][IMU_PAIRS] = 1.0, 0.1  # legs swing when it hangs
+    limits["excitation"], limits["excitation"][IMU_PAIRS] = 0.3**2, 0.15**2
+    for name, of_leg_drives, of_leg_joints, of_imu in (
+        ("residual", [0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
+        # That of the joints holds also where no filter delays the velocity.
+        ("residual_by_speed", [0.001] * 5, [0.0045] * 3, 0.002),
+        ("spike", [0.5, 0.5, 0.6, 1.2, 5.5], [0.9, 0.9, 1.5], 0.25),
+        ("evidence", [4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], [4e-7, 8e-7, 5e-7], 1e-6),
+    ):
+        limits[name][DRIVE_PAIRS] = np.tile(of_leg_drives, len(LEGS))
+        limits[name][JOINT_PAIRS] = np.tile(of_leg_joints, len(LEGS))
+        limits[name][IMU_PAIRS] = of_imu
+    _set_delays(period, attitude_delay, limits)
+
+
+def _set_position_ranges(limits: RecordArray) -> None:
+    """Set the ranges of the positions: the mechanical stops of drives and joints, with a margin."""
     limits["low"], limits["high"] = -math.inf, math.inf
     for i, leg in enumerate(LEGS):
         links = {link.name: link for link in robot.leg_links(leg)}
-        for first, names in ((5 * i, LEG_DRIVES), (10 + 3 * i, LEG_SENSED_JOINTS)):
+        for first, names in (
+            (len(LEG_DRIVES) * i, LEG_DRIVES),
+            (FIRST_JOINT + len(LEG_SENSED_JOINTS) * i, LEG_SENSED_JOINTS),
+        ):
             for k, name in enumerate(names):
                 low, high = links[name].joint.limits or (-math.inf, math.inf)
-                limits["low"][first + k] = low - _MARGIN
-                limits["high"][first + k] = high + _MARGIN
-    limits["speed"], limits["jump"] = 50.0, 0.02
-    limits["still"], limits["still"][IMU] = 1.0, 0.1  # legs may swing while the robot hangs
-    limits["apart"][DRIVE] = np.tile([0.004, 0.004, 0.006, 0.008, 0.008], 2)
-    limits["apart"][JOINT], limits["apart"][IMU] = np.tile([0.008, 0.008, 0.01], 2), 0.005
-    limits["apart_at_speed"][DRIVE] = 0.001
-    limits["apart_at_speed"][JOINT] = 0.0045  # also where no filter delays the velocity
-    limits["apart_at_speed"][IMU] = 0.002
-    limits["spike"][DRIVE] = np.tile([0.5, 0.5, 0.6, 1.2, 5.5], 2)
-    limits["spike"][JOINT], limits["spike"][IMU] = np.tile([0.9, 0.9, 1.5], 2), 0.25
-    limits["excited"], limits["excited"][IMU] = 0.3**2, 0.15**2
-    limits["evidence"][DRIVE] = np.tile([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], 2)
-    limits["evidence"][JOINT], limits["evidence"][IMU] = np.tile([4e-7, 8e-7, 5e-7], 2), 1e-6
-    ticks = [max(1, min(_KEPT_TICKS - 1, round(delay / period))) for delay in DELAYS]
+                limits["low"][first + k] = low - _RANGE_MARGIN
+                limits["high"][first + k] = high + _RANGE_MARGIN
+
+
+def _set_delays(period: float, attitude_delay: float, limits: RecordArray) -> None:
+    """Set the tested delays, the velocity filters' responses and the lags, all in ticks."""
+    ticks = [max(1, min(_HISTORY_TICKS - 1, round(delay / period))) for delay in DELAYS]
     limits["delay_ticks"] = ticks
     limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro has no filter
-    for part, filters in (
-        (DRIVE, (_DRIVE_NOISE, robot.DRIVE_VELOCITY_FILTER)),
-        (JOINT, (_JOINT_NOISE, *robot.JOINT_VELOCITY_FILTER)),
+    for pairs, filters in (
+        (DRIVE_PAIRS, (_DRIVE_NOISE_WEIGHT, robot.DRIVE_VELOCITY_FILTER)),
+        (JOINT_PAIRS, (_JOINT_NOISE_WEIGHT, *robot.JOINT_VELOCITY_FILTER)),
     ):
-        answer = velocity_response(period, *filters)
-        limits["response"][part, : len(answer)] = answer
-        limits["response_ticks"][part] = len(answer)
-    limits["velocity_lag"][JOINT] = min(2, round(_JOINT_DELAY / period))
-    limits["position_lag"][IMU] = min(2, round(attitude_delay / period))
+        weights = velocity_response(period, *filters)
+        limits["response"][pairs, : len(weights)] = weights
+        limits["response_ticks"][pairs] = len(weights)
+    limits["velocity_lag"][JOINT_PAIRS] = min(2, round(_JOINT_FILTER_DELAY / period))
+    limits["position_lag"][IMU_PAIRS] = min(2, round(attitude_delay / period))
 
 
 def velocity_response(
@@ -533,7 +744,7 @@ def velocity_response(
 ) -> FloatArray:
     """Weights with which the last steps of a position predict its filtered velocity.
 
-    Least-squares fit to the filter's frequency response up to `_FASTEST`, which covers the
+    Least-squares fit to the filter's frequency response up to `_MAX_FREQUENCY`, which covers the
     oscillations of the legs' springs. A constant velocity is reproduced: its weight is large.
 
     Args:
@@ -546,19 +757,25 @@ def velocity_response(
         Weights of the last steps, newest first. The weighted sum is the integral of the velocity
         over the last sample, by the trapezoidal rule. Shape (n,).
     """
-    ticks = max(1, round(period * robot.ENCODER_RATE))
+    ticks = max(1, round(period * robot.ENCODER_RATE))  # of the encoder in a sample
     samples = max(2, _RESPONSE_TICKS // ticks if back else 1 - (-len(forward) // ticks))
-    frequency = np.linspace(0.0, min(_FASTEST, _SAMPLED / period), 200)[1:]
-    late = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)  # delay of one encoder tick
-    velocity = sum(b * late**k for k, b in enumerate(forward))
-    velocity /= 1.0 + sum(a * late**k for k, a in enumerate(back, 1))
-    step = late**ticks  # delay of one sample
-    answer = 0.5 * period * (1.0 + step) * velocity / (1.0 - step)
-    shares = step[:, None] ** np.arange(samples)
-    moments = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
-    even = moments / (1.0 + sum(back))
-    between = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # an angle is in two steps
-    rows = [shares.real, shares.imag, np.full((1, samples), _EVEN), noise * between]
-    values = [answer.real, answer.imag, [_EVEN * even], np.zeros(samples + 1)]
-    fitted: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]
-    return fitted
+    frequency = np.linspace(0.0, min(_MAX_FREQUENCY, _MAX_FREQUENCY_RATIO / period), 200)[1:]
+    tick_delay = np.exp(-2j * math.pi * frequency / robot.ENCODER_RATE)
+    velocity = sum(b * tick_delay**k for k, b in enumerate(forward))
+    velocity /= 1.0 + sum(a * tick_delay**k for k, a in enumerate(back, 1))
+    sample_delay = tick_delay**ticks
+    response = 0.5 * period * (1.0 + sample_delay) * velocity / (1.0 - sample_delay)
+    delays = sample_delay[:, None] ** np.arange(samples)
+    first_moment = -sum(k * b for k, b in enumerate(forward)) / robot.ENCODER_RATE
+    gain = first_moment / (1.0 + sum(back))  # of a constant velocity
+    differences = np.diff(np.eye(samples), axis=0, prepend=0.0, append=0.0)  # angle: in two steps
+    constant_velocity = np.full((1, samples), _CONSTANT_VELOCITY_WEIGHT)
+    rows = [delays.real, delays.imag, constant_velocity, noise * differences]
+    values = [
+        response.real,
+        response.imag,
+        [_CONSTANT_VELOCITY_WEIGHT * gain],
+        np.zeros(samples + 1),
+    ]
+    weights: FloatArray = np.linalg.lstsq(np.vstack(rows), np.hstack(values))[0]
+    return weights
