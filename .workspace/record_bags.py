@@ -8,8 +8,8 @@ from pathlib import Path
 from cassie_bags.bag.recording import LANE_TOPICS
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_folder
-from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import bag_observer
 from cassie_msgs.layout import ControllerStatus
 
 RUNS = {
@@ -44,7 +44,7 @@ def main() -> None:
         experiment = resolve(load_experiment(source / f"{file}.yaml", changes, seed=1))
         path = folder / f"{name}.mcap"
         path.unlink(missing_ok=True)
-        with BagObserver(path, experiment, TOPICS) as observer:
+        with bag_observer(path, experiment, TOPICS) as observer:
             loop = make_loop(experiment, observer)
             for _ in range(tick_count(experiment)):
                 loop.tick()

@@ -23,13 +23,13 @@ from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
     LANE_TOPICS,
-    RECORDED_TOPICS,
     from_messages,
     read_recording,
 )
 from cassie_bags.bag.recording import TYPES as RECORDED_TYPES
 from cassie_bags.bag.recover import recover
-from cassie_bags.bag.writer import CHUNK_NS, QOS_LANE, BagWriter, FolderWriter
+from cassie_bags.bag.rosbag2 import QOS_LANE
+from cassie_bags.bag.writer import CHUNK_NS, BagWriter, FolderWriter
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.standard_messages import ODOMETRY
@@ -73,7 +73,7 @@ def bag(tmp_path: Path, messages: dict[str, list[bytes]]) -> Path:
 
 def test_a_bag_gives_back_every_message_and_its_metadata(bag: Path, messages):
     recording = read_recording(bag)
-    assert differences(recording, from_messages(messages, 1.0), RECORDED_TOPICS) == []
+    assert differences(recording, from_messages(messages, 1.0), RECORDED_TYPES) == []
     assert recording.metadata["cassie_experiment"] == {"seed": "7"}
     assert gaps(recording) == []
 
@@ -173,7 +173,7 @@ def test_a_folder_of_files_is_a_bag_of_rosbag2(tmp_path: Path, messages):
         assert counts == writer.counts == {topic: len(each) for topic, each in messages.items()}
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
-    assert differences(read_recording(folder), from_messages(messages, 1), RECORDED_TOPICS) == []
+    assert differences(read_recording(folder), from_messages(messages, 1), RECORDED_TYPES) == []
     for file in folder.glob("*.mcap"):
         assert read_recording(file).metadata["cassie_experiment"] == {"seed": "7"}
     with pytest.raises(BagError, match="exists"):
@@ -328,7 +328,7 @@ def test_recovery_of_a_whole_bag_changes_nothing(tmp_path: Path, bag: Path, mess
     assert saved.complete
     assert saved.messages == sum(map(len, messages.values()))
     assert (
-        differences(read_recording(bag), read_recording(tmp_path / "copy.mcap"), RECORDED_TOPICS)
+        differences(read_recording(bag), read_recording(tmp_path / "copy.mcap"), RECORDED_TYPES)
         == []
     )
 
@@ -422,7 +422,7 @@ def test_one_changed_bit_is_a_difference(messages):
     raw[40] ^= 1
     changed["/cassie/motor_command"][300] = bytes(raw)
     one, other = from_messages(messages, 1.0), from_messages(changed, 1.0)
-    assert differences(one, other, RECORDED_TOPICS) == [
+    assert differences(one, other, RECORDED_TYPES) == [
         "/cassie/motor_command: 1 of 1000 differ, first sample 300"
     ]
 

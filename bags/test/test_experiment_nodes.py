@@ -22,7 +22,7 @@ from rosbags.highlevel import AnyReader
 from same import differences
 
 from cassie_bags.bag.continuity import gaps
-from cassie_bags.bag.recording import RECORDED_TOPICS, read_recording
+from cassie_bags.bag.recording import TYPES, read_recording
 from cassie_bags.bag.rows import stamps_ns
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
@@ -88,9 +88,9 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     dds, loaded, process, stack = (read_recording(folder / "bag.mcap") for folder in folders)
     assert gaps(dds) == gaps(loaded) == gaps(process) == gaps(stack) == []
     assert len(process.truth) == 2500
-    assert differences(dds, process, RECORDED_TOPICS) == []
-    assert differences(loaded, process, RECORDED_TOPICS) == []
-    assert differences(stack, process, RECORDED_TOPICS) == []
+    assert differences(dds, process, TYPES) == []
+    assert differences(loaded, process, TYPES) == []
+    assert differences(stack, process, TYPES) == []
     contents = [json.loads(run.stdout) for run in runs]
     for key in ("phases", "peak_torque", "draw"):
         assert contents[0][key] == contents[2][key]
@@ -166,7 +166,7 @@ def test_a_ride_is_the_same_over_dds_and_in_one_process(tmp_path: Path):
         assert run.returncode == 0, run.stderr
     dds, process = (read_recording(folder / "bag.mcap") for folder in folders)
     assert len(process.segway) == len(process.segway_imu) == 800
-    assert differences(dds, process, RECORDED_TOPICS) == []
+    assert differences(dds, process, TYPES) == []
 
 
 def test_a_node_that_ends_ends_the_run_with_its_words(file: Path):

@@ -24,10 +24,9 @@ from cassie_bags.run.fingerprint import (
     record,
     take,
 )
-from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.provenance import environment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import run
+from cassie_bags.run.simulate import bag_observer, run
 from cassie_bags.studies import fingerprints
 from cassie_bags.studies.workers import ThisProcess
 from cassie_msgs.layout import RobotState
@@ -170,7 +169,7 @@ def test_a_shorter_run_and_a_missing_topic_are_differences(
 def test_the_bag_of_a_run_has_the_fingerprint_of_the_run(file: Path, tmp_path: Path):
     experiment = resolve(load_experiment(file, seed=1))
     bag = tmp_path / "bag.mcap"
-    with BagObserver(bag, experiment) as observer:
+    with bag_observer(bag, experiment) as observer:
         run(make_loop(experiment, observer), range(tick_count(experiment)))
     fields = fields_to_hash()
     assert take(Run(file, 1), fields) == take(Run(file, 1, bag=bag), fields)

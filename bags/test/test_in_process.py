@@ -9,14 +9,13 @@ import pytest
 from same import differences
 
 from cassie_bags.bag.continuity import gaps
-from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, read_recording
+from cassie_bags.bag.recording import TYPES, Recording, read_recording
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.poses import PosedModel
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
-from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import RecentStore, Store, run
+from cassie_bags.run.simulate import RecentStore, Store, bag_observer, run
 from cassie_bags.signals.track import make_track
 from cassie_control.control.gait_controller import GaitController
 from cassie_msgs.experiment.file import Experiment
@@ -56,12 +55,12 @@ def recording() -> Recording:
 
 
 def test_the_same_seed_gives_the_same_bytes(recording: Recording):
-    assert differences(recording, record(read()), RECORDED_TOPICS) == []
+    assert differences(recording, record(read()), TYPES) == []
 
 
 def test_another_seed_gives_another_run(recording: Recording):
     other = record(read(TEXT.replace("seed: 4", "seed: 5")))
-    assert "/cassie/ground_truth" in " ".join(differences(recording, other, RECORDED_TOPICS))
+    assert "/cassie/ground_truth" in " ".join(differences(recording, other, TYPES))
 
 
 def test_every_tick_is_there(recording: Recording):
@@ -86,11 +85,11 @@ def test_modes_and_commands_hold_ten_ticks_later(recording: Recording):
 def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: Recording):
     paths = [tmp_path / "one.mcap", tmp_path / "other.mcap"]
     for path in paths:
-        with BagObserver(path, read()) as bag:
+        with bag_observer(path, read()) as bag:
             run(make_loop(read(), bag), range(750))
     assert paths[0].read_bytes() == paths[1].read_bytes()
     copy = read_recording(paths[0])
-    assert differences(copy, recording, RECORDED_TOPICS) == []
+    assert differences(copy, recording, TYPES) == []
     again = parse_experiment(copy.metadata["cassie_experiment"]["file"], "bag")
     assert again.scenario == read().scenario
 
@@ -98,11 +97,11 @@ def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: 
 def test_a_bag_of_a_ride_shows_where_the_segway_is(tmp_path: Path):
     experiment = read("scene: segway\nduration: 0.5\noperator: [{t: 0.0, power: true}]\n")
     store = Store()
-    with BagObserver(tmp_path / "ride.mcap", experiment) as bag:
+    with bag_observer(tmp_path / "ride.mcap", experiment) as bag:
         run(make_loop(experiment, bag), range(250))
     kept = store.recording(run(make_loop(experiment, store), range(250)))
     copy = read_recording(tmp_path / "ride.mcap")
-    assert differences(copy, kept, RECORDED_TOPICS) == []
+    assert differences(copy, kept, TYPES) == []
     assert len(copy.segway) == len(copy.segway_imu) == 50
     track = make_track(copy)
     assert track.vehicle.shape == (250, 7)

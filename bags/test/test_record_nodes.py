@@ -35,7 +35,6 @@ from std_srvs.srv import SetBool, Trigger
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
-    RECORDED_TOPICS,
     TYPES,
     Recording,
     from_messages,
@@ -197,7 +196,7 @@ def start_recorder(processes: Processes, bag: Path, *options: str) -> None:
 
 
 def same(recording: Recording, messages: dict[str, list[bytes]]) -> list[str]:
-    return differences(recording, from_messages(messages, 1.0), RECORDED_TOPICS)
+    return differences(recording, from_messages(messages, 1.0), TYPES)
 
 
 def test_the_recorder_loses_nothing_and_closes_its_bag_on_ctrl_c(

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, Recording, rows_of
 from cassie_bags.bag.rows import Rows, stamps
-from cassie_bags.bag.standard_messages import read_odometry
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.simulate import Store, run
 from cassie_bags.signals.leg_geometry import euler_angles
@@ -34,7 +33,7 @@ RIDER = structure(RiderScript, {"targets": [{"t": 1.0, "speed": 1.0}, {"t": 2.0,
 def segway(seconds: float, left: float = 0.0, pitch: float = 0.0) -> Rows:
     """Rows of a Segway at 1 m/s, `left` of the x axis (m), whose pitch swings at 4 Hz (rad)."""
     time = np.arange(round(100 * seconds)) / 100.0
-    rows = np.zeros(len(time), read_odometry([]).dtype)
+    rows = np.zeros(len(time), rows_of(GROUND_TRUTH_TOPIC, []).dtype)
     rows["sec"], rows["nanosec"] = time, np.round(1e9 * (time % 1.0))
     rows["position"][:, 0], rows["position"][:, 1] = time, left
     angle = 0.5 * pitch * np.sin(2.0 * math.pi * 4.0 * time)

@@ -22,8 +22,9 @@ from cassie_bags.bag.recording import (
     from_messages,
     read_recording,
 )
+from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.summary import summarize
-from cassie_bags.bag.writer import QOS_LANE, BagWriter
+from cassie_bags.bag.writer import BagWriter
 from cassie_bags.report.summary import summary_text
 from cassie_bags.report.view import view_of_bag
 from cassie_bags.run.verify import verify

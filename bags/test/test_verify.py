@@ -11,13 +11,14 @@ import pytest
 from cassie_bags.bag.node_events import EVENTS_TOPIC, Event, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES
-from cassie_bags.bag.writer import QOS_LANE, BagWriter
+from cassie_bags.bag.rosbag2 import QOS_LANE
+from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli.verify import main
 from cassie_bags.errors import BagError
 from cassie_bags.run.cores import make_loop
 from cassie_bags.run.experiment import packaged_folder, parse_experiment
-from cassie_bags.run.observers import BagObserver
 from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import bag_observer
 from cassie_bags.run.verify import Replayed, Verification, _file, verify
 from cassie_gaits.gait_library_file import default_library_path
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sensors
@@ -38,7 +39,7 @@ TICKS = 2000
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("walk") / "bag.mcap"
     experiment = resolve(parse_experiment(WALK, "walk"))
-    with BagObserver(path, experiment) as observer:
+    with bag_observer(path, experiment) as observer:
         loop = make_loop(experiment, observer)
         for _ in range(TICKS):
             loop.tick()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,11 @@ import numpy as np
 
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.rows import Rows
-from cassie_bags.bag.standard_messages import read_imu, read_odometry
 from cassie_bags.bag.strays import BoolArray, of_the_run
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
 from cassie_msgs.sample import LayoutError
-from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout
+from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout, read_rows
 
 LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
 """Sample type of each topic of the control lane."""
@@ -26,7 +25,7 @@ GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
 SEGWAY_TRUTH_TOPIC = "/segway/ground_truth"
 SEGWAY_IMU_TOPIC = "/segway/imu"
 
-_BESIDE: dict[str, Kind] = {
+_STAMPED: dict[str, Kind] = {
     GROUND_TRUTH_TOPIC: ODOMETRY,
     SEGWAY_TRUTH_TOPIC: ODOMETRY,
     SEGWAY_IMU_TOPIC: IMU,
@@ -34,11 +33,9 @@ _BESIDE: dict[str, Kind] = {
 
 TYPES: dict[str, str] = {
     **{topic: kind.TYPE for topic, kind in LANE_TOPICS.items()},
-    **{topic: kind.type for topic, kind in _BESIDE.items()},
+    **{topic: kind.type for topic, kind in _STAMPED.items()},
 }
 """Message type of each topic that is recorded in every run; the Segway's only with a Segway."""
-
-RECORDED_TOPICS = tuple(TYPES)
 
 
 def message_check(topic: str) -> Callable[[bytes], bool] | None:
@@ -47,15 +44,15 @@ def message_check(topic: str) -> Callable[[bytes], bool] | None:
     All messages of such a topic have the size of the first one.
     """
     if topic in LANE_TOPICS:
-        size = LANE_TOPICS[topic].SIZE
-        return lambda raw: 0 <= len(raw) - size <= 3
-    if topic not in _BESIDE:
+        kind = LANE_TOPICS[topic]
+        return lambda raw: sample_bytes(kind, raw) is not None
+    if topic not in _STAMPED:
         return None
     first: list[Any] = []
 
     def is_message(raw: bytes) -> bool:
         try:
-            found = layout(_BESIDE[topic], raw)
+            found = layout(_STAMPED[topic], raw)
         except LayoutError:
             return False
         first[:] = first or [found]
@@ -87,8 +84,8 @@ class Recording:
     truth: Rows
     wall_time: float
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    segway: Rows = field(default_factory=lambda: read_odometry([]))
-    segway_imu: Rows = field(default_factory=lambda: read_imu([]))
+    segway: Rows = field(default_factory=lambda: read_rows(ODOMETRY, []))
+    segway_imu: Rows = field(default_factory=lambda: read_rows(IMU, []))
     strays: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -137,11 +134,15 @@ def from_messages(
     Raises:
         BagError: if a message does not have the size of its type.
     """
-    lane = {topic: lane_rows(kind, messages.get(topic, [])) for topic, kind in LANE_TOPICS.items()}
-    truth = read_odometry(messages.get(GROUND_TRUTH_TOPIC, []))
-    segway = read_odometry(messages.get(SEGWAY_TRUTH_TOPIC, []))
-    felt = read_imu(messages.get(SEGWAY_IMU_TOPIC, []))
-    return Recording(lane, truth, wall_time, metadata or {}, segway, felt)
+    rows = {topic: rows_of(topic, messages.get(topic, [])) for topic in TYPES}
+    return Recording(
+        {topic: rows[topic] for topic in LANE_TOPICS},
+        rows[GROUND_TRUTH_TOPIC],
+        wall_time,
+        metadata or {},
+        rows[SEGWAY_TRUTH_TOPIC],
+        rows[SEGWAY_IMU_TOPIC],
+    )
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -150,10 +151,10 @@ def read_recording(path: Path | str) -> Recording:
     Raises:
         BagError: if the file is not a bag, or a message is of another type than its topic's.
     """
-    messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+    messages: dict[str, list[bytes]] = {topic: [] for topic in TYPES}
     first = last = None
     index = BagIndex()
-    for topic, _, wall, data in read_messages(path, RECORDED_TOPICS, index):
+    for topic, _, wall, data in read_messages(path, TYPES, index):
         messages[topic].append(data)
         if topic == Sensors.TOPIC:
             first = wall if first is None else first
@@ -162,16 +163,33 @@ def read_recording(path: Path | str) -> Recording:
     return from_messages(messages, span, index.metadata).without_strays()
 
 
-def lane_rows(kind: type[Sample], messages: Iterable[bytes]) -> Rows:
+def rows_of(topic: str, messages: Sequence[bytes]) -> Rows:
+    """Messages of one of `TYPES` as one structured array.
+
+    Raises:
+        BagError: if a message is of another type, or names of frames differ in length.
+    """
+    if topic in LANE_TOPICS:
+        return lane_rows(LANE_TOPICS[topic], messages)
+    try:
+        return read_rows(_STAMPED[topic], messages)
+    except LayoutError as error:
+        raise BagError(str(error)) from None
+
+
+def lane_rows(kind: type[Sample], messages: Sequence[bytes]) -> Rows:
     """Messages of one type of the control lane as one structured array.
 
     Raises:
         BagError: if a message does not have the size of its type.
     """
-    size = kind.SIZE
-    trimmed = []
-    for raw in messages:
-        if not 0 <= len(raw) - size <= 3:
-            raise BagError(f"{kind.TYPE} has {size} bytes, the bag holds one of {len(raw)}")
-        trimmed.append(raw[:size])
-    return np.frombuffer(b"".join(trimmed), kind.DTYPE)
+    samples = [sample_bytes(kind, raw) for raw in messages]
+    if None in samples:
+        size = len(messages[samples.index(None)])
+        raise BagError(f"{kind.TYPE} has {kind.SIZE} bytes, the bag holds one of {size}")
+    return np.frombuffer(b"".join(filter(None, samples)), kind.DTYPE)
+
+
+def sample_bytes(kind: type[Sample], raw: bytes) -> bytes | None:
+    """A serialized sample without padding at its end; None if its size is not that of its type."""
+    return raw[: kind.SIZE] if 0 <= len(raw) - kind.SIZE <= 3 else None

@@ -12,15 +12,8 @@ import numpy.typing as npt
 
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.recording import (
-    GROUND_TRUTH_TOPIC,
-    LANE_TOPICS,
-    SEGWAY_IMU_TOPIC,
-    SEGWAY_TRUTH_TOPIC,
-    lane_rows,
-)
+from cassie_bags.bag.recording import TYPES, rows_of
 from cassie_bags.bag.rows import Rows
-from cassie_bags.bag.standard_messages import read_imu, read_odometry
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
 
@@ -198,11 +191,7 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
 def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
     """Rows of our own topics; None for other topics, and for a layout of another version."""
     try:
-        if topic in LANE_TOPICS:
-            return lane_rows(LANE_TOPICS[topic], raw)
-        if topic in (GROUND_TRUTH_TOPIC, SEGWAY_TRUTH_TOPIC):
-            return read_odometry(raw)
-        return read_imu(raw) if topic == SEGWAY_IMU_TOPIC else None
+        return rows_of(topic, raw) if topic in TYPES else None
     except BagError:
         return None
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 from mcap.writer import CompressionType, Writer
@@ -22,7 +21,6 @@ from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.rosbag2 import (
     QOS_DEFAULT,
     QOS_KEY,
-    QOS_LANE,
     RECORD,
     Contents,
     Qos,
@@ -31,8 +29,6 @@ from cassie_bags.bag.rosbag2 import (
     write_metadata,
 )
 from cassie_bags.errors import BagError
-
-__all__ = ["CHUNK_NS", "PROFILE", "QOS_DEFAULT", "QOS_LANE", "BagWriter", "FolderWriter"]
 
 PROFILE = "ros2"
 """MCAP profile of bags with messages of ROS 2."""
@@ -183,12 +179,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _close_chunk(self) -> None:

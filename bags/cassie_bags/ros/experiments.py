@@ -28,10 +28,9 @@ from cassie_bags.report.text import json_line, table
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import RunResult, evaluate
-from cassie_bags.run.observers import BagObserver, both
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
-from cassie_bags.run.simulate import Store
+from cassie_bags.run.simulate import Observer, Store, bag_observer
 from cassie_bags.run.simulate import run as run_loop
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers
@@ -119,14 +118,17 @@ def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Ru
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
-    with stopped_between(bar) as whole:
-        if folder is None:
-            loop = make_loop(experiment, store, beside=beside)
-            wall_time = run_loop(loop, whole)
-        else:
-            with BagObserver(folder / "bag.mcap", experiment) as bag:
-                loop = make_loop(experiment, both(store, bag), beside=beside)
-                wall_time = run_loop(loop, whole)
+    observers: list[Observer] = [store]
+
+    def observe(topic: str, raw: bytes, stamp: int) -> None:
+        for observer in observers:
+            observer(topic, raw, stamp)
+
+    with stopped_between(bar) as whole, contextlib.ExitStack() as stack:
+        if folder is not None:
+            observers.append(stack.enter_context(bag_observer(folder / "bag.mcap", experiment)))
+        loop = make_loop(experiment, observe, beside=beside)
+        wall_time = run_loop(loop, whole)
     for node, (problem, time) in loop.problems.items():
         print(f"{node} at {time:.3f} s: {problem}", file=sys.stderr)
     return evaluate(experiment, store.recording(wall_time), "in-process")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import time
 from contextlib import ExitStack
-from types import TracebackType
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -67,10 +66,5 @@ class Spectator:
     def __enter__(self) -> Spectator:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._leave.close()

@@ -13,7 +13,7 @@ import numpy as np
 
 from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, Event, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.recording import lane_rows
+from cassie_bags.bag.recording import lane_rows, sample_bytes
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
 from cassie_bags.run.cores import library_path, simulator_config
@@ -78,8 +78,8 @@ class RecordedLane:
                     event = read_event(raw)
                     if event.node in self.events:
                         self.events[event.node].append(event)
-            elif 0 <= len(raw) - _KINDS[topic].SIZE <= 3:
-                self.rows[topic].append(raw[: _KINDS[topic].SIZE])
+            elif (sample := sample_bytes(_KINDS[topic], raw)) is not None:
+                self.rows[topic].append(sample)
             else:
                 raise BagError(
                     f"{path}: a message of {len(raw)} bytes on {topic} is of another type"

@@ -7,9 +7,14 @@ is the same to the last bit.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
-from cassie_bags.bag.recording import RECORDED_TOPICS, Recording, from_messages
+from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.rosbag2 import QOS_LANE
+from cassie_bags.bag.writer import BagWriter
+from cassie_bags.run.provenance import metadata_of
 from cassie_control.guarded import (
     Controller,
     Estimator,
@@ -18,6 +23,7 @@ from cassie_control.guarded import (
     GuardedSupervisor,
     Supervisor,
 )
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_msgs.schedule import PERIOD_TICKS, STATUS_TICKS
 from cassie_sim import ground_truth
@@ -130,7 +136,7 @@ class Store:
     """An observer that keeps every message."""
 
     def __init__(self) -> None:
-        self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED_TOPICS}
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in TYPES}
 
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
         self.messages[topic].append(raw)
@@ -156,10 +162,40 @@ class RecentStore(Store):
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
         if stamp >= self._until:
             self._before, self._until = self.messages, stamp + self._span
-            self.messages = {topic: [] for topic in RECORDED_TOPICS}
+            self.messages = {topic: [] for topic in TYPES}
         super().__call__(topic, raw, stamp)
 
     def recording(self, wall_time: float) -> Recording:
         """The kept messages, as arrays."""
         kept = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
         return from_messages(kept, wall_time)
+
+
+@contextmanager
+def bag_observer(
+    path: Path, experiment: Experiment, topics: Collection[str] = TYPES.keys()
+) -> Iterator[Observer]:
+    """An observer that writes every message into a bag; the `with` statement closes the bag.
+
+    Args:
+        path: The bag.
+        experiment: Experiment that is run, drawn; it is written into the bag.
+        topics: Topics that are written.
+
+    Raises:
+        BagError: if the bag cannot be written.
+    """
+    with BagWriter(path) as bag:
+        for name, content in metadata_of(experiment).items():
+            bag.add_metadata(name, content)
+        channels = {
+            topic: bag.add_topic(topic, kind, QOS_LANE)
+            for topic, kind in TYPES.items()
+            if topic in topics
+        }
+
+        def observe(topic: str, raw: bytes, stamp: int) -> None:
+            if topic in channels:
+                bag.write(channels[topic], raw, stamp, stamp)
+
+        yield observe
