@@ -18,7 +18,6 @@ from synthetic import TICK_NS, glide_messages
 
 from cassie_bags.bag.clock import RobotClock
 from cassie_bags.bag.continuity import gaps
-from cassie_bags.bag.diagnosis import problems
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
@@ -29,6 +28,7 @@ from cassie_bags.bag.recording import (
 from cassie_bags.bag.recording import TYPES as RECORDED_TYPES
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.rosbag2 import QOS_LANE
+from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import CHUNK_NS, BagWriter, FolderWriter
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import RobotState, Sensors
@@ -238,7 +238,7 @@ def test_recovery_of_nothing_leaves_nothing(tmp_path: Path, bag: Path):
 def test_a_bag_may_be_named_by_a_word(bag: Path, tmp_path: Path):
     assert len(read_recording(str(bag)).truth) == 1000
     assert recover(str(bag), str(tmp_path / "saved.mcap")).complete
-    assert problems(str(bag)) == []
+    assert summarize(str(bag)).problems == []
 
 
 def test_a_late_recording_begins_at_the_robots_time():

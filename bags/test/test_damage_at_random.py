@@ -16,10 +16,10 @@ from synthetic import glide_messages
 from test_bag import write_messages
 from test_damaged_bags import parts
 
-from cassie_bags.bag.diagnosis import problems
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import read_recording
 from cassie_bags.bag.recover import recover
+from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
 
@@ -99,7 +99,7 @@ def test_no_damage_gives_wrong_values_or_a_traceback(original, tmp_path: Path, b
             places[topic] = messages[topic].index(tuple(message), places[topic]) + 1
         if bytes(damaged) != content:
             assert not index.complete, f"damage {number} is not told"
-        for look in (read_recording, problems):
+        for look in (read_recording, summarize):
             try:
                 look(path)
             except BagError as error:
@@ -147,7 +147,7 @@ def test_what_is_no_mcap_file_is_refused_in_one_line(tmp_path: Path, kind: str):
         path.write_bytes(bytes(100_000))
     else:
         path.write_bytes(starts.get(kind, b""))
-    for look in (read_recording, problems, lambda p: recover(p, tmp_path / "saved")):
+    for look in (read_recording, summarize, lambda p: recover(p, tmp_path / "saved")):
         with pytest.raises(BagError) as error:
             look(path)
         assert "\n" not in str(error.value)

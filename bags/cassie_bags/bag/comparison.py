@@ -15,6 +15,7 @@ from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording
 from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_msgs.layout import OperatorCommand
 
+BoolArray = npt.NDArray[np.bool_]
 Keys = npt.NDArray[np.int64]
 
 _EPISODE_SHIFT = 40  # bits of a key for the number of a sample within its episode
@@ -74,15 +75,38 @@ def _compare(topic: str, one: Recording, other: Recording) -> TopicComparison:
     (rows_a, keys_a), (rows_b, keys_b) = (_keyed(recording, topic) for recording in (one, other))
     keys, in_a, in_b = np.intersect1d(keys_a, keys_b, return_indices=True)
     a, b = rows_a[in_a], rows_b[in_b]
-    unequal = np.zeros(len(keys), bool)
-    for name in _compared(a, b):
-        differs = _unequal(a[name], b[name])
-        unequal |= differs if differs.ndim == 1 else differs.any(axis=1)
-    first = None
-    if unequal.any():
-        index = int(np.argmax(unequal))
-        first = _first(topic, a[index : index + 1], b[index : index + 1], int(keys[index]))
-    return TopicComparison(topic, (len(rows_a), len(rows_b)), len(keys), int(unequal.sum()), first)
+    names = [name for name in a.dtype.names or () if name != "episode"]
+    different = int(unequal_rows(a, b, names).sum())
+    first = _first(topic, a, b, names, keys)
+    return TopicComparison(topic, (len(rows_a), len(rows_b)), len(keys), different, first)
+
+
+def unequal_rows(a: Rows, b: Rows, names: Sequence[str]) -> BoolArray:
+    """Whether two rows differ in any bit of some fields. Shape (n,)."""
+    unequal = np.zeros(len(a), np.bool_)
+    for name in names:
+        bits = _unequal(a[name], b[name])
+        unequal |= bits if bits.ndim == 1 else bits.any(axis=1)
+    return unequal
+
+
+def first_unequal(a: Rows, b: Rows, names: Sequence[str]) -> tuple[int, str, int] | None:
+    """Row, field and entry of the first difference of some fields; None if there is none."""
+    unequal = unequal_rows(a, b, names)
+    if not unequal.any():
+        return None
+    row = int(np.argmax(unequal))
+    entries = {name: _unequal(a[name][row], b[name][row]) for name in names}
+    field = next(name for name in names if entries[name].any())
+    return row, field, int(np.argmax(entries[field]))
+
+
+def _unequal(a: Rows, b: Rows) -> BoolArray:
+    """Whether entries differ in any bit: NaN equals the same NaN, and 0 is not -0."""
+    one, other = map(np.ascontiguousarray, (a, b))
+    shape = (*one.shape, one.dtype.itemsize)
+    bits = one.view(np.uint8).reshape(shape) != other.view(np.uint8).reshape(shape)
+    return np.asarray(bits.any(axis=-1))
 
 
 def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
@@ -102,27 +126,16 @@ def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
     return rows[index], keys
 
 
-def _compared(a: Rows, b: Rows) -> Sequence[str]:
-    known = {*(b.dtype.names or ())} - {"episode"}
-    return [name for name in a.dtype.names or () if name in known]
-
-
-def _unequal(a: Rows, b: Rows) -> npt.NDArray[np.bool_]:
-    """Whether bits differ: NaN equals itself, and 0 is not -0."""
-    if a.dtype.kind == "f":
-        a, b = (np.ascontiguousarray(values).view(np.uint64) for values in (a, b))
-    unequal: npt.NDArray[np.bool_] = np.asarray(a != b)
-    return unequal
-
-
-def _first(topic: str, a: Rows, b: Rows, key: int) -> Difference:
-    for name in _compared(a, b):
-        unequal = np.flatnonzero(_unequal(a[name], b[name]))
-        if len(unequal):
-            index = int(unequal[0])
-            parts = FIELDS[topic][name].components
-            values = a[name].ravel()[index].item(), b[name].ravel()[index].item()
-            tick = int(a["seq"][0]) if "seq" in (a.dtype.names or ()) else key
-            full = f"{name}.{parts[index]}" if parts else name
-            return Difference(full, tick, float(stamps(a)[0]), values)
-    raise AssertionError("no field differs")
+def _first(topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys) -> Difference | None:
+    place = first_unequal(a, b, names)
+    if place is None:
+        return None
+    row, name, entry = place
+    parts = FIELDS[topic][name].components
+    values = (np.atleast_1d(rows[name][row])[entry].item() for rows in (a, b))
+    return Difference(
+        f"{name}.{parts[entry]}" if parts else name,
+        int(a["seq"][row]) if "seq" in names else int(keys[row]),
+        float(stamps(a)[row]),
+        (next(values), next(values)),
+    )

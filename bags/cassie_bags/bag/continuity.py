@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows, stamps_ns, where
+from cassie_bags.bag.rows import Rows, stamps_ns, tick_keys, where
 from cassie_bags.bag.strays import episode_of
 from cassie_msgs.layout import (
     Mode,
@@ -88,7 +88,7 @@ class SeqMonitor:
 
 def first_occurrences(rows: Rows) -> Rows:
     """The rows without repeats of an (episode, seq), sorted by episode and seq."""
-    key = rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
+    key = tick_keys(rows)
     if (key[1:] > key[:-1]).all():
         return rows
     return rows[np.unique(key, return_index=True)[1]]

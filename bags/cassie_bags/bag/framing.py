@@ -32,6 +32,7 @@ _KINDS: dict[int, Any] = {
     Opcode.SCHEMA: mcap.records.Schema,
     Opcode.CHANNEL: mcap.records.Channel,
     Opcode.METADATA: mcap.records.Metadata,
+    Opcode.ATTACHMENT: mcap.records.Attachment,
 }
 _IN_CHUNK = frozenset([Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE])
 _FRAME = struct.Struct("<BQ")
@@ -229,7 +230,6 @@ def whole(opcode: int, body: bytes) -> Iterator[Record]:
     Raises:
         BagError: if the record is damaged.
     """
-    kind = _KINDS.get(opcode)
     if opcode == Opcode.CHUNK:
         for inner, content in _frames(chunk_content(body)):
             if inner not in _IN_CHUNK:
@@ -239,12 +239,10 @@ def whole(opcode: int, body: bytes) -> Iterator[Record]:
             else:
                 yield from whole(inner, content)
         yield opcode, body
-    elif kind is not None:
-        yield opcode, _parsed(kind, body)
     elif opcode in _CHECKS and not _CHECKS[opcode](body):
         raise BagError(f"damaged record of kind {opcode} with {len(body)} bytes")
     else:
-        yield opcode, body
+        yield opcode, _parsed(_KINDS[opcode], body) if opcode in _KINDS else body
 
 
 def _index_is_whole(body: bytes) -> bool:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment
 
 from cassie_bags.bag.framing import RecordReader, message
 from cassie_bags.bag.location import bag_files
@@ -99,9 +96,7 @@ def read_attachment(bag: Path | str, name: str) -> bytes | None:
     """
     for path in bag_files(bag):
         with path.open("rb") as stream:
-            for opcode, body in RecordReader(stream, str(path)).records():
-                if opcode == Opcode.ATTACHMENT:
-                    found = Attachment.read(ReadDataStream(BytesIO(body)))
-                    if found.name == name:
-                        return bytes(found.data)
+            for opcode, content in RecordReader(stream, str(path)).records():
+                if opcode == Opcode.ATTACHMENT and content.name == name:
+                    return bytes(content.data)
     return None

@@ -6,11 +6,9 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import Writer
@@ -192,10 +190,9 @@ class _Copy:
         if metadata.name != RECORD:  # written again at the end
             self._writer.add_metadata(metadata.name, metadata.metadata)
 
-    def _take_attachment(self, body: bytes) -> None:
-        found = Attachment.read(ReadDataStream(BytesIO(body)))
+    def _take_attachment(self, file: Attachment) -> None:
         self._writer.add_attachment(
-            found.create_time, found.log_time, found.name, found.media_type, found.data
+            file.create_time, file.log_time, file.name, file.media_type, file.data
         )
 
     def _take_message(self, body: bytes) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,3 +27,16 @@ def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
 def where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
     """Rows whose flag is set; the array itself, not a copy, if all flags are set."""
     return rows if flags.all() else rows[flags]
+
+
+def tick_keys(rows: Rows) -> npt.NDArray[np.uint64]:
+    """Episode and `seq` of each row as one number, which rises with both. Shape (n,)."""
+    key: npt.NDArray[np.uint64] = rows["episode"].astype(np.uint64) << np.uint64(40)
+    return key | rows["seq"].astype(np.uint64)
+
+
+def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
+    """Start and end (exclusive) of each run of equal values."""
+    if len(values):
+        edges = np.flatnonzero(values[1:] != values[:-1]) + 1
+        yield from pairwise([0, *edges.tolist(), len(values)])

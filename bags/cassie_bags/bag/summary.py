@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import compress, pairwise
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.rows import runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
@@ -95,6 +96,11 @@ class Summary:
     metadata: Mapping[str, Mapping[str, str]]
     recording: Recording = field(repr=False)
 
+    @property
+    def lockstep_broken(self) -> bool:
+        """Whether the simulator reported on /diagnostics that it gave up lock-step."""
+        return any("lockstep_broken" in problem for problem in self.problems)
+
 
 def summarize(bag: Path | str) -> Summary:
     """Read a bag once and summarize it.
@@ -163,14 +169,6 @@ def modes_of(bag: Path | str) -> list[Interval]:
         messages.append(data)
         times.append(log_time)
     return _modes(from_messages({Mode.TOPIC: messages}, 0.0), times, ())
-
-
-def runs(values: npt.NDArray[Any]) -> Iterator[tuple[int, int]]:
-    """Start and end (exclusive) of each run of equal values."""
-    if len(values):
-        edges = np.flatnonzero(values[1:] != values[:-1]) + 1
-        bounds = [0, *edges.tolist(), len(values)]
-        yield from pairwise(bounds)
 
 
 def intervals_of_mode(

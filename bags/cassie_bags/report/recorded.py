@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from cassie_bags.bag.diagnosis import lockstep_broken
 from cassie_bags.bag.summary import summarize
 from cassie_bags.report.page import Entry, drive_entry, run_entry
 from cassie_bags.report.pictures import draw
@@ -45,6 +44,5 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
         if experiment is None:
             return entry
         return {**entry, "name": experiment.name, "seed": experiment.seed}
-    broken = lockstep_broken(list(summary.problems))
-    outcome = evaluate(experiment, recording, "recorded", lockstep_broken=broken)
+    outcome = evaluate(experiment, recording, "recorded", lockstep_broken=summary.lockstep_broken)
     return run_entry(dataclasses.replace(outcome, files=files), view, versions)

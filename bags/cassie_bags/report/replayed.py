@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from cassie_bags.bag.rows import Rows, stamps
+from cassie_bags.bag.rows import Rows, stamps, tick_keys
 from cassie_bags.report.figures import BLUE, GREY, ORANGE, STYLE
 from cassie_bags.run.verify import Replayed, Verification
 from cassie_gaits.names import DRIVES
@@ -52,7 +52,7 @@ def draw(found: Verification, path: Path) -> None:
 
 def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[FloatArray]]:
     """Robot time (s) and torque of each drive (Nm), recorded and computed. Shapes (n,), (n, 10)."""
-    keys, wanted = _keys(states), _keys(commands.recorded)
+    keys, wanted = tick_keys(states), tick_keys(commands.recorded)
     order = np.argsort(keys, kind="stable")
     places = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
     known = keys[places] == wanted
@@ -62,10 +62,6 @@ def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[Flo
         spring = each["kp"] * (each["position"] - q)
         torques.append(each["torque"] + spring + each["kd"] * (each["velocity"] - v))
     return stamps(commands.recorded[known]), torques
-
-
-def _keys(rows: Rows) -> npt.NDArray[np.uint64]:
-    return rows["episode"].astype(np.uint64) << np.uint64(40) | rows["seq"].astype(np.uint64)
 
 
 def _start(found: Verification) -> float:

@@ -19,9 +19,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from cassie_bags.bag.diagnosis import lockstep_broken, problems
-from cassie_bags.bag.recording import read_recording
 from cassie_bags.bag.rosbag2 import contents_of, write_metadata
+from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
@@ -117,7 +116,7 @@ def run_experiment(
 def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> RunResult:
     store = Store()
     ticks = range(tick_count(experiment))
-    bar = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    bar = tqdm(ticks, unit="tick", disable=None, leave=False)
     observers: list[Observer] = [store]
 
     def observe(topic: str, raw: bytes, stamp: int) -> None:
@@ -144,9 +143,8 @@ def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
 def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
     from cassie_bags.ros.dds_run import run_over_dds
 
-    bag = run_over_dds(experiment, folder, stack=stack)
-    broken = lockstep_broken(problems(bag))
-    return evaluate(experiment, read_recording(bag), "dds", lockstep_broken=broken)
+    summary = summarize(run_over_dds(experiment, folder, stack=stack))
+    return evaluate(experiment, summary.recording, "dds", lockstep_broken=summary.lockstep_broken)
 
 
 def keep(
@@ -246,7 +244,7 @@ def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     found: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
     pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
-    bar = tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty(), leave=False)
+    bar = tqdm(total=len(tasks), unit="run", disable=None, leave=False)
     with contextlib.closing(pool), bar:
         for index, content in pool.results(run_task, tasks):
             found[index] = content

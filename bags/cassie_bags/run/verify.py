@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from cassie_bags.bag.comparison import first_unequal, unequal_rows
 from cassie_bags.bag.node_events import Event
 from cassie_bags.bag.reader import read_attachment
 from cassie_bags.errors import BagError, ExperimentError
@@ -102,18 +103,17 @@ class Replayed:
     recorded: npt.NDArray[np.void]
     computed: npt.NDArray[np.void]
 
+    @property
+    def _names(self) -> Sequence[str]:
+        return self.recorded.dtype.names or ()
+
     def first_difference(self, topic: str) -> Difference | None:
         """The first message that differs in any bit, and its first field that does."""
-        unequal = {name: self._unequal(name) for name in self.recorded.dtype.names or ()}
-        rows = [int(np.argmax(found)) for found in unequal.values() if found.any()]
-        if not rows:
+        place = first_unequal(self.recorded, self.computed, self._names)
+        if place is None:
             return None
-        row = min(rows)
-        name = next(name for name, found in unequal.items() if found[row])
+        row, name, index = place
         one, other = (np.atleast_1d(each[name][row]) for each in (self.recorded, self.computed))
-        index = int(
-            np.argmax([a.tobytes() != b.tobytes() for a, b in zip(one, other, strict=True)])
-        )
         at = self.recorded[row]
         return Difference(
             topic,
@@ -127,17 +127,14 @@ class Replayed:
 
     def differing(self) -> int:
         """Number of messages that differ in any bit."""
-        found = np.zeros(len(self.recorded), np.bool_)
-        for name in self.recorded.dtype.names or ():
-            found |= self._unequal(name)
-        return int(found.sum())
+        return int(unequal_rows(self.recorded, self.computed, self._names).sum())
 
     def greatest_difference(self, until: float) -> float:
         """Largest difference of a value before `until` (s) of each episode; NaN equals NaN."""
         times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
         early = times < until
         greatest = 0.0
-        for name in self.recorded.dtype.names or ():
+        for name in self._names:
             one, other = (
                 each[name][early].astype(np.float64) for each in (self.recorded, self.computed)
             )
@@ -145,14 +142,6 @@ class Replayed:
             apart[np.isnan(one) & np.isnan(other)] = 0.0
             greatest = max(greatest, float(np.nan_to_num(apart, nan=np.inf).max(initial=0.0)))
         return greatest
-
-    def _unequal(self, name: str) -> npt.NDArray[np.bool_]:
-        """Whether the bits of a field differ; NaN is equal to the same NaN. Shape (n,)."""
-        one, other = (
-            np.ascontiguousarray(each[name]).view(np.uint8).reshape(len(each), -1)
-            for each in (self.recorded, self.computed)
-        )
-        return np.asarray((one != other).any(axis=1))
 
 
 @dataclass(frozen=True)

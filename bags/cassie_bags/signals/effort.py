@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.signals.track import Track
 from cassie_gaits.robot import GRAVITY
-
-FloatArray = npt.NDArray[np.float64]
 
 EFFORT_FIGURES = ("transport_work", "transport_work_abs", "torque_rms")
 """Names of the metrics of `measure_effort`."""

@@ -9,15 +9,13 @@ import numpy as np
 
 from cassie_msgs.experiment.scenario import Scenario
 
-KINDS = ("push", "gantry", "fault", "node", "fall")
-
 
 @dataclass(frozen=True)
 class Event:
     """An event at a time or over an interval.
 
     Attributes:
-        kind: One of `KINDS`.
+        kind: One of push, gantry, fault, node, fall.
         t0, t1: Start and end; equal for an instant. Robot time of the episode, in s.
         text: Short description.
         force: Force of a push, world axes. In N.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cassie_bags.bag.rows import runs
 from cassie_bags.signals.track import Track
 
 FloatArray = npt.NDArray[np.float64]
@@ -38,24 +38,16 @@ class Placement:
     tip: FloatArray
 
 
-def placements(track: Track, shortest: float = SHORTEST) -> list[Placement]:
-    """All placements of both feet, in the order of their starts.
-
-    Args:
-        track: Signals of a run.
-        shortest: Shortest time of a placement. In s.
-    """
+def placements(track: Track) -> list[Placement]:
+    """All placements of both feet in a run, in the order of their starts."""
     found = []
     for leg in (0, 1):
-        for start, end in _runs(track.foot_load[:, leg] > LOADED):
+        loaded = track.foot_load[:, leg] > LOADED
+        for start, end in runs(loaded):
+            if not loaded[start]:
+                continue
             t0, t1 = float(track.time[start]), float(track.time[end - 1])
             tip, heel = track.legs[start:end, leg, -2:].mean(axis=0)
-            if t1 - t0 >= shortest and np.isfinite([tip, heel]).all():  # NaN: drives damp
+            if t1 - t0 >= SHORTEST and np.isfinite([tip, heel]).all():  # NaN: drives damp
                 found.append(Placement(leg, t0, t1, heel, tip))
     return sorted(found, key=lambda placement: placement.t0)
-
-
-def _runs(flags: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Start and end (exclusive) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
