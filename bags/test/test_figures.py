@@ -25,7 +25,7 @@ from cassie_bags.report.figures import (
     outputs_by_phase,
     speed_tracking,
 )
-from cassie_bags.report.strip import STRIP_LENGTH, moments, strip
+from cassie_bags.report.pictures import STRIP_LENGTH, moments, strip
 from cassie_bags.report.view import View, view_of
 from cassie_bags.signals.events import Event
 from cassie_bags.signals.track import Track
@@ -120,7 +120,7 @@ def test_without_opengl_the_strip_shows_stick_figures_and_says_what_to_install(
     def no_opengl(*_: object, **__: object) -> None:
         raise SimulationError(reason)
 
-    monkeypatch.setattr("cassie_bags.report.strip.Camera", no_opengl)
+    monkeypatch.setattr("cassie_bags.report.pictures.Camera", no_opengl)
     path = tmp_path / "strip.png"
     assert strip(shown, path) == reason
     assert shades(path) > 20

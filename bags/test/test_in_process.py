@@ -11,7 +11,7 @@ from same import differences
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.recording import TYPES, Recording, read_recording
 from cassie_bags.errors import ExperimentError
-from cassie_bags.report.poses import PosedModel
+from cassie_bags.report.pictures import PosedModel
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve

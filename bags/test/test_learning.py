@@ -11,15 +11,15 @@ import pytest
 from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.studies.learn import (
+from cassie_bags.studies.learn_torques import (
     LearningResult,
     LearningRun,
     compared,
     learn,
     learning_runs,
     merged,
+    table,
 )
-from cassie_bags.studies.learn_torques import table
 from cassie_bags.studies.run_trial import TRACKING, experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, walk
 from cassie_bags.studies.trial import left_over

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from synthetic import glide
 
 from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
 from cassie_bags.signals.track import make_track
-from cassie_msgs.layout import ControllerStatus, RobotState
+from cassie_msgs.layout import ControllerStatus
 
 SPEED = 0.01  # m/s
 SECONDS = 4.0
@@ -20,13 +21,13 @@ def figures(yaw_rate=0.0, ahead=0.0, walks=(), window=(0.0, SECONDS)):
     """A robot that creeps along a line, its CoM at the end `ahead` of where it began, m."""
     recording = glide(SECONDS, vx=SPEED, yaw_rate=yaw_rate)
     track = make_track(recording)
-    state, status = recording.rows(RobotState).copy(), recording.rows(ControllerStatus).copy()
+    state, status = track.state.copy(), recording.rows(ControllerStatus).copy()
     state["com_position"][:, 0] = np.linspace(0.0, ahead, len(state))
     status["stance_leg"] = -1.0
     for time in walks:
         status["stance_leg"][round(time * 50.0)] = 1.0
     inside = (track.time >= window[0]) & (track.time < window[1])
-    return measure_standing(track, state, status, inside)
+    return measure_standing(dataclasses.replace(track, state=state), status, inside)
 
 
 def test_feet_that_creep_along_with_the_robot():

@@ -17,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.failsafes.play import run
+    from cassie_bags.studies.failsafes.table import run
 
     return run(arguments)
 

@@ -23,7 +23,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     other = bool(arguments.changes or arguments.gaits)
     changes = consistent(arguments.changes)
-    with tqdm(unit="message", disable=not sys.stderr.isatty(), leave=False) as bar:
+    with tqdm(unit="message", disable=None, leave=False) as bar:
 
         def watch(done: int, total: int) -> None:
             bar.total = total

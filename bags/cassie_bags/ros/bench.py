@@ -29,10 +29,10 @@ from cassie_bags.cli.arguments import positive, seconds
 from cassie_bags.errors import RunError
 from cassie_bags.ros.bench_operator import operated
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
-from cassie_bags.run.cores import make_cores, make_loop, tick_count
+from cassie_bags.run.cores import connect, make_cores, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve, write_resolved
-from cassie_bags.run.simulate import ControlLoop, run
+from cassie_bags.run.simulate import run
 from cassie_msgs.experiment.file import Experiment
 
 FloatArray = npt.NDArray[np.float64]
@@ -137,8 +137,8 @@ def _over_dds(
     experiment: Experiment, *, stack: bool = False, record: bool = False
 ) -> Mapping[str, npt.NDArray[Any]]:
     """Run the installed nodes with a timed simulator; returns the times that it recorded."""
+    from cassie_bags.ros.command_node import simulator_client
     from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
-    from cassie_bags.ros.spectator import Spectator
 
     def play(folder: Path, processes: Processes, domain: int) -> None:
         program: list[str | Path] = [
@@ -151,9 +151,9 @@ def _over_dds(
             recorder = executable("cassie_bags", "record")
             processes.start("record", [recorder, "-o", folder / "bag.mcap"])
         start_nodes(experiment, folder, processes, {"simulator": program}, stack=stack)
-        with Spectator(domain) as spectator:
-            spectator.resume(START_TIMEOUT)
-            watch(experiment, processes, spectator)
+        with simulator_client(domain) as simulator:
+            simulator.resume(START_TIMEOUT)
+            watch(experiment, processes, simulator)
             processes.stop()
 
     return _timed(play)
@@ -265,14 +265,8 @@ def _tick(experiment: Experiment) -> dict[str, float]:
     """Time of one tick of estimator and controller together."""
     cores = make_cores(experiment)
     estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
-    loop = ControlLoop(
-        cores.plant,
-        estimator,
-        controller,
-        cores.supervisor,
-        cores.operator,
-        lambda *_: None,
-    )
+    timed: Any = {"estimator": estimator, "controller": controller}
+    loop = connect(dataclasses.replace(cores, **timed), lambda *_: None)
     run(loop, range(tick_count(experiment)))
     both = (np.array(estimator.times) + np.array(controller.times))[_settled(experiment) :] * 1e6
     return {"tick_us": float(np.median(both)), "tick_p99_us": float(np.percentile(both, 99))}

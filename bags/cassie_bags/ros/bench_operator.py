@@ -21,7 +21,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
 from cassie_bags.errors import RunError
-from cassie_bags.ros.onlooker import onlooker
+from cassie_bags.ros.command_node import command_node
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_msgs.layout import OperatorCommand
 from cassie_msgs.operators import sender_of
@@ -143,7 +143,7 @@ def _robot() -> Iterator[tuple[Processes, _Listener]]:
     with (
         tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
         own_domain() as domain,
-        onlooker("bench", domain) as (node, _),
+        command_node("bench", domain) as (node, _),
         Processes(environment(domain), Path(name) / "log") as processes,
     ):
         options = ["--console", "--realtime", "-p", "web_console:port:=0"]

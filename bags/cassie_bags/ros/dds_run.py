@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from tqdm import tqdm
 
 from cassie_bags.bag.rosbag2 import METADATA_FILE
 from cassie_bags.errors import RunError
+from cassie_bags.ros.command_node import SimulatorClient, simulator_client
 from cassie_bags.ros.processes import (
     Processes,
     environment,
@@ -22,7 +22,6 @@ from cassie_bags.ros.processes import (
     write_parameters,
 )
 from cassie_bags.ros.record import COMPLETE
-from cassie_bags.ros.spectator import Spectator
 from cassie_bags.run.cores import library_path, simulator_config
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
@@ -76,15 +75,15 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
     metadata.write_text(yaml.safe_dump(metadata_of(experiment)), encoding="utf-8")
     with (
         own_domain() as domain,
-        Spectator(domain) as spectator,
+        simulator_client(domain) as simulator,
         Processes(environment(domain), folder / "log") as processes,
     ):
         record = executable("cassie_bags", "record")
         processes.start("record", [record, "-o", bag, "--metadata", metadata])
         start_nodes(experiment, folder, processes, stack=stack)
         _await_recorder(processes)
-        spectator.resume(START_TIMEOUT)
-        watch(experiment, processes, spectator)
+        simulator.resume(START_TIMEOUT)
+        watch(experiment, processes, simulator)
         processes.stop("record")
         processes.check("record", "simulator")
     return bag
@@ -186,19 +185,17 @@ def _await_recorder(processes: Processes) -> None:
         time.sleep(_LOOK / 5)
 
 
-def watch(experiment: Experiment, processes: Processes, spectator: Spectator) -> None:
+def watch(experiment: Experiment, processes: Processes, simulator: SimulatorClient) -> None:
     """Wait for the simulator to end, with a progress bar on a terminal.
 
     Raises:
         RunError: if a node ends earlier, or robot time stands still.
     """
     reached, since = -1.0, time.monotonic()
-    with tqdm(
-        total=experiment.duration, unit="s", disable=not sys.stderr.isatty(), leave=False
-    ) as bar:
+    with tqdm(total=experiment.duration, unit="s", disable=None, leave=False) as bar:
         while processes.running("simulator"):
             processes.check("simulator")
-            now = spectator.robot_time()
+            now = simulator.robot_time()
             if now > reached:
                 reached, since = now, time.monotonic()
                 bar.update(now - bar.n)

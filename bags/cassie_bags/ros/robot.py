@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 from cassie_bags.cli.arguments import one_of
 from cassie_bags.errors import RunError
-from cassie_bags.ros.onlooker import onlooker
+from cassie_bags.ros.command_node import command_node
 from cassie_bags.ros.processes import Processes, executable
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.processes import end_within
@@ -58,7 +58,7 @@ def main() -> int:
     try:
         commands = node_commands(arguments)
         _refuse_second(arguments)
-        with onlooker("robot") as (node, executor):
+        with command_node("robot") as (node, executor):
             code = _watch(arguments, commands, logs, node, executor, stop)
             end_within(2 * LEAVE_TIMEOUT, code)
             return code

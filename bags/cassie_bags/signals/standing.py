@@ -7,8 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.rows import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.signals.track import Track
 
 STANDING_FIGURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
@@ -17,14 +16,11 @@ STANDING_FIGURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
 _ENDS = 1.0  # s, over which positions are averaged at both ends of the window
 
 
-def measure_standing(
-    track: Track, state: Rows, status: Rows, inside: npt.NDArray[np.bool_]
-) -> dict[str, float]:
+def measure_standing(track: Track, status: Rows, inside: npt.NDArray[np.bool_]) -> dict[str, float]:
     """Metrics of standing over a window.
 
     Args:
         track: Signals of the run.
-        state: Rows of `RobotState`.
         status: Rows of `ControllerStatus`.
         inside: Whether each sample of the track is in the window. Shape (n,).
 
@@ -46,7 +42,7 @@ def measure_standing(
     height = track.achieved["height"][inside] - track.commanded["height"][inside]
     walked = status[(stamps(status) >= time[0]) & (stamps(status) <= time[-1])]["stance_leg"] >= 0.0
     return {
-        "com_rms": _sway(track, state, inside, feet.mean(axis=1)),
+        "com_rms": _sway(track, inside, feet.mean(axis=1)),
         "creep": float(moved.max()),
         "height_off": float(np.abs(height).max()),
         "shaking": float(np.abs(track.velocity[inside][last]).max()),
@@ -54,15 +50,9 @@ def measure_standing(
     }
 
 
-def _sway(
-    track: Track, state: Rows, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]
-) -> float:
+def _sway(track: Track, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]) -> float:
     """RMS distance of the CoM from its mean position, relative to the true feet. In m."""
-    state = first_occurrences(state)
-    rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
-    if len(rows) != len(middle):
-        return math.nan
     cos, sin = np.cos(track.angles[inside, 0]), np.sin(track.angles[inside, 0])
-    x, y, _ = rows["com_position"].T
+    x, y, _ = track.state["com_position"][inside].T
     place = middle + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
     return float(np.sqrt(((place - place.mean(axis=0)) ** 2).sum(axis=1).mean()))

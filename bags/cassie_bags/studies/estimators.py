@@ -21,7 +21,7 @@ from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
-from cassie_bags.studies.results import check_folder, put_table
+from cassie_bags.studies.results import check_folder, markdown, put_table
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState, Sensors
@@ -143,19 +143,15 @@ def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Err
 
 def table(errors: Iterable[Errors]) -> list[str]:
     """Lines of a Markdown table, with one row for each entry."""
-    lines = ["| ground | estimator | " + " | ".join(COLUMNS) + " |"]
-    lines.append("|---" * (2 + len(COLUMNS)) + "|")
+    rows = [["ground", "estimator", *COLUMNS]]
     for e in errors:
-        figures = [f"{v:.4f}" for v in e.velocity]
-        figures += [f"{np.degrees(a):.3f}" for a in e.tilt]
-        lines.append(
-            f"| {e.ground} | {e.estimator} | {' | '.join(figures)} | {100 * e.drift:.2f} |"
-        )
-    return lines
+        velocity, tilt = [f"{v:.4f}" for v in e.velocity], [f"{np.degrees(a):.3f}" for a in e.tilt]
+        rows.append([e.ground, e.estimator, *velocity, *tilt, f"{100 * e.drift:.2f}"])
+    return markdown(rows)
 
 
 def _progress(ticks: range) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=not sys.stderr.isatty(), leave=False)
+    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=None, leave=False)
     return bar
 
 

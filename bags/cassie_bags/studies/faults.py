@@ -7,10 +7,10 @@ its own, a copy of the first one.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import datetime
 import functools
 import math
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -19,11 +19,10 @@ import numpy as np
 from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.cores import make_cores
+from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_folder, put_table
 from cassie_control.estimator.channels import CHANNELS
@@ -182,16 +181,9 @@ class PreparedRun:
         self._mode = mode
         self._command = MotorCommand()
         self._plant = _FaultyPlant(cores.plant)
-        self._estimator = cores.estimator
-        self._loop = ControlLoop(
-            cast(Plant, self._plant),
-            cores.estimator,
-            cores.controller,
-            cores.supervisor,
-            cores.operator,
-            self._observe,
-        )
-        self._controller = cores.controller
+        self._estimator, self._controller = cores.estimator, cores.controller
+        faulty = dataclasses.replace(cores, plant=cast(Plant, self._plant))
+        self._loop = connect(faulty, self._observe)
         self._run(BEFORE[mode])
 
     def _observe(self, topic: str, raw: bytes, _: int) -> None:
@@ -330,7 +322,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
             run_table(channels, kinds, modes, arguments.seed, jobs),
             total=total,
             unit="fault",
-            disable=not sys.stderr.isatty(),
+            disable=None,
             leave=False,
         )
     )

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import dataclasses
 import functools
-import sys
 from pathlib import Path
 
 from tqdm import tqdm
@@ -91,7 +90,7 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
 def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
     """Fingerprints of runs, with the same fields as `prints`."""
     found: dict[Run, Fingerprint] = {}
-    with tqdm(total=len(runs), unit="run", disable=not sys.stderr.isatty(), leave=False) as bar:
+    with tqdm(total=len(runs), unit="run", disable=None, leave=False) as bar:
         for index, taken in pool.results(functools.partial(take, fields=prints.fields), runs):
             found[runs[index]] = taken
             bar.update()

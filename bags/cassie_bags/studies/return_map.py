@@ -17,10 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.errors import RunError
-from cassie_bags.run.cores import make_cores
+from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.run_trial import has_fallen
@@ -130,14 +129,7 @@ class Walk:
     def __init__(self, experiment: Experiment, speed: float) -> None:
         cores = make_cores(experiment)
         self._plant, self._timing = cores.plant, cores.controller.walking.timing
-        self._loop = ControlLoop(
-            cores.plant,
-            cores.estimator,
-            cores.controller,
-            cores.supervisor,
-            cores.operator,
-            self._observe,
-        )
+        self._loop = connect(cores, self._observe)
         self._mode = Mode()
         self._copy = mujoco.MjData(cores.plant.model)
         self._pelvis = cores.plant.model.body("pelvis").id

@@ -66,9 +66,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     print("\n".join(_head()), flush=True)
     rows: list[str] = []
     found, failed = [], 0
-    with tqdm(
-        total=len(speeds) * _RUNS, unit="run", disable=not sys.stderr.isatty(), leave=False
-    ) as bar:
+    with tqdm(total=len(speeds) * _RUNS, unit="run", disable=None, leave=False) as bar:
         for speed in speeds:
             experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
             try:

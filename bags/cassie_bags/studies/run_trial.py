@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.rows import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.simulate import RecentStore, Store
@@ -118,7 +117,7 @@ def _measures_of(trial: Trial) -> Measures:
     healthy = not experiment.scenario.faults
     until = float(track.time[-1]) - _FALLING * fell
     measures["false_alarms"] = float(unbelieved_channels(states, until)) if healthy else 0.0
-    measures |= measure_window(track, states, recording.rows(ControllerStatus), trial.window)
+    measures |= measure_window(track, recording.rows(ControllerStatus), trial.window)
     mass = float(cores.plant.model.body("pelvis").subtreemass[0])
     measures |= measure_effort(track, trial.window, mass)
     return measures | measure_ride(recording, experiment.rider, trial.window)
@@ -141,14 +140,11 @@ def has_fallen(plant: Plant) -> bool:
     return bool(position[2] - lowest_sole(plant.model, plant.data) < FALLEN_HEIGHT)
 
 
-def measure_window(
-    track: Track, state: Rows, status: Rows, window: tuple[float, float]
-) -> Measures:
+def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> Measures:
     """Measures of a part of a run, NaN if the run ended before the part did.
 
     Args:
         track: Signals of the run.
-        state: Rows of `RobotState`.
         status: Rows of `ControllerStatus`.
         window: Start and end. In s.
 
@@ -184,8 +180,8 @@ def measure_window(
     measures["drift_of_steps"] = _drift_of_steps(away, two_steps)
     measures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
     measures["sole_pitch"] = sole_pitch(track, inside)
-    measures |= _estimate(track, state, inside)
-    measures |= measure_standing(track, state, status, inside)
+    measures |= _estimate(track, inside)
+    measures |= measure_standing(track, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
     measures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
@@ -230,12 +226,9 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
     return float(np.linalg.norm(means - means[0], axis=1).max())
 
 
-def _estimate(track: Track, state: Rows, inside: npt.NDArray[np.bool_]) -> Measures:
+def _estimate(track: Track, inside: npt.NDArray[np.bool_]) -> Measures:
     """Errors of the estimated velocity and displacement, compared with the truth."""
-    state = first_occurrences(state)
-    rows = state[np.isin(stamps_ns(state), np.round(track.time[inside] * 1e9).astype(np.int64))]
-    if len(rows) != inside.sum():
-        return dict.fromkeys((*_RMSE, "odometry"), math.nan)
+    rows = track.state[inside]
     true = _in_heading(track.velocity[inside], track.angles[inside, 0])
     estimated = _in_heading(rows["v"][:, :3], rows["q"][:, 3])
     rmse = np.sqrt(((estimated - true) ** 2).mean(axis=0))

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import sys
 import zlib
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
+from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.failsafes.people import UnsafeError
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, Row
-from cassie_bags.studies.workers import Workers
+from cassie_bags.studies.results import markdown
+from cassie_bags.studies.workers import workers
 from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.tunables import unknown_name
 
 BEGIN, END = "<!-- fail-safes: begin -->", "<!-- fail-safes: end -->"
 """Lines of a README before and after the table."""
@@ -96,26 +104,6 @@ def _experiment(case: Case, begins: float, sections: dict[str, Any]) -> Experime
     return resolve(read_experiment({**content, **sections}))
 
 
-def results(chosen: Sequence[Case], pool: Workers) -> Iterator[tuple[Case, str]]:
-    """Each case and its problem, empty if there is none, in the order of completion."""
-    for index, problem in pool.results(play, chosen):
-        yield chosen[index], problem
-
-
-def markdown(rows: Sequence[Row] = ROWS) -> str:
-    """The rows as a table for a README."""
-    lines = [
-        "| what happens | tried while it | acts within | what the robot does | how to go on |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {row.trigger} | {', '.join(_VERBS[state] for state in row.states)} | {row.time} | "
-        f"{row.action} | {row.recovery} |"
-        for row in rows
-    ]
-    return "\n".join(lines)
-
-
 _VERBS = {
     "stand": "stands",
     "step in place": "steps in place",
@@ -134,4 +122,53 @@ def with_table(text: str) -> str:
     _, end, after = rest.partition(END)
     if not (begin and end):
         raise ValueError(f"the lines {BEGIN} and {END} are missing")
-    return f"{before}{BEGIN}\n{markdown()}\n{END}{after}"
+    rows = [
+        ["what happens", "tried while it", "acts within", "what the robot does", "how to go on"]
+    ]
+    for row in ROWS:
+        states = ", ".join(_VERBS[state] for state in row.states)
+        rows.append([row.trigger, states, row.time, row.action, row.recovery])
+    table = "\n".join(markdown(rows))
+    return f"{before}{BEGIN}\n{table}\n{END}{after}"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the rows, or write their table; returns the exit code."""
+    if arguments.list:
+        for row in ROWS:
+            print(row.name)
+        return 0
+    names = [row.name for row in ROWS]
+    for name in arguments.rows:
+        if name not in names:
+            raise ExperimentError(unknown_name(name, names, "row"))
+    if arguments.write is not None:
+        text = arguments.write.read_text(encoding="utf-8")
+        arguments.write.write_text(with_table(text), encoding="utf-8")
+        return 0
+    return _play_all(arguments)
+
+
+def _play_all(arguments: argparse.Namespace) -> int:
+    rows = [row for row in ROWS if not arguments.rows or row.name in arguments.rows]
+    chosen = cases(rows, arguments.phases, arguments.first)
+    planned = Counter((case.row, case.state) for case in chosen)
+    safe: Counter[tuple[str, str]] = Counter()
+    played: Counter[tuple[str, str]] = Counter()
+    print(f"{'row':24}{'state':16}safe", flush=True)
+    bar = tqdm(total=len(chosen), unit="run", disable=None)
+    with contextlib.closing(workers(arguments.jobs, None)) as pool, bar:
+        for index, problem in pool.results(play, chosen):
+            case = chosen[index]
+            cell = case.row, case.state
+            played[cell] += 1
+            safe[cell] += not problem
+            if problem:
+                bar.write(f"{case.row}, {case.state}, phase {case.phase}: {problem}", sys.stderr)
+            if played[cell] == planned[cell]:
+                bar.write(f"{case.row:24}{case.state:16}{safe[cell]} of {played[cell]}")
+            bar.update()
+    total, good = sum(played.values()), sum(safe.values())
+    last = arguments.first + arguments.phases - 1
+    print(f"phases {arguments.first} to {last}: {good} of {total} runs as the table promises")
+    return 0 if good == total else 1

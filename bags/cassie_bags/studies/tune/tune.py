@@ -82,7 +82,7 @@ def _task(arguments: argparse.Namespace) -> Task:
 def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
     """Search until the last generation or Ctrl-C, then report on held-out robots."""
     state = arguments.out / "search.pickle"
-    bar = tqdm(unit="run", disable=not sys.stderr.isatty(), leave=False)
+    bar = tqdm(unit="run", disable=None, leave=False)
     with bar:
         if arguments.resume:
             search = Search.load(state, task.purpose())
