@@ -38,7 +38,7 @@ def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> li
 def _without_repeats(recording: Recording, topic: str) -> Rows:
     if topic in LANE_TOPICS:
         return first_occurrences(recording.lane[topic])
-    rows = recording.beside[topic]
+    rows = recording.stamped[topic]
     return rows[np.unique(stamps_ns(rows), return_index=True)[1]]
 
 

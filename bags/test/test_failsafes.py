@@ -10,7 +10,7 @@ from cassie_bags.cli.failsafes import main
 from cassie_bags.studies.failsafes import table
 from cassie_bags.studies.failsafes.people import UnsafeError
 from cassie_bags.studies.failsafes.rows import ON_FOOT, ROWS
-from cassie_bags.studies.failsafes.table import Case, cases, play, with_table
+from cassie_bags.studies.failsafes.table import Case, cases, run_case, with_table
 
 README = Path(__file__).parents[2] / "cassie_control" / "README.md"
 
@@ -24,11 +24,11 @@ README = Path(__file__).parents[2] / "cassie_control" / "README.md"
     ids=lambda case: f"{case.row}-{case.state}",
 )
 def test_the_robot_does_what_the_table_promises(case: Case) -> None:
-    assert play(case) == ""
+    assert run_case(case) == ""
 
 
 def test_a_rider_whose_link_is_lost_stays_on_the_segway() -> None:
-    assert play(Case("link_lost", "ride", 100)) == ""
+    assert run_case(Case("link_lost", "ride", 100)) == ""
 
 
 def test_every_row_is_played_in_each_of_its_states() -> None:
@@ -41,11 +41,11 @@ def test_a_broken_promise_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         run.run(3.0)
 
     row = next(row for row in ROWS if row.name == "link_lost")
-    broken = type(row)(**{**vars(row), "play": play_falling})
+    broken = type(row)(**{**vars(row), "test": play_falling})
     monkeypatch.setattr(table, "ROWS", (broken,))
-    assert play(Case("link_lost", "stand", 0)).startswith("fell at")
+    assert run_case(Case("link_lost", "stand", 0)).startswith("fell at")
     with pytest.raises(UnsafeError):
-        raise UnsafeError("the error that `play` turns into words")
+        raise UnsafeError("the error that `run_case` turns into words")
 
 
 def test_the_readme_has_the_rows_as_they_are() -> None:
@@ -57,7 +57,7 @@ def test_the_readme_has_the_rows_as_they_are() -> None:
 
 def test_a_torque_of_a_toe_that_its_drive_cannot_give_moves_no_foot():
     """The contact force rests on it: spikes of 200 Nm threw down robot 8, stepping in place."""
-    assert play(Case("torque_differs", "step in place", 7)) == ""
+    assert run_case(Case("torque_differs", "step in place", 7)) == ""
 
 
 def test_the_command_tells_each_row_as_soon_as_it_is_played(capsys) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
+from cassie_bags.signals.standing import STANDING_MEASURES, measure_standing
 from cassie_bags.signals.track import make_track
 from cassie_msgs.layout import ControllerStatus
 
@@ -52,5 +52,5 @@ def test_a_step_within_the_window_is_told(walks, stepped):
 
 def test_a_window_of_less_than_two_seconds_gives_nothing():
     found = figures(window=(0.0, 1.5))
-    assert set(found) == set(STANDING_FIGURES)
+    assert set(found) == set(STANDING_MEASURES)
     assert all(math.isnan(value) for value in found.values())

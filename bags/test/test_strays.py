@@ -163,8 +163,8 @@ def test_a_strangers_message_changes_nothing(
     path = tmp_path / "strewn.mcap"
     with_strays = read(path, strewn(clean, case, times))
     assert with_strays.strays == {case.topic: times}
-    for topic, rows in {**recording.lane, **recording.beside}.items():
-        found = {**with_strays.lane, **with_strays.beside}[topic]
+    for topic, rows in {**recording.lane, **recording.stamped}.items():
+        found = {**with_strays.lane, **with_strays.stamped}[topic]
         assert len(found) == len(rows) and (found == rows).all(), topic
     assert episodes(with_strays) == [7, 8]
     assert gaps(with_strays) == []

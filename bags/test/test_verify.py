@@ -113,7 +113,7 @@ def test_one_bit_is_found_with_its_place_and_both_values(bag: Path, tmp_path: Pa
 def test_a_gain_changed_by_a_millionth_is_found_where_it_first_matters(bag: Path):
     found = verify(bag, ["controller.walk.joints.kp_knee=549.000549"])
     states, modes, commands = found.replayed.values()
-    assert states.differing() == modes.differing() == 0
+    assert states.different_count() == modes.different_count() == 0
     (first,) = found.differences
     walks = np.flatnonzero(np.isclose(commands.recorded["kp"], 549.0).any(axis=1))
     assert first.tick == commands.recorded["seq"][walks[0]]
@@ -188,7 +188,7 @@ def test_bits_count_and_not_values():
     same, other = rows.copy(), rows.copy()
     other["x"][1] = -0.0
     assert Replayed(rows, same).first_difference("t") is None
-    assert Replayed(rows, other).differing() == 1
+    assert Replayed(rows, other).different_count() == 1
 
 
 def test_an_event_is_read_as_ros_writes_it():
@@ -235,7 +235,7 @@ def test_a_gait_library_is_known_by_its_hash_wherever_it_is(tmp_path: Path):
 
 def test_with_other_libraries_the_first_seconds_are_held_to_a_tolerance(bag: Path):
     found = verify(bag)
-    assert found.elsewhere == []
+    assert found.environment_changes == []
     commands = found.replayed[MotorCommand.TOPIC]
     off = {
         **found.replayed,

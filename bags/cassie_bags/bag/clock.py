@@ -31,7 +31,7 @@ class RobotClock:
 
     Attributes:
         now: Newest robot time, continued over episodes. In ns.
-        known: Whether robot time is known: a message has told it, or `run_on_wall` was called.
+        known: Whether robot time is known: a message carried it, or `run_on_wall` was called.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class RobotClock:
         self._wall_start: int | None = None
 
     def run_on_wall(self, wall_time: int) -> None:
-        """Let time run as the wall clock does until a message tells robot time.
+        """Let time run as the wall clock does until a message carries robot time.
 
         Args:
             wall_time: Wall time of the first message. In ns.

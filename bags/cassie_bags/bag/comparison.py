@@ -118,7 +118,7 @@ def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
         rows = first_occurrences(rows)
         _, ordinal = np.unique(rows["episode"], return_inverse=True)
         return rows, (ordinal.astype(np.int64) << _EPISODE_SHIFT) + rows["seq"].astype(np.int64)
-    rows = recording.beside[topic]
+    rows = recording.stamped[topic]
     times = stamps_ns(rows)
     ordinal = np.concatenate([[0], np.cumsum(np.diff(times) < 0)])[: len(rows)]
     keys = (ordinal << _EPISODE_SHIFT) + times // 1000  # in us, to fit into the lower bits

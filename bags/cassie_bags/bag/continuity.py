@@ -42,7 +42,7 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
         recording: Recording to check.
         from_start: Whether each episode must begin with seq 0.
     """
-    found = []
+    lines = []
     answers = not recording.lane[Sensors.TOPIC]["wall_paced"].any()
     for topic, step in SEQ_STEP.items():
         if topic != Sensors.TOPIC and not answers:
@@ -52,8 +52,8 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
             rows = rows[rows["scripted"]]
         for episode in np.unique(rows["episode"]):
             seq = rows["seq"][rows["episode"] == episode].astype(np.int64)
-            found += _seq_gaps(topic, int(episode), seq, step, from_start)
-    return found + _truth_gaps(recording)
+            lines += _seq_gaps(topic, int(episode), seq, step, from_start)
+    return lines + _truth_gaps(recording)
 
 
 class SeqMonitor:
@@ -125,15 +125,15 @@ def _seq_gaps(
     topic: str, episode: int, seq: npt.NDArray[np.int64], step: int, from_start: bool
 ) -> list[str]:
     seq = np.unique(seq)
-    found = []
+    lines = []
     if from_start and seq[0] != 0:
-        found.append(f"{topic}: episode {episode} begins with seq {seq[0]}")
+        lines.append(f"{topic}: episode {episode} begins with seq {seq[0]}")
     jumps = np.flatnonzero(np.diff(seq) > step)
     if len(jumps):
         missing = int(((np.diff(seq)[jumps]) // step - 1).sum())
         where = f"first after seq {seq[jumps[0]]}"
-        found.append(f"{topic}: {missing} samples missing in episode {episode}, {where}")
-    return found
+        lines.append(f"{topic}: {missing} samples missing in episode {episode}, {where}")
+    return lines
 
 
 def _truth_gaps(recording: Recording) -> list[str]:

@@ -78,29 +78,29 @@ def dependencies(text: str, package: str) -> list[str]:
         text: Content of the file.
         package: Package of the file, for names without a package.
     """
-    found = []
+    types = []
     for line in text.splitlines():
         match = _FIELD.match(line.split("#", 1)[0])
         if match is None or match["type"] in _PRIMITIVES:
             continue
         *owner, name = match["type"].split("/")
         full = f"{owner[0] if owner else package}/msg/{name}"
-        if full not in found:
-            found.append(full)
-    return found
+        if full not in types:
+            types.append(full)
+    return types
 
 
 def _all_dependencies(type_name: str) -> list[str]:
-    found: list[str] = []
+    types: list[str] = []
     waiting = [type_name]
     while waiting:
         current = waiting.pop(0)
         text = message_file(current).read_text(encoding="utf-8")
         for name in dependencies(text, current.split("/")[0]):
-            if name not in found and name != type_name:
-                found.append(name)
+            if name not in types and name != type_name:
+                types.append(name)
                 waiting.append(name)
-    return found
+    return types
 
 
 def _share_folders(package: str) -> Iterator[Path]:

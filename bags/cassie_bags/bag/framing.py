@@ -25,9 +25,9 @@ from cassie_bags.errors import BagError
 MAGIC = b"\x89MCAP0\r\n"
 
 Record = tuple[int, Any]
-"""Opcode and content: bytes, or the record that `_KINDS` reads from them."""
+"""Opcode and content: bytes, or the record that `_PARSED_KINDS` reads from them."""
 
-_KINDS: dict[int, Any] = {
+_PARSED_KINDS: dict[int, Any] = {
     Opcode.HEADER: mcap.records.Header,
     Opcode.SCHEMA: mcap.records.Schema,
     Opcode.CHANNEL: mcap.records.Channel,
@@ -35,25 +35,25 @@ _KINDS: dict[int, Any] = {
     Opcode.ATTACHMENT: mcap.records.Attachment,
 }
 _IN_CHUNK = frozenset([Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE])
-_FRAME = struct.Struct("<BQ")
+_HEADER = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _FOOTER = struct.Struct("<BQQQI")
 _CRC = struct.Struct("<I")
 
 # Possible starts of records that can be verified: a chunk, metadata, the ends of data and file. No
 # length reaches 2^40.
-_BEGINNING = re.compile(rb"(?=[\x02\x06\x0c\x0f][\x00-\xff]{5}\x00\x00\x00)")
-_DATA_END = _FRAME.pack(Opcode.DATA_END, _CRC.size)
-_WINDOW = 1 << 22  # bytes searched at a time
-_RATIO = 1024  # largest plausible compression ratio, apart from
-_ALWAYS = 1 << 26  # bytes that a chunk may have in any case
+_RECORD_START = re.compile(rb"(?=[\x02\x06\x0c\x0f][\x00-\xff]{5}\x00\x00\x00)")
+_DATA_END = _HEADER.pack(Opcode.DATA_END, _CRC.size)
+_SEARCH_SIZE = 1 << 22  # bytes searched at a time
+_MAX_RATIO = 1024  # largest plausible compression ratio, apart from
+_MAX_UNCHECKED = 1 << 26  # bytes that a chunk may have in any case
 
 
 class RecordReader:
     """Reads the records of a bag up to its end, without damaged ones.
 
     Damage may shift what follows it, such as an inserted byte. Reading then goes on at the next
-    record that is sound.
+    record that is intact.
 
     Attributes:
         complete: Whether the file was closed properly and nothing in it is damaged; known once
@@ -73,7 +73,6 @@ class RecordReader:
             BagError: if it is not an MCAP file.
         """
         self._stream = stream
-        self._repeated = False  # whether the definitions at the end were yielded
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
@@ -83,98 +82,101 @@ class RecordReader:
             self.lost_bytes = len(MAGIC)
 
     def records(self) -> Iterator[Record]:
-        """Yield each whole record of messages, definitions and metadata; a chunk after its records.
+        """Yield each intact record of messages, definitions, metadata and attachments, in order.
 
-        The index at the end is checked, but not yielded.
+        A chunk comes after the records in it. The summary section at the end is checked, but not
+        yielded.
         """
-        position, checksum, chunked = len(MAGIC), zlib.crc32(MAGIC), False
+        position, checksum = len(MAGIC), zlib.crc32(MAGIC)
+        has_chunks = definitions_read = False
         while position < self._size:
-            opcode, length = self._frame(position)
-            end = position + _FRAME.size + length
-            body = self._read(position + _FRAME.size, length) if opcode else b""
-            chunked |= opcode == Opcode.CHUNK
-            if chunked and opcode == Opcode.MESSAGE and _index_is_whole(body):
+            opcode, length = self._record_header(position)
+            end = position + _HEADER.size + length
+            content = self._read(position + _HEADER.size, length) if opcode else b""
+            has_chunks |= opcode == Opcode.CHUNK
+            if has_chunks and opcode == Opcode.MESSAGE and _is_message_index(content):
                 # An index that lost a bit: in a file with chunks, all messages are inside chunks.
                 opcode = Opcode.MESSAGE_INDEX
                 self.lost_bytes += 1
             try:
                 # All records of a chunk are checked before any of them is used.
-                found = list(whole(opcode, body))
+                records = list(parse_record(opcode, content))
             except BagError:
-                definitions = [] if self._repeated else self._definitions()
-                self._repeated = True
-                next_position = end if opcode and self._frame(end)[0] else self._sound(position + 1)
-                self.lost_bytes += next_position - position
-                position = next_position
-                yield from definitions  # they may be in the damaged part
+                follows = bool(opcode and self._record_header(end)[0])
+                intact = end if follows else self._next_intact(position + 1)
+                self.lost_bytes += intact - position
+                position = intact
+                if not definitions_read:
+                    definitions_read = True
+                    yield from self._definitions()  # they may be in the damaged part
                 continue
             if opcode == Opcode.DATA_END:
-                self._check_end(end, checksum, _CRC.unpack(body)[0])
+                self._check_end(end, checksum, _CRC.unpack(content)[0])
                 return
-            yield from found
+            yield from records
             if opcode == Opcode.FOOTER:
                 return
             if not self.lost_bytes:
-                checksum = zlib.crc32(body, zlib.crc32(_FRAME.pack(opcode, length), checksum))
+                checksum = zlib.crc32(content, zlib.crc32(_HEADER.pack(opcode, length), checksum))
             position = end
 
     def _has_header(self) -> bool:
         """Whether the first record is a header, and another record follows it."""
         position = len(MAGIC)
-        opcode, length = self._frame(position)
-        end = position + _FRAME.size + length
-        if opcode != Opcode.HEADER or not self._frame(end)[0]:
+        opcode, length = self._record_header(position)
+        end = position + _HEADER.size + length
+        if opcode != Opcode.HEADER or not self._record_header(end)[0]:
             return False
         try:
-            _parsed(mcap.records.Header, self._read(position + _FRAME.size, length))
+            _parse(mcap.records.Header, self._read(position + _HEADER.size, length))
         except BagError:
             return False
         return True
 
-    def _frame(self, position: int) -> tuple[int, int]:
+    def _record_header(self, position: int) -> tuple[int, int]:
         """Opcode and length of a record; opcode 0 if no record of a known kind fits there."""
-        frame = self._read(position, _FRAME.size)
-        if len(frame) < _FRAME.size:
+        header = self._read(position, _HEADER.size)
+        if len(header) < _HEADER.size:
             return 0, 0
-        opcode, length = _FRAME.unpack(frame)
-        fits = length <= self._size - position - _FRAME.size
+        opcode, length = _HEADER.unpack(header)
+        fits = length <= self._size - position - _HEADER.size
         return (opcode, length) if fits and opcode <= Opcode.DATA_END else (0, 0)
 
     def _read(self, position: int, length: int) -> bytes:
         self._stream.seek(position)
         return self._stream.read(length)
 
-    def _sound(self, position: int) -> int:
-        """Start of the next record that is certainly sound; the file's end if there is none."""
+    def _next_intact(self, position: int) -> int:
+        """Start of the next record that is certainly intact; the file's end if there is none."""
         while position < self._size:
-            window = self._read(position, _WINDOW + _FRAME.size)
-            for match in _BEGINNING.finditer(window):
-                if match.start() < _WINDOW and self._is_sound(position + match.start()):
+            window = self._read(position, _SEARCH_SIZE + _HEADER.size)
+            for match in _RECORD_START.finditer(window):
+                if match.start() < _SEARCH_SIZE and self._is_intact(position + match.start()):
                     return position + match.start()
-            position += _WINDOW
+            position += _SEARCH_SIZE
         return self._size
 
-    def _is_sound(self, position: int) -> bool:
-        opcode, length = self._frame(position)
-        if not opcode or (opcode == Opcode.FOOTER and not self._footer(position)):
+    def _is_intact(self, position: int) -> bool:
+        opcode, length = self._record_header(position)
+        if not opcode or (opcode == Opcode.FOOTER and not self._is_at_end(position)):
             return False
-        if opcode == Opcode.CHUNK and not _may_be_chunk(
-            self._read(position + _FRAME.size, 48), length
+        if opcode == Opcode.CHUNK and not _is_chunk_start(
+            self._read(position + _HEADER.size, 48), length
         ):
             return False
-        end = position + _FRAME.size + length
+        end = position + _HEADER.size + length
         if opcode == Opcode.DATA_END:
-            summary = self._summary()
+            summary = self._summary_section()
             return summary is not None and summary[0] == end
         try:
-            found = list(whole(opcode, self._read(position + _FRAME.size, length)))
+            records = list(parse_record(opcode, self._read(position + _HEADER.size, length)))
         except BagError:
             return False
-        if opcode == Opcode.METADATA and not found[0][1].name:
+        if opcode == Opcode.METADATA and not records[0][1].name:
             return False
-        return opcode == Opcode.FOOTER or end == self._size or bool(self._frame(end)[0])
+        return opcode == Opcode.FOOTER or end == self._size or bool(self._record_header(end)[0])
 
-    def _footer(self, position: int) -> bool:
+    def _is_at_end(self, position: int) -> bool:
         """Whether a footer at this position ends the file."""
         return position + _FOOTER.size + len(MAGIC) == self._size and (
             self._read(self._size - len(MAGIC), len(MAGIC)) == MAGIC
@@ -184,23 +186,23 @@ class RecordReader:
         """Check the index after the data, and the checksum of the data."""
         if not self.lost_bytes and expected and checksum != expected:
             self.lost_bytes = 1
-        summary = self._summary()
+        summary = self._summary_section()
         if summary is None or summary[0] != position:
             self.lost_bytes += self._size - position
         self.complete = not self.lost_bytes
 
-    def _summary(self) -> tuple[int, bytes] | None:
+    def _summary_section(self) -> tuple[int, bytes] | None:
         """Start of the index at the end, and its bytes; None if the index is damaged."""
         place = max(0, self._size - len(MAGIC) - _FOOTER.size)
         footer = self._read(place, _FOOTER.size)
-        if len(footer) < _FOOTER.size or not self._footer(place):
+        if len(footer) < _FOOTER.size or not self._is_at_end(place):
             return None
         opcode, length, start, _, expected = _FOOTER.unpack(footer)
-        if opcode != Opcode.FOOTER or length != _FOOTER.size - _FRAME.size:
+        if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEADER.size:
             return None
         if not start:
             return place, b""
-        for begin in (start, *self._ends_of_data(place)):  # it may have moved
+        for begin in (start, *self._possible_summaries(place)):  # it may have moved
             content = self._read(begin, place - begin) if begin <= place else b""
             if expected and zlib.crc32(footer[: -_CRC.size], zlib.crc32(content)) == expected:
                 return begin, content
@@ -208,63 +210,63 @@ class RecordReader:
                 return begin, content
         return None
 
-    def _ends_of_data(self, place: int) -> Iterator[int]:
+    def _possible_summaries(self, place: int) -> Iterator[int]:
         """Possible starts of the index: ends of data that are found before a footer."""
-        begin = max(0, place - _WINDOW)
+        begin = max(0, place - _SEARCH_SIZE)
         for match in re.finditer(_DATA_END, self._read(begin, place - begin)):
             yield begin + match.end() + _CRC.size
 
     def _definitions(self) -> list[Record]:
         """Schemas and channels, which are repeated at the end of the file."""
-        summary = self._summary()
-        found: list[Record] = []
-        for opcode, body in _frames(summary[1]) if summary else ():
+        summary = self._summary_section()
+        definitions: list[Record] = []
+        for opcode, body in _split_records(summary[1]) if summary else ():
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                found += whole(opcode, body)
-        return found
+                definitions += parse_record(opcode, body)
+        return definitions
 
 
-def whole(opcode: int, body: bytes) -> Iterator[Record]:
+def parse_record(opcode: int, body: bytes) -> Iterator[Record]:
     """A record; if it is a chunk, first the records in it.
 
     Raises:
         BagError: if the record is damaged.
     """
     if opcode == Opcode.CHUNK:
-        for inner, content in _frames(chunk_content(body)):
+        for inner, content in _split_records(_chunk_content(body)):
             if inner not in _IN_CHUNK:
                 raise BagError(f"damaged chunk: a record of kind {inner} in it")
             if inner == Opcode.MESSAGE and len(content) >= _MESSAGE.size:
                 yield inner, content  # most records are messages: no generator for each
             else:
-                yield from whole(inner, content)
+                yield from parse_record(inner, content)
         yield opcode, body
     elif opcode in _CHECKS and not _CHECKS[opcode](body):
         raise BagError(f"damaged record of kind {opcode} with {len(body)} bytes")
     else:
-        yield opcode, _parsed(_KINDS[opcode], body) if opcode in _KINDS else body
+        yield opcode, _parse(_PARSED_KINDS[opcode], body) if opcode in _PARSED_KINDS else body
 
 
-def _index_is_whole(body: bytes) -> bool:
+def _is_message_index(body: bytes) -> bool:
     return len(body) >= 6 and _CRC.unpack_from(body, 2)[0] == len(body) - 6
 
 
-def _attachment_is_whole(body: bytes) -> bool:
+def _is_attachment(body: bytes) -> bool:
     return len(body) >= 4 and _CRC.unpack(body[-4:])[0] in (0, zlib.crc32(body[:-4]))
 
 
 _CHECKS: dict[int, Callable[[bytes], bool]] = {
     0: lambda body: False,
-    Opcode.FOOTER: lambda body: len(body) == _FOOTER.size - _FRAME.size,
+    Opcode.FOOTER: lambda body: len(body) == _FOOTER.size - _HEADER.size,
     Opcode.MESSAGE: lambda body: len(body) >= _MESSAGE.size,
-    Opcode.MESSAGE_INDEX: _index_is_whole,
-    Opcode.ATTACHMENT: _attachment_is_whole,
+    Opcode.MESSAGE_INDEX: _is_message_index,
+    Opcode.ATTACHMENT: _is_attachment,
     Opcode.DATA_END: lambda body: len(body) == _CRC.size,
 }
 """Whether the content of a record can be one of its kind, by opcode."""
 
 
-def _parsed(kind: Any, body: bytes) -> Any:
+def _parse(kind: Any, body: bytes) -> Any:
     stream = BytesIO(body)
     try:
         record = kind.read(ReadDataStream(stream))
@@ -275,7 +277,7 @@ def _parsed(kind: Any, body: bytes) -> Any:
     return record
 
 
-def _frames(content: bytes) -> Iterator[Record]:
+def _split_records(content: bytes) -> Iterator[Record]:
     """The records within the content of a chunk.
 
     Raises:
@@ -283,17 +285,17 @@ def _frames(content: bytes) -> Iterator[Record]:
     """
     position, size = 0, len(content)
     while position < size:
-        if position + _FRAME.size > size:
+        if position + _HEADER.size > size:
             raise BagError("damaged chunk: it breaks off")
-        opcode, length = _FRAME.unpack_from(content, position)
-        position += _FRAME.size
+        opcode, length = _HEADER.unpack_from(content, position)
+        position += _HEADER.size
         if length > size - position:
             raise BagError("damaged chunk: it breaks off")
         yield opcode, content[position : position + length]
         position += length
 
 
-def _may_be_chunk(start: bytes, length: int) -> bool:
+def _is_chunk_start(start: bytes, length: int) -> bool:
     """Whether the first bytes of a chunk agree with its length, before it is read."""
     if len(start) < 48:
         return False
@@ -304,7 +306,7 @@ def _may_be_chunk(start: bytes, length: int) -> bool:
     return bool(size == length - 40 - name_length)
 
 
-def chunk_content(body: bytes) -> bytes:
+def _chunk_content(body: bytes) -> bytes:
     """The content of a chunk, decompressed.
 
     Args:
@@ -313,10 +315,10 @@ def chunk_content(body: bytes) -> bytes:
     Raises:
         BagError: if the chunk is damaged or its compression is unknown.
     """
-    chunk = _parsed(mcap.records.Chunk, body)
-    if chunk.uncompressed_size > _ALWAYS + _RATIO * len(body):
+    chunk = _parse(mcap.records.Chunk, body)
+    if chunk.uncompressed_size > _MAX_UNCHECKED + _MAX_RATIO * len(body):
         raise BagError(f"damaged chunk: {len(body)} bytes for {chunk.uncompressed_size}")
-    content = _decompressed(chunk.compression, chunk.data, chunk.uncompressed_size)
+    content = _decompress(chunk.compression, chunk.data, chunk.uncompressed_size)
     if len(content) != chunk.uncompressed_size:
         raise BagError("damaged chunk: its size differs")
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
@@ -324,7 +326,7 @@ def chunk_content(body: bytes) -> bytes:
     return content
 
 
-def _decompressed(compression: str, data: bytes, size: int) -> bytes:
+def _decompress(compression: str, data: bytes, size: int) -> bytes:
     if compression == "":
         return data
     if compression == "zstd":
@@ -337,7 +339,7 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     raise BagError(f"chunk in unknown compression {compression}")
 
 
-def message(body: bytes) -> tuple[int, int, int, bytes]:
+def parse_message(body: bytes) -> tuple[int, int, int, bytes]:
     """Channel, log time, publish time (ns) and data of a message record."""
     channel, _, log_time, publish_time = _MESSAGE.unpack_from(body)
     return channel, log_time, publish_time, body[_MESSAGE.size :]

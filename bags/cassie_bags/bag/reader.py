@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from cassie_bags.bag.framing import RecordReader, message
+from cassie_bags.bag.framing import RecordReader, parse_message
 from cassie_bags.bag.location import bag_files
 from cassie_bags.errors import BagError
 
@@ -67,7 +67,7 @@ def _messages_of(
             reader = RecordReader(stream, str(path))
             for opcode, body in reader.records():
                 if opcode == Opcode.MESSAGE:
-                    channel, log_time, wall_time, data = message(body)
+                    channel, log_time, wall_time, data = parse_message(body)
                     if channel in wanted:
                         yield wanted[channel], log_time, wall_time, data
                     elif channel not in known:

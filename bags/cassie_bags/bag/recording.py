@@ -52,11 +52,11 @@ def message_check(topic: str) -> Callable[[bytes], bool] | None:
 
     def is_message(raw: bytes) -> bool:
         try:
-            found = layout(_STAMPED[topic], raw)
+            dtype = layout(_STAMPED[topic], raw)
         except LayoutError:
             return False
-        first[:] = first or [found]
-        return bool(found == first[0] and len(raw) - found.itemsize <= 3)
+        first[:] = first or [dtype]
+        return bool(dtype == first[0] and len(raw) - dtype.itemsize <= 3)
 
     return is_message
 
@@ -89,7 +89,7 @@ class Recording:
     strays: Mapping[str, int] = field(default_factory=dict)
 
     @property
-    def beside(self) -> dict[str, Rows]:
+    def stamped(self) -> dict[str, Rows]:
         """Rows of each topic outside of the control lane."""
         return {
             GROUND_TRUTH_TOPIC: self.truth,
@@ -97,19 +97,19 @@ class Recording:
             SEGWAY_IMU_TOPIC: self.segway_imu,
         }
 
-    def without_strays(self, kept: Mapping[str, BoolArray] | None = None) -> Recording:
+    def without_strays(self, flags: Mapping[str, BoolArray] | None = None) -> Recording:
         """The run alone, without messages of publishers outside of the run.
 
         Args:
-            kept: Whether each message is of the run, by topic, as from `strays.of_the_run`.
+            flags: Whether each message is of the run, by topic, as from `strays.of_the_run`.
         """
-        kept = of_the_run(self.lane, self.beside) if kept is None else kept
-        strays = {topic: int((~flags).sum()) for topic, flags in kept.items() if not flags.all()}
+        flags = of_the_run(self.lane, self.stamped) if flags is None else flags
+        strays = {topic: int((~own).sum()) for topic, own in flags.items() if not own.all()}
         if not strays:
             return self
-        rows = {**self.lane, **self.beside}
+        rows = {**self.lane, **self.stamped}
         for topic in strays:
-            rows[topic] = rows[topic][kept[topic]]
+            rows[topic] = rows[topic][flags[topic]]
         return dataclasses.replace(
             self,
             lane={topic: rows[topic] for topic in self.lane},

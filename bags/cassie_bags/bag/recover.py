@@ -1,4 +1,4 @@
-"""Repairs a bag that is damaged or was not closed: copies all sound records, with an index."""
+"""Repairs a bag that is damaged or was not closed: copies all intact records, with an index."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import Writer
 
-from cassie_bags.bag.framing import RecordReader, message
+from cassie_bags.bag.framing import RecordReader, parse_message
 from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.rosbag2 import (
     QOS_KEY,
@@ -46,7 +46,7 @@ class Recovered:
 
 
 def recover(source: Path | str, target: Path | str) -> Recovered:
-    """Copy every sound record of a bag into a new bag with an index.
+    """Copy every intact record of a bag into a new bag with an index.
 
     Args:
         source: Bag whose end may be missing: a file, or a folder as `ros2 bag` writes it. It is
@@ -106,7 +106,7 @@ def _recovered_file(source: Path, target: Path) -> _Copy:
             with target.open("wb") as output:
                 copy = _Copy(output, target.name)
                 for opcode, body in reader.records():
-                    copy.take(opcode, body)
+                    copy.write(opcode, body)
                 copy.finish()
     except OSError as error:
         place = error.filename or target
@@ -128,29 +128,28 @@ class _Copy:
         self._writer = Writer(output, chunk_size=1 << 30, enable_data_crcs=True)
         self._started = False
         self.contents = Contents(name)
-        self._any = False
+        self._has_messages = False
         self.complete = False
         self.lost_bytes = 0
         self._schemas: dict[int, int] = {0: 0}
         self._types: dict[int, str] = {0: ""}
         self._channels: dict[int, int] = {}
         self._topics: dict[int, Topic] = {}
-        self._takers: dict[int, Callable[[Any], None]] = {
-            Opcode.HEADER: self._take_header,
-            Opcode.SCHEMA: self._take_schema,
-            Opcode.CHANNEL: self._take_channel,
-            Opcode.MESSAGE: self._take_message,
-            Opcode.METADATA: self._take_metadata,
-            Opcode.ATTACHMENT: self._take_attachment,
+        self._methods: dict[int, Callable[[Any], None]] = {
+            Opcode.HEADER: self._write_header,
+            Opcode.SCHEMA: self._write_schema,
+            Opcode.CHANNEL: self._write_channel,
+            Opcode.MESSAGE: self._write_message,
+            Opcode.METADATA: self._write_metadata,
+            Opcode.ATTACHMENT: self._write_attachment,
             Opcode.CHUNK: lambda _: self._writer.flush(),
         }
 
-    def take(self, opcode: int, content: Any) -> None:
+    def write(self, opcode: int, content: Any) -> None:
         if not self._started and opcode != Opcode.HEADER:
             self._start(PROFILE)  # the header is damaged
-        taker = self._takers.get(opcode)
-        if taker is not None:
-            taker(content)
+        if opcode in self._methods:
+            self._methods[opcode](content)
 
     def finish(self) -> None:
         self._writer.flush()
@@ -161,18 +160,18 @@ class _Copy:
         self._started = True
         self._writer.start(profile=profile)
 
-    def _take_header(self, header: Header) -> None:
+    def _write_header(self, header: Header) -> None:
         if not self._started:
             self._start(header.profile)
 
-    def _take_schema(self, schema: Schema) -> None:
+    def _write_schema(self, schema: Schema) -> None:
         if schema.id not in self._schemas:
             self._types[schema.id] = schema.name
             self._schemas[schema.id] = self._writer.register_schema(
                 schema.name, schema.encoding, schema.data
             )
 
-    def _take_channel(self, channel: Channel) -> None:
+    def _write_channel(self, channel: Channel) -> None:
         if channel.id in self._channels or channel.schema_id not in self._schemas:
             return
         profiles, text = read_profiles(channel.metadata.get(QOS_KEY, ""))
@@ -186,23 +185,23 @@ class _Copy:
             channel.topic, Topic(self._types[channel.schema_id], profiles)
         )
 
-    def _take_metadata(self, metadata: Metadata) -> None:
+    def _write_metadata(self, metadata: Metadata) -> None:
         if metadata.name != RECORD:  # written again at the end
             self._writer.add_metadata(metadata.name, metadata.metadata)
 
-    def _take_attachment(self, file: Attachment) -> None:
+    def _write_attachment(self, file: Attachment) -> None:
         self._writer.add_attachment(
             file.create_time, file.log_time, file.name, file.media_type, file.data
         )
 
-    def _take_message(self, body: bytes) -> None:
-        channel, log_time, publish_time, data = message(body)
+    def _write_message(self, body: bytes) -> None:
+        channel, log_time, publish_time, data = parse_message(body)
         if channel not in self._channels:
             self.lost_bytes += len(body)  # its channel's definition is damaged
             return
         contents = self.contents
-        contents.start = min(contents.start, log_time) if self._any else log_time
+        contents.start = min(contents.start, log_time) if self._has_messages else log_time
         contents.end = max(contents.end, log_time)
-        self._any = True
+        self._has_messages = True
         self._topics[channel].count += 1
         self._writer.add_message(self._channels[channel], log_time, data, publish_time)

@@ -130,12 +130,14 @@ def read_profiles(text: str) -> tuple[tuple[Mapping[str, Any], ...], str]:
 
 
 def _in_words(profile: Mapping[str, Any]) -> dict[str, Any]:
-    found = Qos().profile | {key: value for key, value in profile.items() if isinstance(key, str)}
+    complete = Qos().profile | {
+        key: value for key, value in profile.items() if isinstance(key, str)
+    }
     for key, words in _WORDS.items():
-        value = found[key]
+        value = complete[key]
         if isinstance(value, int):
-            found[key] = words[value] if 0 <= value < len(words) else "unknown"
-    return found
+            complete[key] = words[value] if 0 <= value < len(words) else "unknown"
+    return complete
 
 
 def information(files: Sequence[Contents]) -> dict[str, Any]:
@@ -186,8 +188,8 @@ def information(files: Sequence[Contents]) -> dict[str, Any]:
 
 def record_of(contents: Contents) -> dict[str, str]:
     """Content of the metadata record `RECORD` of a file, without the file's name: it may change."""
-    said = information([contents]) | {"relative_file_paths": [], "files": []}
-    return {"serialized_metadata": _text(said), "ROS_DISTRO": "jazzy"}
+    content = information([contents]) | {"relative_file_paths": [], "files": []}
+    return {"serialized_metadata": _text(content), "ROS_DISTRO": "jazzy"}
 
 
 def write_metadata(folder: Path, files: Sequence[Contents]) -> None:
@@ -220,15 +222,15 @@ def contents_of(path: Path) -> Contents:
     if summary is None or summary.statistics is None:
         raise BagError(f"{path} has no index: ros2 run cassie_bags recover makes one")
     statistics = summary.statistics
-    found = Contents(path.name, {}, statistics.message_start_time, statistics.message_end_time)
+    contents = Contents(path.name, {}, statistics.message_start_time, statistics.message_end_time)
     for number, channel in summary.channels.items():
         schema = summary.schemas.get(channel.schema_id)
-        found.topics[channel.topic] = Topic(
+        contents.topics[channel.topic] = Topic(
             schema.name if schema else "",
             read_profiles(channel.metadata.get(QOS_KEY, ""))[0],
             statistics.channel_message_counts.get(number, 0),
         )
-    return found
+    return contents
 
 
 class _NoAliases(yaml.SafeDumper):

@@ -30,27 +30,27 @@ _IN_FLIGHT_TICKS = 2000  # _IN_FLIGHT in ticks at 2 kHz
 _LATE_TICKS = 20  # largest delay of a replaced node's answer after those of its successor
 
 
-def of_the_run(lane: Mapping[str, Rows], beside: Mapping[str, Rows]) -> dict[str, BoolArray]:
+def of_the_run(lane: Mapping[str, Rows], stamped: Mapping[str, Rows]) -> dict[str, BoolArray]:
     """Whether each message is of the recorded run. By topic, each of shape (n,).
 
     Without a sensor sample they cannot be distinguished: all count as of the run.
 
     Args:
         lane: Messages of the control lane by topic; they carry episode and seq.
-        beside: Messages of topics that carry only stamps, by topic.
+        stamped: Messages of topics that carry only stamps, by topic.
     """
     sensors = lane[Sensors.TOPIC]
     if not len(sensors):
-        return {topic: np.ones(len(rows), np.bool_) for topic, rows in {**lane, **beside}.items()}
-    found = {Sensors.TOPIC: _rising(_key(sensors))}
-    sensors = where(sensors, found[Sensors.TOPIC])
+        return {topic: np.ones(len(rows), np.bool_) for topic, rows in {**lane, **stamped}.items()}
+    flags = {Sensors.TOPIC: _rising(_key(sensors))}
+    sensors = where(sensors, flags[Sensors.TOPIC])
     latest = dict(zip(sensors["episode"].tolist(), sensors["seq"].tolist(), strict=True))
     for topic, rows in lane.items():
         if topic != Sensors.TOPIC:
-            found[topic] = _answers(topic, rows, latest)
-    for topic, rows in beside.items():
-        found[topic] = episode_of(rows, sensors) != NOBODYS
-    return found
+            flags[topic] = _answers(topic, rows, latest)
+    for topic, rows in stamped.items():
+        flags[topic] = episode_of(rows, sensors) != NOBODYS
+    return flags
 
 
 def episode_of(rows: Rows, sensors: Rows) -> IntArray:
@@ -76,10 +76,10 @@ def episode_of(rows: Rows, sensors: Rows) -> IntArray:
         [(int(number), time) for number in numbers[row][::-1]]
         for row, time in zip(inside, times.tolist(), strict=True)
     ]
-    found = np.full(len(rows), NOBODYS, np.int64)
+    episodes = np.full(len(rows), NOBODYS, np.int64)
     for row, (number, _) in _longest(choices).items():
-        found[row] = number
-    return found
+        episodes[row] = number
+    return episodes
 
 
 def _key(rows: Rows) -> IntArray:

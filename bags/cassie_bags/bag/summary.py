@@ -112,25 +112,27 @@ def summarize(bag: Path | str) -> Summary:
     messages: dict[str, list[bytes]] = {}
     times: dict[str, list[int]] = {}
     walls: list[int] = []  # wall times of the sensor samples
-    begun = ended = 0
+    first_wall = last_wall = 0
     for topic, log_time, wall_time, data in read_messages(bag, None, index):
         messages.setdefault(topic, []).append(data)
         times.setdefault(topic, []).append(log_time)
-        begun, ended = begun or wall_time, wall_time
+        first_wall, last_wall = first_wall or wall_time, wall_time
         if topic == Sensors.TOPIC:
             walls.append(wall_time)
     if not messages and not index.complete:
         raise BagError(f"{bag} holds no whole message")
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
     # A run without ROS has robot time in both stamps: its wall time is unknown.
-    took = math.nan if walls == times.get(Sensors.TOPIC) else wall
+    run_time = math.nan if walls == times.get(Sensors.TOPIC) else wall
     recording = from_messages(
-        {topic: list_ for topic, list_ in messages.items() if topic in TYPES}, took, index.metadata
+        {topic: list_ for topic, list_ in messages.items() if topic in TYPES},
+        run_time,
+        index.metadata,
     )
-    kept = of_the_run(recording.lane, recording.beside)
-    recording = recording.without_strays(kept)
+    flags = of_the_run(recording.lane, recording.stamped)
+    recording = recording.without_strays(flags)
     of_run = {
-        topic: list(compress(times.get(topic, []), flags.tolist())) for topic, flags in kept.items()
+        topic: list(compress(times.get(topic, []), own.tolist())) for topic, own in flags.items()
     }
     spans = [(min(list_), max(list_)) for list_ in times.values()]
     first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0, 0)
@@ -141,7 +143,7 @@ def summarize(bag: Path | str) -> Summary:
         complete=index.complete,
         lost_bytes=index.lost_bytes,
         duration=(last - first) * 1e-9,
-        wall_time=wall if walls else (ended - begun) * 1e-9,
+        wall_time=wall if walls else (last_wall - first_wall) * 1e-9,
         topics=[
             _topic(t, index.types[t], times.get(t, []), of_run.get(t)) for t in sorted(index.types)
         ],
@@ -209,25 +211,25 @@ def _topic(
 
 
 def _episodes(recording: Recording, times: list[int]) -> list[Interval]:
-    found = []
+    episodes = []
     numbers = recording.lane[Sensors.TOPIC]["episode"]
     for start, end in runs(numbers):
-        found.append(Interval(str(numbers[start]), times[start] * 1e-9, times[end - 1] * 1e-9))
-    return found
+        episodes.append(Interval(str(numbers[start]), times[start] * 1e-9, times[end - 1] * 1e-9))
+    return episodes
 
 
 def _modes(
     recording: Recording, times: list[int], status: Sequence[tuple[int, Any]]
 ) -> list[Interval]:
     rows = recording.lane[Mode.TOPIC]
-    found = []
+    modes = []
     key = rows["mode"].astype(np.int64) + (rows["episode"].astype(np.int64) << 8)
     for start, end in runs(key):
         t0, t1 = times[start], times[min(end, len(times) - 1)]
-        found.append(
+        modes.append(
             Interval(_mode_name(rows["mode"][start]), t0 * 1e-9, t1 * 1e-9, _reason(status, t0))
         )
-    return found
+    return modes
 
 
 def _mode_name(mode: Any) -> str:
@@ -251,21 +253,21 @@ def _reason(status: Sequence[tuple[int, Any]], since: int) -> str:
 
 def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:
     began: dict[str, float] = {}
-    found = []
+    faults = []
     now = 0.0
     for time, message in status:
         now = time * 1e-9
         for fault in began.keys() - set(message.faults):
-            found.append(Interval(fault, began.pop(fault), now))
+            faults.append(Interval(fault, began.pop(fault), now))
         for fault in message.faults:
             began.setdefault(fault, now)
-    found += [Interval(fault, t0, now) for fault, t0 in began.items()]
-    return sorted(found, key=lambda fault: (fault.t0, fault.name))
+    faults += [Interval(fault, t0, now) for fault, t0 in began.items()]
+    return sorted(faults, key=lambda fault: (fault.t0, fault.name))
 
 
 def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
     known: set[str] = set()
-    found = []
+    events = []
     for data, time in zip(raw, times, strict=True):
         try:
             event = read_event(data)
@@ -283,15 +285,15 @@ def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
             text = f"{event.content['node']} lost, says {event.node}"
         known.add(event.node)
         if text:
-            found.append(Interval(text, time * 1e-9, time * 1e-9))
-    return found
+            events.append(Interval(text, time * 1e-9, time * 1e-9))
+    return events
 
 
 def _problems(diagnostics: Iterable[tuple[int, Any]]) -> list[str]:
-    found: dict[str, None] = {}
+    problems: dict[str, None] = {}
     for _, message in diagnostics:
         for status in message.status:
             level = status.level if isinstance(status.level, int) else status.level[0]
             if level != _OK:
-                found[f"{status.name}: {status.message}"] = None
-    return list(found)
+                problems[f"{status.name}: {status.message}"] = None
+    return list(problems)

@@ -19,7 +19,7 @@ from cassie_msgs.tunables import unknown_name
 
 Array = npt.NDArray[Any]
 
-MOST_ENTRIES = 256
+MAX_ENTRIES = 256
 """Longest array in a table; longer ones, as of images and point clouds, are left out."""
 
 TIMES = {
@@ -41,7 +41,7 @@ class Table:
         log_time, publish_time: Times of each message. Shape (n,), int64, in ns.
         fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
             entry that a message does not have is NaN or empty.
-        left_out: Names of fields that are longer than `MOST_ENTRIES`.
+        left_out: Names of fields that are longer than `MAX_ENTRIES`.
     """
 
     topic: str
@@ -72,17 +72,17 @@ class Table:
 
     def columns(self) -> dict[str, Array]:
         """Every column by name, times first; an entry of an array is named `field.component`."""
-        found: dict[str, Array] = {
+        columns: dict[str, Array] = {
             "time": self.log_time * 1e-9,
             "log_time": self.log_time,
             "publish_time": self.publish_time,
         }
         for name, values in self.fields.items():
             if values.ndim == 1:
-                found[name] = values
+                columns[name] = values
             for index, component in enumerate(self.components(name)):
-                found[f"{name}.{component}"] = values[:, index]
-        return found
+                columns[f"{name}.{component}"] = values[:, index]
+        return columns
 
 
 def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[str, Table]:
@@ -140,12 +140,12 @@ def read_curves(bag: Path | str, names: Sequence[str]) -> list[Curve]:
         pass
     parts = [_topic_of(name, index.types) for name in names]
     tables = read_tables(bag, list(dict.fromkeys(topic for topic, _ in parts)))
-    found = []
+    curves = []
     for topic, name in parts:
         if topic not in tables:
             raise BagError(f"{bag} holds no message of {topic}")
-        found.append(_curve(tables[topic], name))
-    return found
+        curves.append(_curve(tables[topic], name))
+    return curves
 
 
 def _topic_of(name: str, topics: Collection[str]) -> tuple[str, str]:
@@ -241,7 +241,7 @@ def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[st
         for key, entry in value.items():
             yield from _flat(entry, f"{name}.{key}", left_out)
     elif isinstance(value, (list, np.ndarray)):
-        if len(value) > MOST_ENTRIES:
+        if len(value) > MAX_ENTRIES:
             left_out[name] = None
             return
         for index, entry in enumerate(value):

@@ -146,13 +146,13 @@ class BagWriter:
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Append a metadata record of words, for example the values drawn from a seed."""
-        with self._told():
+        with self._reporting_errors():
             self._writer.add_metadata(name, dict(content))
             self._stream.flush()
 
     def add_file(self, name: str, content: bytes) -> None:
         """Append a file, for example the gait library of a run."""
-        with self._told():
+        with self._reporting_errors():
             self._writer.add_attachment(0, 0, name, "application/octet-stream", content)
             self._stream.flush()
 
@@ -172,7 +172,7 @@ class BagWriter:
             self._close_chunk()
             self.add_metadata(RECORD, record_of(self.contents))
             self._closed = True
-            with self._told():
+            with self._reporting_errors():
                 self._writer.finish()
                 self._stream.close()
 
@@ -183,7 +183,7 @@ class BagWriter:
         self.close()
 
     def _close_chunk(self) -> None:
-        with self._told():
+        with self._reporting_errors():
             self._writer.flush()
         if self._first_log is not None:
             empty = self.contents.start == self.contents.end == 0
@@ -192,7 +192,7 @@ class BagWriter:
         self._first_log = None
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _reporting_errors(self) -> Iterator[None]:
         if self._stream.closed:
             raise BagError(f"cannot write bag {self.path}: it is closed")
         try:
@@ -280,11 +280,11 @@ class FolderWriter:
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        found = dict.fromkeys(self._topics, 0)
+        counts = dict.fromkeys(self._topics, 0)
         for contents in (*self._finished, self._file.contents):
             for name, topic in contents.topics.items():
-                found[name] += topic.count
-        return found
+                counts[name] += topic.count
+        return counts
 
     def close(self) -> None:
         """Close the last file and write metadata.yaml; a second call writes metadata.yaml again."""

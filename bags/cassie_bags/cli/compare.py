@@ -14,7 +14,7 @@ from cassie_bags.cli.frame import (
     exit_codes,
     new_file,
     picture,
-    play,
+    run_command,
     stem,
 )
 from cassie_bags.errors import BagError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags compare`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,12 +54,12 @@ def _run(arguments: argparse.Namespace) -> int:
     summaries = summarize(arguments.a), summarize(arguments.b)
     one, other = summaries
     topics = compare_recordings(one.recording, other.recording)
-    figures: tuple[dict[str, float], dict[str, float]] | str
+    metrics: tuple[dict[str, float], dict[str, float]] | str
     try:
-        figures = _figures(one), _figures(other)
+        metrics = _metrics_of(one), _metrics_of(other)
     except BagError as error:
-        figures = str(error)
-    print(comparison_text(summaries, topics, figures))
+        metrics = str(error)
+    print(comparison_text(summaries, topics, metrics))
     if path is not None:
         from cassie_bags.report.plots import save_overlay
         from cassie_bags.report.view import view_of
@@ -74,7 +74,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return OK if same else NOT_AS_EXPECTED
 
 
-def _figures(summary: Summary) -> dict[str, float]:
+def _metrics_of(summary: Summary) -> dict[str, float]:
     """Metrics of a run by name.
 
     Raises:

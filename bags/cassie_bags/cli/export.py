@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play, stem
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, run_command, stem
 
 FORMATS = ("csv", "parquet", "npz")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags export`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:

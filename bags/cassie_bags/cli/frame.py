@@ -38,7 +38,7 @@ def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True) -> str:
     return f"Exit codes: {', '.join(words)}."
 
 
-def play(
+def run_command(
     parser: argparse.ArgumentParser,
     run: Callable[[argparse.Namespace], int],
     argv: Sequence[str] | None,

@@ -6,12 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, play
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, run_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags info`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -34,8 +34,10 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.signals.falls import falls
 
     summary = summarize(arguments.bag)
-    found = falls(summary.recording)
-    print(summary_json(summary, found) if arguments.json else summary_text(summary, found))
+    fall_times = falls(summary.recording)
+    print(
+        summary_json(summary, fall_times) if arguments.json else summary_text(summary, fall_times)
+    )
     return OK
 
 

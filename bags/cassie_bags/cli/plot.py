@@ -7,12 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, new_file, picture, play, stem
+from cassie_bags.cli.frame import OK, bag_argument, exit_codes, new_file, picture, run_command, stem
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags plot`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -14,14 +14,14 @@ from cassie_bags.cli.frame import (
     bag_argument,
     exit_codes,
     new_file,
-    play,
+    run_command,
     stem,
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags report`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_results, count
-from cassie_bags.cli.frame import exit_codes, play
+from cassie_bags.cli.frame import exit_codes, run_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags return_map`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, count, number, positive
-from cassie_bags.cli.frame import exit_codes, play
+from cassie_bags.cli.frame import exit_codes, run_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run cassie_bags tune`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

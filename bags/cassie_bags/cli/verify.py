@@ -7,12 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, WRONG_INPUT, exit_codes, play
+from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, WRONG_INPUT, exit_codes, run_command
 
 
 def main(argv: Sequence[str]) -> int:
     """Entry point of `ros2 run cassie_bags replay --verify`."""
-    return play(_parser(), _run, argv)
+    return run_command(_parser(), _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -29,34 +29,34 @@ def _run(arguments: argparse.Namespace) -> int:
             bar.total = total
             bar.update(done - bar.n)
 
-        found = verify(arguments.file, changes, arguments.gaits, watch)
-    for topic, replayed in found.replayed.items():
-        differing = replayed.differing()
-        told = f"{differing} differ" if differing else "identical"
-        print(f"{topic:24} {len(replayed.recorded):7} messages  {told}")
-    for first in found.differences:
+        verification = verify(arguments.file, changes, arguments.gaits, watch)
+    for topic, replayed in verification.replayed.items():
+        differing = replayed.different_count()
+        result = f"{differing} differ" if differing else "identical"
+        print(f"{topic:24} {len(replayed.recorded):7} messages  {result}")
+    for first in verification.differences:
         print(
             f"{first.topic}: {first.field} differs first at tick {first.tick} of episode "
             f"{first.episode} ({first.time:.3f} s): recorded {first.recorded!r}, "
             f"computed {first.computed!r}"
         )
-    if found.elsewhere:
-        print(f"not as recorded: {'; '.join(found.elsewhere)}")
+    if verification.environment_changes:
+        print(f"not as recorded: {'; '.join(verification.environment_changes)}")
         print(f"so the first {START:g} s are held to {TOLERANCE:g} in place of the bits: ", end="")
-        print("they agree" if found.holds else "they do NOT agree")
-    for gap in found.gaps:
+        print("they agree" if verification.holds else "they do NOT agree")
+    for gap in verification.gaps:
         print(f"gap: {gap}")
     if other and arguments.plot is None:
         arguments.plot = Path("replay.png")
     if arguments.plot is not None:
         from cassie_bags.report.replayed import draw
 
-        draw(found, arguments.plot)
+        draw(verification, arguments.plot)
         print(f"picture: {arguments.plot}")
-    if not found.compared:
+    if not verification.compared:
         print("nothing could be verified", file=sys.stderr)
         return WRONG_INPUT
-    return OK if found.holds or other else NOT_AS_EXPECTED
+    return OK if verification.holds or other else NOT_AS_EXPECTED
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -1,1 +1,1 @@
-"""Results for readers: text, figures, strips of images, videos and pages."""
+"""Results for readers: text, pictures, strips of images, videos and pages."""

@@ -14,14 +14,14 @@ from cassie_bags.report.text import aligned
 def comparison_text(
     summaries: tuple[Summary, Summary],
     topics: Sequence[TopicComparison],
-    figures: tuple[Mapping[str, float], Mapping[str, float]] | str,
+    metrics: tuple[Mapping[str, float], Mapping[str, float]] | str,
 ) -> str:
     """Samples by topic, the first differences, and the metrics of both runs side by side.
 
     Args:
         summaries: Summaries of the bags A and B.
         topics: Comparison of each topic.
-        figures: Metrics of A and B by name; or the reason why they cannot be measured.
+        metrics: Metrics of A and B by name; or the reason why they cannot be measured.
 
     Raises:
         BagError: if neither bag holds any of the compared topics.
@@ -46,8 +46,8 @@ def comparison_text(
         lines.append("the control lane is the same to the last bit")
     if only := in_one_bag(summaries):
         lines.append(f"in one bag only: {', '.join(only)}")
-    told = [f"no figures: {figures}"] if isinstance(figures, str) else _figures(*figures)
-    lines += ["", *told]
+    measured = [f"no figures: {metrics}"] if isinstance(metrics, str) else _metrics_table(*metrics)
+    lines += ["", *measured]
     return "\n".join(lines)
 
 
@@ -67,7 +67,7 @@ def _other_topics(summaries: tuple[Summary, Summary], known: set[str]) -> list[s
     return lines
 
 
-def _figures(a: Mapping[str, float], b: Mapping[str, float]) -> list[str]:
+def _metrics_table(a: Mapping[str, float], b: Mapping[str, float]) -> list[str]:
     rows: list[Sequence[str]] = [("figure", "A", "B", "B - A")]
     for name, value in a.items():
         if not (math.isnan(value) and math.isnan(b[name])):

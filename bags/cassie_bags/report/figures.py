@@ -40,7 +40,7 @@ MODE_COLOURS = {
     "off": "#dddddd", "damp": "#f0b8a8", "stand": "#c9dcee", "walk": "#b9dfc4", "segway": "#efe2a6"
 }  # fmt: skip
 
-FEWEST_SAMPLES = 20
+MIN_SAMPLES = 20
 """Least number of walking status samples for the picture of the outputs over the phase."""
 
 _PANELS = (
@@ -49,7 +49,7 @@ _PANELS = (
     ("yaw_rate", "yaw rate\n(rad/s)"),
     ("height", "height\n(m)"),
 )
-_LONGEST_NAME = 22  # characters
+_MAX_NAME = 22  # characters
 _FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
 _BINS = 25  # bins of the phase
 _AFTER_PUSH = 0.5  # s after a push that count as pushed in outputs and phase portrait
@@ -125,7 +125,7 @@ def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
 
 def shortened(name: str) -> str:
     """A name short enough for its place in a picture; tables have the full name."""
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+    return name if len(name) <= _MAX_NAME else f"{name[: _MAX_NAME - 1]}…"
 
 
 def mark(axes: Any, events: Iterable[Event]) -> None:
@@ -195,7 +195,7 @@ def overview(view: View) -> Figure:
 def outputs_by_phase(view: View) -> Figure | None:
     """Error of each output over the phase of a step, by stance leg; None without steps."""
     rows = view.status[(view.status["mode"] == RobotMode.WALK) & (view.status["stance_leg"] >= 0)]
-    if len(rows) < FEWEST_SAMPLES:
+    if len(rows) < MIN_SAMPLES:
         return None
     time = rows["sec"] + rows["nanosec"] * 1e-9
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
@@ -309,7 +309,7 @@ def estimate(view: View) -> Figure | None:
             curves.append(curve)
             axes.plot(track.time, curve, color=colour, linewidth=0.8, label=name)
         axes.axhline(0.0, color=GREY, linewidth=0.6)
-        axes.set_ylim(*_limits(*curves, least=0.002))
+        axes.set_ylim(*_limits(*curves, least_margin=0.002))
         axes.set_ylabel(label)
         axes.legend(loc="upper left", ncols=3, fontsize=7, borderaxespad=0.1)
     return _titled(figure, panels, view, "Estimate less truth", legend=False)
@@ -413,20 +413,20 @@ def _titled(
 
 def _pushed(time: FloatArray, events: Iterable[Event]) -> npt.NDArray[np.bool_]:
     """Samples during a push and shortly after it."""
-    found = np.zeros(len(time), bool)
+    pushed = np.zeros(len(time), bool)
     for event in events:
         if event.kind == "push":
-            found |= (time >= event.t0) & (time < event.t1 + _AFTER_PUSH)
-    return found
+            pushed |= (time >= event.t0) & (time < event.t1 + _AFTER_PUSH)
+    return pushed
 
 
-def _limits(*curves: FloatArray, least: float = 0.02) -> tuple[float, float]:
+def _limits(*curves: FloatArray, least_margin: float = 0.02) -> tuple[float, float]:
     values = np.concatenate([curve.ravel() for curve in curves])
     values = values[np.isfinite(values)]
     if not len(values):
         return -1.0, 1.0
     low, high = float(values.min()), float(values.max())
-    margin = max(0.1 * (high - low), least)
+    margin = max(0.1 * (high - low), least_margin)
     return low - margin, high + margin
 
 

@@ -30,7 +30,7 @@ CAPTIONS = {
 }
 """Captions of a run's pictures by name, in the order of the page."""
 
-MOST_BESIDE = 3
+MAX_SIDE_BY_SIDE = 3
 """Largest number of runs whose pictures stand side by side; more follow one another."""
 
 _SHAPES = {"strip": "strip", "knee_phase_portrait": "narrow"}
@@ -107,7 +107,7 @@ def page(
 
     Args:
         title: Title of the page.
-        entries: Contents of the runs. Up to `MOST_BESIDE` with pictures are shown side by side.
+        entries: Contents of the runs. Up to `MAX_SIDE_BY_SIDE` with pictures stand side by side.
         versions: Versions with which the page is made.
         sweeps: Folder with sweeps.png and sweeps.txt to show at the end, or None.
     """
@@ -121,8 +121,9 @@ def page(
         title=title,
         entries=runs,
         judged=[run for run in runs if run["passed"] is not None],
-        beside=1 < len(runs) <= MOST_BESIDE and all(any(run["pictures"].values()) for run in runs),
-        figures=[
+        beside=1 < len(runs) <= MAX_SIDE_BY_SIDE
+        and all(any(run["pictures"].values()) for run in runs),
+        metrics=[
             n for n in (metrics[0] if metrics else {}) if any(m.get(n) is not None for m in metrics)
         ],
         captions=CAPTIONS,
@@ -138,7 +139,7 @@ def _prepared(entry: Entry) -> dict[str, Any]:
     seed = entry.get("seed")
     heading = entry["name"] if seed is None else f"{entry['name']}, seed {seed}"
     files = entry.get("files", {})
-    told = {check["problem"] for check in entry.get("checks", [])}
+    problems = {check["problem"] for check in entry.get("checks", [])}
     failures = entry.get("failures", [])
     absent = {"passed": None, "fell": None, "fall_time": None, "duration": None, "about": ""}
     empty = dict.fromkeys(("phases", "checks", "modes", "events", "notes"), ())
@@ -151,7 +152,7 @@ def _prepared(entry: Entry) -> dict[str, Any]:
         "heading": heading,
         "anchor": heading.replace(" ", "-"),
         "failures": failures,
-        "other_failures": [failure for failure in failures if failure not in told],
+        "other_failures": [failure for failure in failures if failure not in problems],
         # Only the files that the content names: others in the folder may be of an earlier run.
         "pictures": {n: _picture(Path(files[n]), n) if n in files else "" for n in CAPTIONS},
         "video": _data("video/mp4", Path(files["video"]).read_bytes()) if "video" in files else "",

@@ -94,8 +94,8 @@ def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) ->
         for phase in phases
         for part in range(each)
     ]
-    found = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
-    return sorted({int(index) for index in found})
+    samples = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
+    return sorted({int(index) for index in samples})
 
 
 def strip(view: View, path: Path) -> str | None:

@@ -16,8 +16,8 @@ from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_mod
 from cassie_bags.report.view import View
 from cassie_msgs.experiment.expectation import TRACKED
 
-_MOST_LABELS = 20  # labels of a panel
-_FEW = 10  # columns that the default colours distinguish
+_MAX_LABELS = 20  # labels of a panel
+_MAX_COLOURS = 10  # columns that the default colours distinguish
 
 
 def save_overview(view: View, path: Path) -> None:
@@ -65,14 +65,14 @@ def save_overlay(one: View, other: View, path: Path) -> None:
                     label=f"{name}: {view.title}",
                 )  # fmt: skip
                 axes.set_ylabel(f"{quantity.replace('_', ' ')}\n({labels[quantity]})")
-        ticks, distance = _apart(one, other)
+        ticks, distance = _distance(one, other)
         panels[-1].plot(ticks, distance, color=DARK, linewidth=0.8)
         panels[-1].set(ylabel="distance of\npelvises (m)", xlabel="robot time (s)")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
         figure.savefig(path)
 
 
-def _apart(one: View, other: View) -> tuple[Any, Any]:
+def _distance(one: View, other: View) -> tuple[Any, Any]:
     """Common ticks (s) of two runs, and the distance of the pelvis origins at these ticks (m)."""
     a, b = (np.round(view.track.time * 1e9).astype(np.int64) for view in (one, other))
     ticks, first, second = np.intersect1d(a, b, return_indices=True)
@@ -82,14 +82,14 @@ def _apart(one: View, other: View) -> tuple[Any, Any]:
 
 def _draw(axes: Any, curve: Curve) -> None:
     count = len(curve.columns)
-    if count > _FEW:
-        axes.set_prop_cycle(color=matplotlib.colormaps["tab20"](range(_MOST_LABELS)))
+    if count > _MAX_COLOURS:
+        axes.set_prop_cycle(color=matplotlib.colormaps["tab20"](range(_MAX_LABELS)))
     for name, values in curve.columns.items():
         axes.plot(curve.time, values, linewidth=0.7, label=name)
-    if 1 < count <= _MOST_LABELS:
-        columns, size = (1, 7) if count <= _FEW else (2, 6)
+    if 1 < count <= _MAX_LABELS:
+        columns, size = (1, 7) if count <= _MAX_COLOURS else (2, 6)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=size, ncols=columns)
-    elif count > _MOST_LABELS:
+    elif count > _MAX_LABELS:
         axes.text(1.0, 1.0, f"{count} entries", transform=axes.transAxes, color=GREY)
     unit = f" ({curve.unit})" if curve.unit else ""
     axes.set_title(f"{curve.name}{unit}", fontsize=8)

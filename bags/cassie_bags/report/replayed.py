@@ -26,28 +26,31 @@ _POSE = ("x (m)", "y (m)", "z (m)", "yaw (rad)", "pitch (rad)", "roll (rad)")
 _DRIVES_IN_Q = [6 + 7 * leg + joint for leg in (0, 1) for joint in (0, 1, 2, 3, 6)]
 
 
-def draw(found: Verification, path: Path) -> None:
+def draw(verification: Verification, path: Path) -> None:
     """Draw the torque of each drive, and the estimated pose where it differs.
 
     The torque is that of the command at the recorded positions and velocities.
 
     Args:
-        found: Result of the replay.
+        verification: Result of the replay.
         path: Picture to write.
     """
-    states, commands = found.replayed[RobotState.TOPIC], found.replayed[MotorCommand.TOPIC]
+    states, commands = (
+        verification.replayed[RobotState.TOPIC],
+        verification.replayed[MotorCommand.TOPIC],
+    )
     panels: list[tuple[str, FloatArray, FloatArray, FloatArray]] = []
-    if commands.differing() or not states.differing():
+    if commands.different_count() or not states.different_count():
         at, torques = _torques(states.recorded, commands)
         panels += [
             (f"{name.replace('_', ' ')} (Nm)", at, torques[0][:, i], torques[1][:, i])
             for i, name in enumerate(DRIVES)
         ]
-    if states.differing():
+    if states.different_count():
         at, one, other = stamps(states.recorded), states.recorded["q"], states.computed["q"]
         panels += [(name, at, one[:, i], other[:, i]) for i, name in enumerate(_POSE)]
     with matplotlib.rc_context(STYLE):
-        _figure(panels, _start(found)).savefig(path)
+        _figure(panels, _start(verification)).savefig(path)
 
 
 def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[FloatArray]]:
@@ -64,9 +67,9 @@ def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[Flo
     return stamps(commands.recorded[known]), torques
 
 
-def _start(found: Verification) -> float:
+def _start(verification: Verification) -> float:
     """Start of the enlarged part. In s."""
-    times = [difference.time for difference in found.differences]
+    times = [difference.time for difference in verification.differences]
     return max(0.0, min(times, default=0.0) - _BEFORE)
 
 

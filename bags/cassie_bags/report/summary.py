@@ -67,8 +67,8 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield from _section("nodes", [f"{n.t0:.2f} s  {n.name}" for n in summary.nodes])
     yield from _section("diagnostics", summary.problems)
     if falls is not None:
-        told = [f"at {time:.2f} s of episode {episode}" for episode, time in falls.items()]
-        yield from _section("falls", told or ["none"])
+        lines = [f"at {time:.2f} s of episode {episode}" for episode, time in falls.items()]
+        yield from _section("falls", lines or ["none"])
     yield from _origin(summary.metadata)
 
 
@@ -107,8 +107,8 @@ def _origin(metadata: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
         yield from _section("experiment", [f"{run.get('name', '?')}, seed {run.get('seed', '?')}"])
         yield from _section("drawn", [drawn_text(run.get("draw", ""))])
     if versions := metadata.get("cassie_versions"):
-        told = ", ".join(f"{name} {version}" for name, version in versions.items())
-        yield from _section("versions", [told])
+        listed = ", ".join(f"{name} {version}" for name, version in versions.items())
+        yield from _section("versions", [listed])
     others = sorted(set(metadata) - {"cassie_experiment", "cassie_versions"})
     if others:
         yield from _section("records", [", ".join(others)])

@@ -86,11 +86,11 @@ def table(outcome: RunResult) -> str:
         lines.append(f"{100 * missed:.2f} % of the control ticks without a new command")
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
-    if found := checks(outcome.experiment.expect, metrics):
+    if results := checks(outcome.experiment.expect, metrics):
         rows = [["expected of", "measured", "value", "target", "pass"]]
         rows += [
             [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
-            for c in found
+            for c in results
         ]
         lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]

@@ -87,8 +87,8 @@ def view_of(
         # Times of a bag continue over episodes; times of a track begin at 0 in each episode.
         begun = begins[0] - float(track.time[0])
         modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
-        for kind, found in (("fault", summary.faults), ("node", summary.nodes)):
-            shifted = _since(begun, found)
+        for kind, intervals in (("fault", summary.faults), ("node", summary.nodes)):
+            shifted = _since(begun, intervals)
             events += [Event(kind, max(e.t0, 0.0), e.t1, e.name) for e in shifted]
     fell = fall_time(track)
     if fell is not None:
@@ -149,18 +149,18 @@ def recorded_experiment(recording: Recording) -> Experiment | None:
         return None
 
 
-def _since(begun: float, found: Sequence[Interval]) -> list[Interval]:
+def _since(begun: float, intervals: Sequence[Interval]) -> list[Interval]:
     """Intervals that end after the time `begun`, with their times counted from it. In s."""
     return [
         dataclasses.replace(one, t0=one.t0 - begun, t1=one.t1 - begun)
-        for one in found
+        for one in intervals
         if one.t1 >= begun
     ]
 
 
-def _with_reason(mode: Interval, said: Sequence[Interval]) -> Interval:
+def _with_reason(mode: Interval, reported: Sequence[Interval]) -> Interval:
     """A mode with the supervisor's reason at its start. Times agree to some ticks."""
-    for other in said:
+    for other in reported:
         if other.name == mode.name and abs(other.t0 - mode.t0) < 0.1 and other.reason:
             return dataclasses.replace(mode, reason=other.reason)
     return mode

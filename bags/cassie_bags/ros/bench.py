@@ -113,7 +113,7 @@ def main() -> int:
 
 def _measure(experiment: Experiment, number: int) -> dict[str, float]:
     """Measure every variant once."""
-    figures: dict[str, float] = {}
+    values: dict[str, float] = {}
     for name, variant in (
         ("five processes", _five_processes),
         ("five processes at 1 kHz", functools.partial(_factor_at, rate=1000)),
@@ -129,8 +129,8 @@ def _measure(experiment: Experiment, number: int) -> dict[str, float]:
         ("realtime with page, joystick and recorder", lambda e: operated(e.duration)),
     ):
         print(f"run {number + 1}: {name}", file=sys.stderr, flush=True)
-        figures |= variant(experiment)
-    return figures
+        values |= variant(experiment)
+    return values
 
 
 def _over_dds(
@@ -140,7 +140,7 @@ def _over_dds(
     from cassie_bags.ros.command_node import simulator_client
     from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
 
-    def play(folder: Path, processes: Processes, domain: int) -> None:
+    def run_nodes(folder: Path, processes: Processes, domain: int) -> None:
         program: list[str | Path] = [
             sys.executable,
             "-m",
@@ -156,7 +156,7 @@ def _over_dds(
             watch(experiment, processes, simulator)
             processes.stop()
 
-    return _timed(play)
+    return _timed(run_nodes)
 
 
 def _five_processes(experiment: Experiment) -> dict[str, float]:
@@ -218,8 +218,8 @@ def _machine_late(experiment: Experiment) -> dict[str, float]:
     It only sleeps until each tick of 2 ms, with real-time priority if permitted.
     """
     ticks = str(round(experiment.duration * 500))
-    told = subprocess.run([sys.executable, "-c", _LOOP, ticks], capture_output=True, check=True)
-    return {"missed_share_bare_loop_500hz": float(told.stdout)}
+    process = subprocess.run([sys.executable, "-c", _LOOP, ticks], capture_output=True, check=True)
+    return {"missed_share_bare_loop_500hz": float(process.stdout)}
 
 
 def _with(experiment: Experiment, **simulator: Any) -> Experiment:
@@ -230,7 +230,7 @@ def _with(experiment: Experiment, **simulator: Any) -> Experiment:
 def _default_executor(experiment: Experiment) -> dict[str, float]:
     """Five processes with message objects and `rclpy.spin`."""
 
-    def play(folder: Path, processes: Processes, _: int) -> None:
+    def run_nodes(folder: Path, processes: Processes, _: int) -> None:
         file = folder / "experiment.yaml"
         write_resolved(experiment, file)
         for name in _NODES:
@@ -243,13 +243,13 @@ def _default_executor(experiment: Experiment) -> dict[str, float]:
                 raise TimeoutError(f"the default executor takes more than {_TIMEOUT:g} s")
             time.sleep(0.05)
 
-    sent = _timed(play)["sent"]
+    sent = _timed(run_nodes)["sent"]
     return {"rtf_default_executor_500hz": _factor(experiment, sent)}
 
 
 def _one_process(experiment: Experiment) -> dict[str, float]:
     """Real-time factor of the cores in one process; the physics in its own thread if possible."""
-    loop = make_loop(experiment, lambda *_: None, beside=len(os.sched_getaffinity(0)) > 1)
+    loop = make_loop(experiment, lambda *_: None, physics_thread=len(os.sched_getaffinity(0)) > 1)
     times: list[float] = []
 
     def ticks() -> Any:
@@ -289,7 +289,7 @@ class _Timed:
         return getattr(self._core, name)
 
 
-def _timed(play: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
+def _timed(run_nodes: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
     """Play a run in a folder and domain of its own; returns the times from its simulator."""
     with (
         tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
@@ -297,7 +297,7 @@ def _timed(play: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDA
         Processes(environment(domain), Path(name) / "log") as processes,
     ):
         folder = Path(name)
-        play(folder, processes, domain)
+        run_nodes(folder, processes, domain)
         with np.load(folder / "times.npz") as times:
             return dict(times)
 
@@ -328,8 +328,8 @@ def _table(medians: Mapping[str, float], results: list[dict[str, float]]) -> str
     for name, value in medians.items():
         values = [result[name] for result in results]
         target = "{1} {0:g}".format(*TARGETS[name]) if name in TARGETS else ""
-        figures = "".join(f"{figure:10.4g}" for figure in (value, min(values), max(values)))
-        lines.append(f"{name:38}{figures}  {target}")
+        cells = "".join(f"{number:10.4g}" for number in (value, min(values), max(values)))
+        lines.append(f"{name:38}{cells}  {target}")
     load = os.getloadavg()[0]
     lines.append(f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} over the last minute")
     return "\n".join(lines)

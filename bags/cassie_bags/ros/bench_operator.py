@@ -32,9 +32,9 @@ TIMEOUT = 60.0
 """Time-out until the robot is ready, and until it walks. In s of wall time."""
 
 _RATE = 500.0  # Hz of the control loop
-_LONGEST = 1.0  # s, time-out of a stick's command; a longer latency counts as this
-_GLANCE = 0.005  # s between two checks for commands
-_STEP = 0.01  # s between two checks of anything else
+_MAX_LATENCY = 1.0  # s, time-out of a stick's command; a longer latency counts as this
+_COMMAND_PERIOD = 0.005  # s between two checks for commands
+_CHECK_PERIOD = 0.01  # s between two checks of anything else
 _XBOX = {"start": 7, "walk": 3, "enable": 4}  # buttons; see the device file
 _AXES, _BUTTONS = 8, 11
 
@@ -181,8 +181,8 @@ async def _address(processes: Processes) -> str:
 
     def ready() -> re.Match[str] | None:
         processes.check()
-        said = processes.log("robot").read_text(encoding="utf-8", errors="replace")
-        return re.search(r"drive it: (http://\S+/)", said)
+        output = processes.log("robot").read_text(encoding="utf-8", errors="replace")
+        return re.search(r"drive it: (http://\S+/)", output)
 
     return str((await _until(ready, "the robot to be ready"))[1])
 
@@ -244,18 +244,18 @@ async def _delay(listener: _Listener, node: str, move: Awaitable[None]) -> float
     began = time.monotonic()
     await move
     while listener.changed(node) == before:
-        await asyncio.sleep(_GLANCE)
-        if time.monotonic() - began > _LONGEST:
-            return _LONGEST
+        await asyncio.sleep(_COMMAND_PERIOD)
+        if time.monotonic() - began > _MAX_LATENCY:
+            return _MAX_LATENCY
     return listener.changed(node)[1] - began
 
 
 async def _until(condition: Callable[[], Any], what: str) -> Any:
     deadline = time.monotonic() + TIMEOUT
     while time.monotonic() < deadline:
-        if found := condition():
-            return found
-        await asyncio.sleep(_STEP)
+        if result := condition():
+            return result
+        await asyncio.sleep(_CHECK_PERIOD)
     raise RunError(f"bench waits for {what} in vain: {TIMEOUT:g} s")
 
 

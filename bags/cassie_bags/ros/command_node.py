@@ -20,7 +20,10 @@ from cassie_msgs.ros.fast_lane import RawSubscription
 from cassie_msgs.ros.process import LEAVE_TIMEOUT
 from cassie_msgs.ros.transport import use_loopback
 
-_LOOK, _QUIET = 0.02, 0.1  # s between two checks of the nodes; s without a change before it ends
+_CHECK_PERIOD, _QUIET = (
+    0.02,
+    0.1,
+)  # s between two checks of the nodes; s without a change before it ends
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PAUSE_SERVICE = "/cassie/pause"
 _STAMP = struct.Struct("<4xiI")
@@ -60,7 +63,7 @@ def _await_quiet(node: Node) -> None:
     while (now := time.monotonic()) < min(deadline, since + _QUIET):
         if (names := node.get_node_names()) != known:
             known, since = names, now
-        time.sleep(_LOOK)
+        time.sleep(_CHECK_PERIOD)
 
 
 @contextmanager

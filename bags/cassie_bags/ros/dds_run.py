@@ -34,7 +34,7 @@ START_TIMEOUT = 90.0
 STALL_TIMEOUT = 90.0
 """Longest wall time without progress of robot time. In s."""
 
-_LOOK = 0.1  # s between two checks of the processes
+_CHECK_PERIOD = 0.1  # s between two checks of the processes
 
 NODES = {
     "state_estimator": ("cassie_control", "estimator"),
@@ -182,7 +182,7 @@ def _await_recorder(processes: Processes) -> None:
             raise RunError(
                 f"after {START_TIMEOUT:g} s not every topic of the control lane is published"
             )
-        time.sleep(_LOOK / 5)
+        time.sleep(_CHECK_PERIOD / 5)
 
 
 def watch(experiment: Experiment, processes: Processes, simulator: SimulatorClient) -> None:
@@ -201,5 +201,5 @@ def watch(experiment: Experiment, processes: Processes, simulator: SimulatorClie
                 bar.update(now - bar.n)
             elif time.monotonic() - since > STALL_TIMEOUT:
                 raise RunError(f"robot time stands still at {reached:g} s")
-            time.sleep(_LOOK)
+            time.sleep(_CHECK_PERIOD)
     processes.check("simulator")

@@ -45,10 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.all and not arguments.files:
         raise ExperimentError("name an experiment file, or --all for those of the package")
     several = arguments.all or len(arguments.files) > 1 or arguments.seeds
-    return _play_all(arguments) if several else _play_one(arguments)
+    return _run_many(arguments) if several else _run_one(arguments)
 
 
-def _play_one(arguments: argparse.Namespace) -> int:
+def _run_one(arguments: argparse.Namespace) -> int:
     changes = consistent(arguments.set)
     experiment = resolve(load_experiment(arguments.files[0], changes, arguments.seed))
     check_parameters(experiment)
@@ -57,18 +57,20 @@ def _play_one(arguments: argparse.Namespace) -> int:
         arguments.out,
         in_process=arguments.in_process,
         stack=arguments.stack,
-        beside=len(os.sched_getaffinity(0)) > 1,
+        physics_thread=len(os.sched_getaffinity(0)) > 1,
     )
     if arguments.out is not None:
         film = not arguments.no_video
-        outcome, _ = keep(outcome, arguments.out, pictures=not arguments.no_pictures, film=film)
+        outcome, _ = write_results(
+            outcome, arguments.out, pictures=not arguments.no_pictures, film=film
+        )
     print(table(outcome), file=sys.stderr)
     if arguments.json or not sys.stdout.isatty():
         print(json_line(outcome), flush=True)
     return 0 if outcome.passed else 1
 
 
-def _play_all(arguments: argparse.Namespace) -> int:
+def _run_many(arguments: argparse.Namespace) -> int:
     if arguments.seed is not None or arguments.json:
         option = "--json" if arguments.json else "--seed"
         raise ExperimentError(f"{option} is for one run: several leave result.json each; --seeds N")
@@ -88,7 +90,7 @@ def run_experiment(
     *,
     in_process: bool,
     stack: bool = False,
-    beside: bool = False,
+    physics_thread: bool = False,
 ) -> RunResult:
     """Run a drawn experiment; its files go into `out`, or nowhere if `out` is None.
 
@@ -97,7 +99,7 @@ def run_experiment(
         out: Folder for the files, or None.
         in_process: Whether all cores run in this process, without nodes.
         stack: Whether estimator and controller share a process, over DDS.
-        beside: Whether the physics has a thread of its own, if all cores run in one process.
+        physics_thread: Whether the physics has a thread of its own; not over DDS.
 
     Raises:
         RunError: if the run did not end normally.
@@ -106,14 +108,14 @@ def run_experiment(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     if in_process:
-        return _in_process(experiment, out, beside)
+        return _in_process(experiment, out, physics_thread)
     if out is not None:
         return _over_dds(experiment, out, stack)
     with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
         return _over_dds(experiment, Path(folder), stack)
 
 
-def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> RunResult:
+def _in_process(experiment: Experiment, folder: Path | None, physics_thread: bool) -> RunResult:
     store = Store()
     ticks = range(tick_count(experiment))
     bar = tqdm(ticks, unit="tick", disable=None, leave=False)
@@ -126,7 +128,7 @@ def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Ru
     with stopped_between(bar) as whole, contextlib.ExitStack() as stack:
         if folder is not None:
             observers.append(stack.enter_context(bag_observer(folder / "bag.mcap", experiment)))
-        loop = make_loop(experiment, observe, beside=beside)
+        loop = make_loop(experiment, observe, physics_thread=physics_thread)
         wall_time = run_loop(loop, whole)
     for node, (problem, time) in loop.problems.items():
         print(f"{node} at {time:.3f} s: {problem}", file=sys.stderr)
@@ -136,8 +138,8 @@ def _in_process(experiment: Experiment, folder: Path | None, beside: bool) -> Ru
 @contextmanager
 def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
     """Ticks of a run that Ctrl-C ends only between two ticks: never within a record of the bag."""
-    with ctrl_c_at_the_end() as came:
-        yield itertools.takewhile(lambda _: not came, ticks)
+    with ctrl_c_at_the_end() as signals:
+        yield itertools.takewhile(lambda _: not signals, ticks)
 
 
 def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
@@ -147,7 +149,7 @@ def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
     return evaluate(experiment, summary.recording, "dds", lockstep_broken=summary.lockstep_broken)
 
 
-def keep(
+def write_results(
     outcome: RunResult, folder: Path, *, pictures: bool, film: bool = True
 ) -> tuple[RunResult, Entry]:
     """Write table, JSON, pictures and page beside the bag.
@@ -202,7 +204,7 @@ def run_task(task: Task) -> Entry:
         outcome = run_experiment(
             experiment, task.folder, in_process=task.in_process, stack=task.stack
         )
-        _, entry = keep(outcome, task.folder, pictures=task.pictures, film=task.film)
+        _, entry = write_results(outcome, task.folder, pictures=task.pictures, film=task.film)
     except (RunError, ValueError, OSError) as error:
         reason = f"{NOT_RUN}: {' '.join(str(error).split())}"
         content = {"name": experiment.name, "seed": experiment.seed, "passed": False}
@@ -241,14 +243,14 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
 
 def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     """Run all tasks; the page is written again after each run, so that a stop leaves a page."""
-    found: dict[int, Entry] = {}
+    entries_by_task: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
     pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
     bar = tqdm(total=len(tasks), unit="run", disable=None, leave=False)
     with contextlib.closing(pool), bar:
         for index, content in pool.results(run_task, tasks):
-            found[index] = content
-            entries = [found[key] for key in sorted(found)]
+            entries_by_task[index] = content
+            entries = [entries_by_task[key] for key in sorted(entries_by_task)]
             sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None
             path.write_text(page("Cassie: experiments", entries, versions(), sweeps), "utf-8")
             bar.update()

@@ -28,7 +28,7 @@ from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPE
 from cassie_bags.bag.writer import BagWriter, FolderWriter
 from cassie_bags.cli.arguments import count, number, one_of
 from cassie_bags.errors import BagError
-from cassie_bags.ros.kept_parameters import RECORD, KeptParameters, record_of
+from cassie_bags.ros.node_parameters import RECORD, NodeParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
@@ -89,7 +89,7 @@ class Recorder(Node):
         self._stop = stop
         self._arguments = arguments
         self._metadata = _metadata(arguments.metadata)
-        self._orders: queue.Queue[tuple[str, queue.Queue[tuple[bool, str]]]] = queue.Queue()
+        self._requests: queue.Queue[tuple[str, queue.Queue[tuple[bool, str]]]] = queue.Queue()
         self._session: Session | None = None
         if not arguments.start_paused:
             self._begin()
@@ -101,7 +101,7 @@ class Recorder(Node):
         """Record until Ctrl-C; `close` then records the messages that are still on their way."""
         while not self._stop.requested:
             try:
-                self._obey()
+                self._serve_requests()
                 if self._session is None:
                     self._stop.wait(_BATCH)
                 else:
@@ -128,16 +128,16 @@ class Recorder(Node):
         session, self._session = self._session, None
         return "" if session is None else session.close()
 
-    def _obey(self) -> None:
+    def _serve_requests(self) -> None:
         """Carry out requests of the services."""
-        while not self._orders.empty():
-            order, answer = self._orders.get()
+        while not self._requests.empty():
+            order, answer = self._requests.get()
             try:
-                answer.put((True, self._do(order)))
+                answer.put((True, self._carry_out(order)))
             except BagError as error:
                 answer.put((False, str(error)))
 
-    def _do(self, order: str) -> str:
+    def _carry_out(self, order: str) -> str:
         session = self._session
         if order == "begin":
             if session is not None:
@@ -153,14 +153,14 @@ class Recorder(Node):
         return f"{session.path} goes on in a new file"
 
     def _on_record(self, request: Any, response: Any) -> Any:
-        return self._asked("begin" if request.data else "end", response)
+        return self._request("begin" if request.data else "end", response)
 
     def _on_split(self, _: Any, response: Any) -> Any:
-        return self._asked("split", response)
+        return self._request("split", response)
 
-    def _asked(self, order: str, response: Any) -> Any:
+    def _request(self, order: str, response: Any) -> Any:
         answer: queue.Queue[tuple[bool, str]] = queue.Queue(1)
-        self._orders.put((order, answer))
+        self._requests.put((order, answer))
         self._wake()
         try:
             response.success, response.message = answer.get(timeout=_ANSWER)
@@ -191,17 +191,17 @@ class Session:
         self._all: bool = arguments.all
         self._wanted = set(arguments.topics or DEFAULT_TOPICS)
         self._wall_clock: bool = arguments.wall_clock
-        self._least_free: int = arguments.min_free_space
+        self._min_free_space: int = arguments.min_free_space
         self._subscriptions: dict[str, RecordedTopic] = {}
         self._unknown: set[str] = set()
         self._robot_clock = RobotClock()
-        self._held: list[_Message] = []  # messages before robot time is known
+        self._waiting: list[_Message] = []  # messages before robot time is known
         self._monitor = SeqMonitor()
-        self._silent = set(_NEEDED)
+        self._missing_topics = set(_NEEDED)
         self._span: tuple[int, int] | None = None
-        self._parameters = KeptParameters(node)
+        self._parameters = NodeParameters(node)
         self._files: set[str] = set()
-        self._next_look = 0.0
+        self._next_check = 0.0
         self._check_disk()
         self._bag = _writer(arguments)
         # The times of an experiment count from the robot's first tick, even if this tick is late.
@@ -218,9 +218,9 @@ class Session:
         Raises:
             BagError: if the bag cannot be written, or the disk is nearly full.
         """
-        if time.monotonic() >= self._next_look:
-            self._look()
-            self._next_look = time.monotonic() + _GRAPH
+        if time.monotonic() >= self._next_check:
+            self._check_graph()
+            self._next_check = time.monotonic() + _GRAPH
         if self._waiter.wait(_GRAPH / 2):
             self._drain()
             stop.wait(_BATCH)
@@ -237,7 +237,7 @@ class Session:
             while (self._drain() or self._waiter.wait(_QUIET)) and time.monotonic() < deadline:
                 pass
             self._drain(settle=_SETTLE)
-            self._release()
+            self._write_waiting()
             self._bag.add_metadata(LOST_RECORD, {"lost": json.dumps(self._lost())})
         finally:
             self._bag.close()
@@ -246,11 +246,11 @@ class Session:
                 self._node.destroy_subscription(subscription.subscription)
         counts = [each for each in self._bag.counts.values() if each]
         first, last = self._span or (0, 0)
-        told = (
+        summary = (
             f"recorded {sum(counts)} messages of {len(counts)} topics, "
             f"{(last - first) * 1e-9:.2f} s, to {self.path}"
         )
-        print(told, file=sys.stderr)
+        print(summary, file=sys.stderr)
         for topic, lost in self._lost().items():
             print(f"lost: {topic}: {lost} messages", file=sys.stderr)
         for topic, each in self._subscriptions.items():
@@ -259,7 +259,7 @@ class Session:
         for gap in self._monitor.gaps():
             print(f"missing: {gap}", file=sys.stderr)
         sys.stderr.flush()
-        return told
+        return summary
 
     def split(self) -> None:
         """Continue in a new file.
@@ -288,30 +288,30 @@ class Session:
             settle: Wait between two topics, for messages that overtook others. In s.
         """
         wall = time.time_ns()
-        batch = self._held
+        batch = self._waiting
         waiting = len(batch)
-        for topic in sorted(self._subscriptions, key=_against_the_stream):
+        for topic in sorted(self._subscriptions, key=_drain_order):
             subscription = self._subscriptions[topic]
             if settle and (topic in _STREAM or topic == Sensors.TOPIC):
                 time.sleep(settle)
             while (raw := subscription.take_raw()) is not None:
                 batch.append(self._received(subscription, raw, wall))
-        come = len(batch) - waiting
+        received = len(batch) - waiting
         if self._wall_clock or self._robot_clock.known:
-            self._held = []
+            self._waiting = []
             self._write(batch)
         elif batch and wall - batch[0][3] > _WITHOUT_ROBOT and not self._experiment:
-            self._release()
-        return come
+            self._write_waiting()
+        return received
 
     def _received(self, subscription: RecordedTopic, raw: bytes, wall: int) -> _Message:
         topic = subscription.topic
         self._monitor.note(topic, raw)
         if topic == EVENTS_TOPIC:
-            self._keep_files_of(raw)
-        if topic in self._silent:
-            self._silent.discard(topic)
-            if not self._silent:
+            self._attach_files_of(raw)
+        if topic in self._missing_topics:
+            self._missing_topics.discard(topic)
+            if not self._missing_topics:
                 print(COMPLETE, file=sys.stderr, flush=True)
         known = self._robot_clock.known
         robot = self._robot_clock.time_of(topic, raw, wall)
@@ -319,12 +319,12 @@ class Session:
             return wall, subscription, raw, wall
         return robot if known or self._robot_clock.known else None, subscription, raw, wall
 
-    def _release(self) -> None:
+    def _write_waiting(self) -> None:
         """Write the messages that wait for robot time, which has not come."""
-        if self._held and not self._robot_clock.known:
-            self._robot_clock.run_on_wall(self._held[0][3])
-        held, self._held = self._held, []
-        self._write(held)
+        if self._waiting and not self._robot_clock.known:
+            self._robot_clock.run_on_wall(self._waiting[0][3])
+        messages, self._waiting = self._waiting, []
+        self._write(messages)
 
     def _write(self, batch: list[_Message]) -> None:
         clock = self._robot_clock
@@ -346,35 +346,35 @@ class Session:
                 max(last, *(each[0] for each in timed)),
             )
 
-    def _look(self) -> None:
+    def _check_graph(self) -> None:
         """Check for new topics and nodes, and for free space on the disk."""
         self._check_disk()
         known = self._subscriptions.keys() | self._unknown
-        found = False
+        added = False
         for topic, types in self._node.get_topic_names_and_types():
             if topic not in known and (self._all or topic in self._wanted):
-                found = self._subscribe(topic, types[0]) or found
-        if found:
+                added = self._subscribe(topic, types[0]) or added
+        if added:
             self._waiter = LaneWaiter(self._node, self._subscriptions.values())
-        self._parameters.look()
-        while (answer := self._parameters.take()) is not None:
+        self._parameters.request()
+        while (answer := self._parameters.pop_answer()) is not None:
             name, parameters = answer
             self._bag.add_metadata(f"{RECORD}{name}", record_of(parameters))
             for value in parameters.values():
                 if isinstance(value, str) and value:
-                    self._keep_file(Path(value))
+                    self._attach_file(Path(value))
 
     def _check_disk(self) -> None:
         place = next(each for each in self.path.absolute().parents if each.exists())
         free = shutil.disk_usage(place).free
-        if free < self._least_free:
+        if free < self._min_free_space:
             raise BagError(
                 f"only {free / _MIB:.0f} MiB are free in {place}, less than "
-                f"{self._least_free / _MIB:.0f} MiB (--min-free-space): recording ends"
+                f"{self._min_free_space / _MIB:.0f} MiB (--min-free-space): recording ends"
             )
 
-    def _keep_files_of(self, raw: bytes) -> None:
-        """Keep files that nodes say they have read, such as the gait library."""
+    def _attach_files_of(self, raw: bytes) -> None:
+        """Attach files that nodes say they have read, such as the gait library."""
         try:
             event = read_event(raw)
             files = event.content["files"].values() if event.event == "began" else ()
@@ -382,9 +382,9 @@ class Session:
         except (BagError, LookupError, TypeError, AttributeError):
             return  # not from our nodes: any node may publish here
         for path in paths:
-            self._keep_file(path)
+            self._attach_file(path)
 
-    def _keep_file(self, path: Path) -> None:
+    def _attach_file(self, path: Path) -> None:
         try:
             if not path.is_file() or path.stat().st_size > _LARGEST_FILE:
                 return
@@ -413,7 +413,7 @@ class Session:
         return True
 
 
-def _against_the_stream(topic: str) -> int:
+def _drain_order(topic: str) -> int:
     return _STREAM.get(topic, len(_STREAM) + (topic == Sensors.TOPIC))
 
 

@@ -57,8 +57,8 @@ _BACK = 5_000_000_000  # ns, step of the key that seeks back
 _FASTER = 1.1  # factor of the keys on the rate
 _DISCOVERY = 3.0  # s of wall time for discovery of running nodes, also on a busy machine
 _ACKED = Duration(seconds=0.1)  # longest wait that cannot be ended
-_LOOK_AGAIN = 0.5  # s between two checks for other writers while it plays
-_LOOK = 0.02  # s between two checks for subscribers
+_WRITERS_PERIOD = 0.5  # s between two checks for other writers while it plays
+_CHECK_PERIOD = 0.02  # s between two checks for subscribers
 _KEY_WAIT = 0.2  # s
 
 
@@ -77,8 +77,8 @@ class Replay(Node):
         messages = self._load(arguments.file, arguments.topics, arguments.commands)
         self._messages = messages
         self._own = {topic: identity(each) for topic, each in self._publishers_by_topic.items()}
-        self._refuse_beside_writers()
-        self.create_timer(_LOOK_AGAIN, self._end_beside_writers)
+        self._refuse_other_writers()
+        self.create_timer(_WRITERS_PERIOD, self._end_for_other_writer)
         self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
         begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
         self._lock = threading.Lock()
@@ -131,11 +131,11 @@ class Replay(Node):
         if moving and not commands:
             raise BagError(f"{moving[0]} moves a robot that listens: play it with --commands")
         index = BagIndex()
-        found = list(read_messages(path, topics or None, index))
+        recorded = list(read_messages(path, topics or None, index))
         if not index.complete:
             lost = f"{index.lost_bytes} bytes could not be read" if index.lost_bytes else "no end"
             self.get_logger().warning(f"{path} is damaged or was not closed: {lost}")
-        names = sorted({topic for topic, *_ in found} - {CLOCK_TOPIC} - OWN_TOPICS)
+        names = sorted({topic for topic, *_ in recorded} - {CLOCK_TOPIC} - OWN_TOPICS)
         for topic in topics:
             if topic not in index.types:
                 raise BagError(f"{path}: {unknown_name(topic, index.types, 'topic')}")
@@ -158,7 +158,7 @@ class Replay(Node):
             raise BagError(f"{path} has no messages")
         messages = [
             (robot, self._publishers_by_topic[topic], raw)
-            for topic, robot, _, raw in found
+            for topic, robot, _, raw in recorded
             if topic in self._publishers_by_topic
         ]
         return sorted(messages, key=lambda entry: entry[0])
@@ -269,7 +269,7 @@ class Replay(Node):
             "  paused" if playback.paused else ""
         )
 
-    def _refuse_beside_writers(self) -> None:
+    def _refuse_other_writers(self) -> None:
         """Check that no other node publishes on the played topics.
 
         Raises:
@@ -280,10 +280,10 @@ class Replay(Node):
             late = time.monotonic() > deadline
             if other := self._other_writer(nameless=late):
                 raise BagError(other)
-            if late or self._stop.wait(_LOOK):
+            if late or self._stop.wait(_CHECK_PERIOD):
                 return
 
-    def _end_beside_writers(self) -> None:
+    def _end_for_other_writer(self) -> None:
         """End when another node begins to publish on a played topic."""
         if not self._stop.requested and (other := self._other_writer()):
             print(f"replay: error: {other}", file=sys.stderr, flush=True)
@@ -292,7 +292,7 @@ class Replay(Node):
     def _other_writer(self, *, nameless: bool = False) -> str:
         """Other nodes that publish on played topics, in words; empty if there are none.
 
-        An operator's node may run beside a replayed robot, which does not obey its commands.
+        An operator's node may run together with a replayed robot, which does not obey its commands.
 
         Args:
             nameless: Whether writers count whose node's name has not been found.
@@ -318,7 +318,7 @@ class Replay(Node):
             publishers = self._publishers_by_topic.values()
             if all(publisher.get_subscription_count() for publisher in publishers):
                 break
-            if self._stop.wait(_LOOK):
+            if self._stop.wait(_CHECK_PERIOD):
                 break
         return not self._stop.requested
 

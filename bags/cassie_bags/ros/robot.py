@@ -45,7 +45,7 @@ NODES = {
 STACK = ("state_estimator", "gait_controller")
 """Nodes that `--stack` runs as one process."""
 
-_LOOK = 0.1  # s between two checks of the processes
+_CHECK_PERIOD = 0.1  # s between two checks of the processes
 
 
 def main() -> int:
@@ -96,9 +96,9 @@ def _watch(
                 _say(_ready(processes, arguments))
             names = [n for name in commands for n in (STACK if name == "stack" else (name,))]
             silent = SilentNodes(names)
-            while not stop.wait(_LOOK):
+            while not stop.wait(_CHECK_PERIOD):
                 processes.check()
-                for word in silent.look(node.get_node_names(), time.monotonic()):
+                for word in silent.report(node.get_node_names(), time.monotonic()):
                     _say(word)
     except RunError as error:
         print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
@@ -117,9 +117,9 @@ class SilentNodes:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._seen: dict[str, float] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
-    def look(self, present: Sequence[str], now: float) -> list[str]:
+    def report(self, present: Sequence[str], now: float) -> list[str]:
         """Report each node once that has been absent for `SILENT_AFTER`.
 
         Args:
@@ -130,13 +130,15 @@ class SilentNodes:
         for name in self._names:
             if name in present:
                 self._seen[name] = now
-                self._told.discard(name)
-            elif name not in self._told and now - self._seen.setdefault(name, now) > SILENT_AFTER:
+                self._reported.discard(name)
+            elif (
+                name not in self._reported and now - self._seen.setdefault(name, now) > SILENT_AFTER
+            ):
                 words.append(
                     f"{name} runs, but nothing has been heard of it for {SILENT_AFTER:g} s: "
                     "it hangs, or was stopped; Ctrl-C ends all"
                 )
-                self._told.add(name)
+                self._reported.add(name)
         return words
 
 
@@ -213,7 +215,7 @@ def _await_robot(
             processes.check()
             if time.monotonic() > deadline:
                 raise RunError(f"the robot is not ready after {TIMEOUT:g} s")
-            executor.spin_once(timeout_sec=_LOOK)
+            executor.spin_once(timeout_sec=_CHECK_PERIOD)
     finally:
         node.destroy_subscription(subscription)
     return heard.is_set()

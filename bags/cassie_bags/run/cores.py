@@ -163,14 +163,16 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
-def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = False) -> ControlLoop:
+def make_loop(
+    experiment: Experiment, observer: Observer, *, physics_thread: bool = False
+) -> ControlLoop:
     """The cores of a drawn experiment on the schedule of lock-step, at tick 0.
 
     Args:
         experiment: What to run, drawn.
         observer: Gets every message.
-        beside: Whether the physics runs in a thread of its own. The thread needs a processor for
-            itself, and an observer that does not read the plant.
+        physics_thread: Whether the physics runs in a thread of its own. The thread needs a
+            processor for itself, and an observer that does not read the plant.
 
     Raises:
         CassieError, ParameterError: naming what cannot be used.
@@ -184,7 +186,7 @@ def make_loop(experiment: Experiment, observer: Observer, *, beside: bool = Fals
             "controller.gait_source = optimizer needs gait_optimizer: not in one process"
         )
     cores = make_cores(experiment)
-    cores.plant.beside = beside
+    cores.plant.beside = physics_thread
     return connect(cores, observer)
 
 

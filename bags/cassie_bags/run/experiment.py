@@ -15,7 +15,7 @@ from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.structured import structure
 from cassie_msgs.tunables import ParameterError
 
-LEAST_DURATION = 0.02
+MIN_DURATION = 0.02
 """Shortest run. In s."""
 
 
@@ -82,8 +82,8 @@ def read_experiment(content: Mapping[str, Any]) -> Experiment:
         raise ExperimentError(str(error)) from None
     if "duration" not in content:
         raise ExperimentError("duration must be given: robot time of the run in s")
-    if experiment.duration < LEAST_DURATION:
+    if experiment.duration < MIN_DURATION:
         raise ExperimentError(
-            f"duration = {experiment.duration:g} is too short: at least {LEAST_DURATION:g} s"
+            f"duration = {experiment.duration:g} is too short: at least {MIN_DURATION:g} s"
         )
     return experiment

@@ -7,7 +7,7 @@ marks. They tell when a run begins to differ, and they allow a check of the firs
 The bits depend on the libraries and on the vector instructions of the processor. The file of
 fingerprints names both. On another machine the estimated pose is compared instead of the bits,
 within `TOLERANCES`. A difference of one bit soon changes an encoder's count, by up to 0.0003 rad.
-In the first steps it can shift a touchdown by ticks and joints by 0.2 rad. These figures were found
+In the first steps it can shift a touchdown by ticks and joints by 0.2 rad. These values were found
 with arithmetic without FMA and with another order of sums, over all experiments.
 """
 
@@ -201,41 +201,41 @@ def take(what: Run, fields: Fields) -> Fingerprint:
         CassieError: as `record`.
     """
     recording = record(what)
-    rows = {**recording.lane, **recording.beside}
+    rows = {**recording.lane, **recording.stamped}
     topics = {topic: _topic_print(rows[topic], fields[topic]) for topic in fields if topic in rows}
     return Fingerprint(
-        {topic: found for topic, found in topics.items() if found.messages},
+        {topic: topic_print for topic, topic_print in topics.items() if topic_print.messages},
         _poses(recording.rows(RobotState)),
     )
 
 
 def differences(
-    what: Run, expected: Fingerprint, found: Fingerprint, *, exactly: bool
+    what: Run, expected: Fingerprint, computed: Fingerprint, *, exactly: bool
 ) -> list[Difference]:
     """How a run differs from its fingerprint.
 
     Args:
         what: The run.
         expected: Fingerprint of the run.
-        found: Fingerprint that the run has now.
+        computed: Fingerprint that the run has now.
         exactly: Whether to compare to the last bit; else the pose is compared to `TOLERANCES`.
     """
     if exactly:
-        told = {
-            topic: _reason(expected.topics.get(topic), found.topics.get(topic), what.seconds)
-            for topic in sorted({*expected.topics, *found.topics})
+        reasons = {
+            topic: _reason(expected.topics.get(topic), computed.topics.get(topic), what.seconds)
+            for topic in sorted({*expected.topics, *computed.topics})
         }
     else:
-        told = {RobotState.TOPIC: _pose_reason(expected.pose, found.pose)}
+        reasons = {RobotState.TOPIC: _pose_reason(expected.pose, computed.pose)}
     return [
         Difference(what.file.stem, what.robot, topic, reason)
-        for topic, reason in told.items()
+        for topic, reason in reasons.items()
         if reason
     ]
 
 
 def _fingerprint(entry: Mapping[str, Any]) -> Fingerprint:
-    topics = {topic: TopicPrint(**found) for topic, found in entry["topics"].items()}
+    topics = {topic: TopicPrint(**topic_print) for topic, topic_print in entry["topics"].items()}
     pose = {float(time): [float(x) for x in q] for time, q in entry["pose"].items()}
     return Fingerprint(topics, pose)
 
@@ -264,31 +264,31 @@ def _poses(state: Rows) -> dict[float, list[float]]:
     return poses
 
 
-def _reason(expected: TopicPrint | None, found: TopicPrint | None, seconds: float | None) -> str:
+def _reason(expected: TopicPrint | None, computed: TopicPrint | None, seconds: float | None) -> str:
     """How messages of a topic differ, in words; empty if they do not."""
-    if expected is None or found is None:
+    if expected is None or computed is None:
         return "there was none" if expected is None else "there is none"
-    one, other = expected.marks, found.marks
+    one, other = expected.marks, computed.marks
     if seconds is not None:  # the last mark may be of a part of a second
         one, other = one[: _MARK * int(seconds)], other[: _MARK * int(seconds)]
     for k in range(min(len(one), len(other)) // _MARK):
         if one[_MARK * k : _MARK * (k + 1)] != other[_MARK * k : _MARK * (k + 1)]:
             return f"differs between {k} and {k + 1} s"
-    if seconds is None and found.messages != expected.messages:
-        return f"has {found.messages} messages, not {expected.messages}"
+    if seconds is None and computed.messages != expected.messages:
+        return f"has {computed.messages} messages, not {expected.messages}"
     if len(one) != len(other):
         return f"ends after {len(other) // _MARK} s, not {len(one) // _MARK}"
-    return "differs" if seconds is None and found.sha256 != expected.sha256 else ""
+    return "differs" if seconds is None and computed.sha256 != expected.sha256 else ""
 
 
 def _pose_reason(
-    expected: Mapping[float, Sequence[float]], found: Mapping[float, Sequence[float]]
+    expected: Mapping[float, Sequence[float]], computed: Mapping[float, Sequence[float]]
 ) -> str:
     """How the estimated poses differ, in words; empty if they are within the tolerances."""
     for time, q in expected.items():
-        if time not in found:
+        if time not in computed:
             return f"has no sample at {time:g} s"
-        if not np.allclose(found[time], q, rtol=0.0, atol=TOLERANCES[time], equal_nan=True):
-            apart = np.abs(np.subtract(found[time], q)).max()
+        if not np.allclose(computed[time], q, rtol=0.0, atol=TOLERANCES[time], equal_nan=True):
+            apart = np.abs(np.subtract(computed[time], q)).max()
             return f"q differs by {apart:.1e} at {time:g} s"
     return ""

@@ -96,27 +96,27 @@ def checks(expected: Expectation, metrics: Metrics) -> list[Check]:
         expected: Expected bounds.
         metrics: Metrics of the run and of its phases.
     """
-    found = []
+    results = []
     if expected.fell is not None:
-        found.append(_fall_check(expected.fell, metrics))
+        results.append(_fall_check(expected.fell, metrics))
     for name, bound in expected.metrics.items():
-        found.append(_check("", name, metrics.run[name], bound))
+        results.append(_check("", name, metrics.run[name], bound))
     for values in metrics.phases:
         phase = values.phase
         if phase.bounds and not values.reached:
             problem = f"{phase.name}: the run ended before {phase.t1:g} s"
-            found.append(Check(phase.name, "reached", "no", "yes", problem))
+            results.append(Check(phase.name, "reached", "no", "yes", problem))
             continue
-        found += [_check(phase.name, n, values.values[n], b) for n, b in phase.bounds.items()]
-    return found
+        results += [_check(phase.name, n, values.values[n], b) for n, b in phase.bounds.items()]
+    return results
 
 
-def _fall_check(wanted: bool, metrics: Metrics) -> Check:
+def _fall_check(expected: bool, metrics: Metrics) -> Check:
     when = "" if metrics.fall_time is None else f" at {metrics.fall_time:.2f} s"
     value = f"yes{when}" if metrics.fell else "no"
     problem = f"the robot fell{when}" if metrics.fell else "the robot did not fall"
-    kept = metrics.fell == wanted
-    return Check("", "falls", value, "yes" if wanted else "no", "" if kept else problem)
+    met = metrics.fell == expected
+    return Check("", "falls", value, "yes" if expected else "no", "" if met else problem)
 
 
 def _check(phase: str, name: str, value: float, bound: Bound) -> Check:

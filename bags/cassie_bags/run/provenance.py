@@ -27,10 +27,10 @@ _CPU_INFO = Path("/proc/cpuinfo")
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of measured figures.
+    """Origin of measured values.
 
     Attributes:
-        command: Command that measures the figures again.
+        command: Command that measures the values again.
         date: Day on which the measurement began, ISO 8601.
         revision: Git revision of the sources, see `revision`.
         machine: Processor and number of cores.
@@ -47,10 +47,10 @@ class Origin:
 
 
 def origin(command: str, seeds: str, now: datetime.datetime) -> Origin:
-    """The origin of figures that are measured here from `now` on.
+    """The origin of values that are measured here from `now` on.
 
     Args:
-        command: Command that measures the figures again.
+        command: Command that measures the values again.
         seeds: Robots that are drawn.
         now: Time of the wall clock.
     """
@@ -128,20 +128,20 @@ def surroundings() -> dict[str, dict[str, str]]:
 
 def versions() -> dict[str, str]:
     """Version by package name; "not installed" for a package that runs from its sources."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
-    return found | _versions(_OURS + _OTHERS)
+    basics = {"python": platform.python_version(), "machine": platform.machine()}
+    return basics | _versions(_OURS + _OTHERS)
 
 
 def environment() -> dict[str, str]:
     """What affects the last bit of a result, besides this project's code."""
     import numpy as np
 
-    found = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
+    settings = {"machine": platform.machine(), "libc": " ".join(platform.libc_ver())}
     used = np.show_config(mode="dicts")["SIMD Extensions"]
-    found["vector instructions"] = " ".join([*used["baseline"], *used["found"]])
-    found |= {name: os.environ.get(name, "not set") for name in _VARIABLES}
-    found["python"] = platform.python_version()
-    return found | _versions(_NUMERIC)
+    settings["vector instructions"] = " ".join([*used["baseline"], *used["found"]])
+    settings |= {name: os.environ.get(name, "not set") for name in _VARIABLES}
+    settings["python"] = platform.python_version()
+    return settings | _versions(_NUMERIC)
 
 
 def changes_of_environment(recorded: Mapping[str, str]) -> list[str]:
@@ -155,10 +155,10 @@ def changes_of_environment(recorded: Mapping[str, str]) -> list[str]:
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:
-    found = {}
+    numbers = {}
     for package in packages:
         try:
-            found[package] = version(package)
+            numbers[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            numbers[package] = "not installed"
+    return numbers

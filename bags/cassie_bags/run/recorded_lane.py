@@ -70,10 +70,10 @@ class RecordedLane:
         self.rows: dict[str, list[bytes]] = {topic: [] for topic in _KINDS}
         self.events: dict[str, list[Event]] = {node: [] for node in SECTIONS}
         self.index = BagIndex()
-        told = False
+        has_events = False
         for topic, _, _, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
             if topic == EVENTS_TOPIC:
-                told = True
+                has_events = True
                 with suppress(BagError):  # of no node of ours
                     event = read_event(raw)
                     if event.node in self.events:
@@ -89,7 +89,7 @@ class RecordedLane:
         self._leave_out_strays()
         for events in self.events.values():
             events.sort(key=lambda event: (event.episode, event.seq))
-        self.told = told
+        self.has_events = has_events
         self.samples = self._by_key(Sensors.TOPIC)
         self.states = self._by_key(RobotState.TOPIC)
         self.in_force = self._by_key(IN_FORCE_TOPIC)
@@ -106,18 +106,18 @@ class RecordedLane:
             self.rows[topic] = list(compress(self.rows[topic], flags.tolist()))
 
     def _by_key(self, topic: str) -> dict[Key, bytes]:
-        found: dict[Key, bytes] = {}
+        messages: dict[Key, bytes] = {}
         for raw in self.rows[topic]:
-            found.setdefault(key_of(raw), raw)
-        return found
+            messages.setdefault(key_of(raw), raw)
+        return messages
 
     def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
-        found: dict[Key, bytes] = {}
+        messages: dict[Key, bytes] = {}
         message = kind()
         for raw in self.rows[kind.TOPIC]:
             message.load(raw)
-            found[int(message.episode), int(message.effective_seq)] = raw
-        return found
+            messages[int(message.episode), int(message.effective_seq)] = raw
+        return messages
 
     def setting(self, node: str) -> Setting:
         """Setting of a node from the experiment in the bag, for a bag without the node's events.

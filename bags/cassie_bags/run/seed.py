@@ -52,8 +52,8 @@ def resolve(experiment: Experiment) -> Experiment:
     changes: dict[str, Any] = {}
     if experiment.seed:
         rng = Stream.EVENTS.rng(experiment.seed)
-        for name, most in _DELAYS.items():
-            changes[name] = _later(getattr(experiment, name), most, rng)
+        for name, max_delay in _DELAYS.items():
+            changes[name] = _later(getattr(experiment, name), max_delay, rng)
     rider = experiment.rider
     if rider is not None and not rider.seed:
         changes["rider"] = dataclasses.replace(rider, seed=experiment.seed)
@@ -73,17 +73,17 @@ def write_resolved(experiment: Experiment, path: Path) -> None:
         raise ExperimentError(f"cannot write {path}: {error.strerror}") from None
 
 
-def delayed(times: Sequence[float], most: float, rng: np.random.Generator) -> list[float]:
-    """Delay each time by up to `most` (uniform) and keep the order; 0 stays 0. In s."""
+def delayed(times: Sequence[float], max_delay: float, rng: np.random.Generator) -> list[float]:
+    """Delay each time by up to `max_delay` (uniform) and keep the order; 0 stays 0. In s."""
     result: list[float] = []
-    for time, delay in zip(times, rng.uniform(0.0, most, len(times)).tolist(), strict=True):
+    for time, delay in zip(times, rng.uniform(0.0, max_delay, len(times)).tolist(), strict=True):
         later = time if time == 0.0 else time + delay
         result.append(max(later, result[-1]) if result else later)
     return result
 
 
-def _later(events: tuple[Any, ...], most: float, rng: np.random.Generator) -> tuple[Any, ...]:
-    times = delayed([event.t for event in events], most, rng)
+def _later(events: tuple[Any, ...], max_delay: float, rng: np.random.Generator) -> tuple[Any, ...]:
+    times = delayed([event.t for event in events], max_delay, rng)
     return tuple(
         dataclasses.replace(event, t=time) for event, time in zip(events, times, strict=True)
     )

@@ -142,7 +142,7 @@ class Store:
         self.messages[topic].append(raw)
 
     def recording(self, wall_time: float) -> Recording:
-        """The kept messages, as arrays."""
+        """The stored messages as arrays."""
         return from_messages(self.messages, wall_time)
 
 
@@ -166,9 +166,9 @@ class RecentStore(Store):
         super().__call__(topic, raw, stamp)
 
     def recording(self, wall_time: float) -> Recording:
-        """The kept messages, as arrays."""
-        kept = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
-        return from_messages(kept, wall_time)
+        """The stored messages as arrays."""
+        messages = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
+        return from_messages(messages, wall_time)
 
 
 @contextmanager

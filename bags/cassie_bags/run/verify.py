@@ -125,23 +125,23 @@ class Replayed:
             other[index].item(),
         )
 
-    def differing(self) -> int:
+    def different_count(self) -> int:
         """Number of messages that differ in any bit."""
         return int(unequal_rows(self.recorded, self.computed, self._names).sum())
 
-    def greatest_difference(self, until: float) -> float:
+    def max_difference(self, until: float) -> float:
         """Largest difference of a value before `until` (s) of each episode; NaN equals NaN."""
         times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
         early = times < until
-        greatest = 0.0
+        largest = 0.0
         for name in self._names:
             one, other = (
                 each[name][early].astype(np.float64) for each in (self.recorded, self.computed)
             )
             apart = np.abs(one - other)
             apart[np.isnan(one) & np.isnan(other)] = 0.0
-            greatest = max(greatest, float(np.nan_to_num(apart, nan=np.inf).max(initial=0.0)))
-        return greatest
+            largest = max(largest, float(np.nan_to_num(apart, nan=np.inf).max(initial=0.0)))
+        return largest
 
 
 @dataclass(frozen=True)
@@ -151,19 +151,19 @@ class Verification:
     Attributes:
         replayed: Messages that could be compared, by topic: state, mode, motor command.
         gaps: Messages that could not be replayed, and why, in words.
-        elsewhere: Differences of machine and libraries from those of the recording; empty if there
-            are none, or if the bag does not name them.
+        environment_changes: Differences of machine and libraries from those of the recording; empty
+            if there are none, or if the bag does not name them.
     """
 
     replayed: Mapping[str, Replayed]
     gaps: Sequence[str] = field(default_factory=list)
-    elsewhere: Sequence[str] = field(default_factory=list)
+    environment_changes: Sequence[str] = field(default_factory=list)
 
     @property
     def differences(self) -> list[Difference]:
         """The first difference of each topic that has one."""
-        found = (each.first_difference(topic) for topic, each in self.replayed.items())
-        return [difference for difference in found if difference is not None]
+        firsts = (each.first_difference(topic) for topic, each in self.replayed.items())
+        return [difference for difference in firsts if difference is not None]
 
     @property
     def holds(self) -> bool:
@@ -172,9 +172,9 @@ class Verification:
         With other libraries or another kind of processor bits may differ; then the first
         `START` s have to agree within `TOLERANCE`.
         """
-        if not self.elsewhere:
+        if not self.environment_changes:
             return not self.differences
-        return all(each.greatest_difference(START) <= TOLERANCE for each in self.replayed.values())
+        return all(each.max_difference(START) <= TOLERANCE for each in self.replayed.values())
 
     @property
     def compared(self) -> int:
@@ -202,23 +202,27 @@ def verify(
         ExperimentError, CassieError, ParameterError: if a change or a file cannot be used.
     """
     lane = RecordedLane(path)
-    given = _sections(changes)
+    overrides = _sections(changes)
     gaps: list[str] = []
-    followed: tuple[tuple[str, type[Sample], type[_Core]], ...] = (
+    nodes: tuple[tuple[str, type[Sample], type[_Core]], ...] = (
         ("state_estimator", RobotState, _Estimator),
         ("mode_supervisor", Mode, _Supervisor),
         ("gait_controller", MotorCommand, _Controller),
     )
-    total = sum(len(lane.rows[kind.TOPIC]) for _, kind, _ in followed)
+    total = sum(len(lane.rows[kind.TOPIC]) for _, kind, _ in nodes)
     done = 0
     replayed = {}
-    for node, kind, core in followed:
-        begin = partial(core, lane, overrides=given[SECTIONS[node]], gaits=gaits)
-        tell = partial(_tell, watch, done, total)
-        replayed[kind.TOPIC] = _follow(lane, node, kind, begin, gaps, tell)
+    for node, kind, core in nodes:
+        start = partial(core, lane, overrides=overrides[SECTIONS[node]], gaits=gaits)
+        watch_node = partial(_watch_part, watch, done, total)
+        replayed[kind.TOPIC] = _replay_node(lane, node, kind, start, gaps, watch_node)
         done += len(lane.rows[kind.TOPIC])
     recorded = lane.index.metadata.get("cassie_environment")
     return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
+
+
+def _watch_part(watch: Callable[[int, int], None], before: int, total: int, count: int) -> None:
+    watch(before + count, total)
 
 
 class _Core(ABC):
@@ -248,7 +252,7 @@ class _Core(ABC):
     def configure(self, changes: Mapping[str, Any]) -> None:
         """Apply parameters that were changed while the node ran."""
 
-    def take(self, event: Event) -> None:
+    def apply(self, event: Event) -> None:
         """Apply an event of the node."""
         if event.event == "parameters":
             changes = {k: v for k, v in event.content.items() if k not in self.overrides}
@@ -302,8 +306,8 @@ class _Supervisor(_Core):
     def configure(self, changes: Mapping[str, Any]) -> None:
         self._config = self._core.config = replace_checked(self._config, **changes)
 
-    def take(self, event: Event) -> None:
-        super().take(event)
+    def apply(self, event: Event) -> None:
+        super().apply(event)
         if event.event == "lost":
             self._controller_lost = event.content["node"] is not None
 
@@ -344,8 +348,8 @@ class _Controller(_Core):
         self._config = replace_checked(self._config, **changes)
         self._core.configure(self._config)
 
-    def take(self, event: Event) -> None:
-        super().take(event)
+    def apply(self, event: Event) -> None:
+        super().apply(event)
         if event.event == "mode":
             self._late = event.content["effective_seq"]
         elif event.event == "gait":
@@ -381,45 +385,49 @@ class _Controller(_Core):
         return self._mode
 
 
-def _tell(watch: Callable[[int, int], None], before: int, total: int, count: int) -> None:
-    watch(before + count, total)
-
-
-def _follow(
+def _replay_node(
     lane: RecordedLane,
     node: str,
     kind: type[Sample],
-    begin: Callable[[Setting], _Core],
+    start: Callable[[Setting], _Core],
     gaps: list[str],
     watch: Callable[[int], None],
 ) -> Replayed:
-    """Compute each message of a node again; adds what cannot be replayed to `gaps`."""
+    """Compute each message of a node again.
+
+    Args:
+        lane: Messages of the bag.
+        node: Name of the node.
+        kind: Type of the node's messages.
+        start: Makes the node's core from its parameters and files.
+        gaps: Gets a line for each part that cannot be replayed.
+        watch: Is called now and then with the number of messages so far.
+    """
     recorded, computed = [], []
     events = deque(lane.events[node])
     core: _Core | None = None
     episode = -1
-    heard: set[bytes] = set()
-    not_followed: list[Key] = []
+    processed: set[bytes] = set()
+    skipped: list[Key] = []
     rows = sorted(lane.rows[kind.TOPIC], key=key_of)  # a bag is in order of time, not of ticks
     for number, raw in enumerate(rows):
         if number % 1000 == 0:
             watch(number)
         key = key_of(raw)
-        starts = _starts(events, key)
-        if raw in heard and not starts:
+        starts = _starts_at(events, key)
+        if raw in processed and not starts:
             continue  # a repeated answer
-        heard.add(raw)
-        if starts and any(
-            key_of(row) == key and row not in heard for row in rows[number + 1 : number + _NEAR]
-        ):
+        processed.add(raw)
+        following = rows[number + 1 : number + _NEAR]
+        if starts and any(key_of(row) == key and row not in processed for row in following):
             pass  # the answer of a process that was then ended and replaced
-        elif lane.told:
-            core = _take_events(events, key, core, begin)
+        elif lane.has_events:
+            core = _apply_events(events, key, core, start)
         elif key[0] != episode:
-            core = begin(lane.setting(node)) if key[1] == 0 else None
+            core = start(lane.setting(node)) if key[1] == 0 else None
         episode = key[0]
         if core is None:
-            not_followed.append(key)
+            skipped.append(key)
             continue
         try:
             answer = core.answer(key).to_bytes()
@@ -429,11 +437,11 @@ def _follow(
             continue
         recorded.append(raw)
         computed.append(answer)
-    if not_followed:
-        (episode, first), (_, until) = not_followed[0], not_followed[-1]
+    if skipped:
+        (episode, first), (_, last) = skipped[0], skipped[-1]
         gaps.append(
-            f"{node}: {len(not_followed)} messages not followed, from tick {first} of episode "
-            f"{episode} to tick {until}: its start, or a message before, is not in the bag"
+            f"{node}: {len(skipped)} messages not followed, from tick {first} of episode "
+            f"{episode} to tick {last}: its start, or a message before, is not in the bag"
         )
     dtype = kind.DTYPE
     return Replayed(
@@ -441,14 +449,14 @@ def _follow(
     )
 
 
-def _starts(events: Iterable[Event], key: Key) -> bool:
+def _starts_at(events: Iterable[Event], key: Key) -> bool:
     """Whether a process of the node began at a tick, among events not yet applied."""
-    near = itertools.takewhile(lambda event: (event.episode, event.seq) <= key, events)
-    return any(event.event == "began" and (event.episode, event.seq) == key for event in near)
+    due = itertools.takewhile(lambda event: (event.episode, event.seq) <= key, events)
+    return any(event.event == "began" and (event.episode, event.seq) == key for event in due)
 
 
-def _take_events(
-    events: deque[Event], key: Key, core: _Core | None, begin: Callable[[Setting], _Core]
+def _apply_events(
+    events: deque[Event], key: Key, core: _Core | None, start: Callable[[Setting], _Core]
 ) -> _Core | None:
     """Apply a node's events up to a tick; returns the core from there on."""
     if core is not None and events and events[0].episode != key[0] and key[1] == 0:
@@ -458,9 +466,9 @@ def _take_events(
         if event.event == "began":
             at_its_start = (event.episode, event.seq) == key
             setting = Setting(event.content["parameters"], event.content["files"])
-            core = begin(setting) if at_its_start else None
+            core = start(setting) if at_its_start else None
         elif core is not None:
-            core.take(event)
+            core.apply(event)
     return core
 
 
@@ -495,15 +503,15 @@ def _file(described: Mapping[str, str], bag: Path, folder: Path) -> Path:
         return path
     packaged = [packaged_or_path(name) for name in PACKAGED]
     packaged += [path_for_library(library) for library in packaged]
-    beside = [each for each in packaged if each.name == path.name]
-    for candidate in (path, bag.parent / path.name, *beside):
+    same_name = [file for file in packaged if file.name == path.name]
+    for candidate in (path, bag.parent / path.name, *same_name):
         if candidate.is_file() and _hash(candidate) == expected:
             return candidate
     content = read_attachment(bag, f"{expected}/{path.name}")
     if content is not None and hashlib.sha256(content).hexdigest() == expected:
-        kept = folder / path.name
-        kept.write_bytes(content)
-        return kept
+        extracted = folder / path.name
+        extracted.write_bytes(content)
+        return extracted
     raise BagError(
         f"{path} is not as it was when {bag} was recorded (SHA-256 {expected[:12]}…): put that "
         "file beside the bag"

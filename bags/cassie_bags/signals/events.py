@@ -30,15 +30,15 @@ class Event:
 
 def events_of(scenario: Scenario, end: float) -> Sequence[Event]:
     """The events of a scenario that begin before `end` (s), in order of time."""
-    found = []
+    events = []
     for push in scenario.pushes:
         impulse = float(np.linalg.norm(push.force)) * push.duration
         text = f"push {impulse:.3g} Ns"
-        found.append(Event("push", push.t, push.t + push.duration, text, push.force))
+        events.append(Event("push", push.t, push.t + push.duration, text, push.force))
     for move in scenario.gantry:
         to = "" if move.action == "release" else f" at {move.height:g} m"
-        found.append(Event("gantry", move.t, move.t, f"gantry: {move.action}{to}"))
+        events.append(Event("gantry", move.t, move.t, f"gantry: {move.action}{to}"))
     for fault in scenario.faults:
         text = f"{fault.channel} {fault.kind}"
-        found.append(Event("fault", fault.t, min(fault.t + fault.duration, end), text))
-    return sorted((e for e in found if e.t0 < end), key=lambda event: event.t0)
+        events.append(Event("fault", fault.t, min(fault.t + fault.duration, end), text))
+    return sorted((e for e in events if e.t0 < end), key=lambda event: event.t0)

@@ -32,7 +32,7 @@ def falls(recording: Recording) -> dict[int, float] | None:
     Returns:
         None if the recording has no true pose.
     """
-    found: dict[int, float] = {}
+    times: dict[int, float] = {}
     known = False
     for episode in episodes(recording):
         try:
@@ -41,5 +41,5 @@ def falls(recording: Recording) -> dict[int, float] | None:
             continue
         known = True
         if time is not None:
-            found[episode] = time
-    return found if known else None
+            times[episode] = time
+    return times if known else None

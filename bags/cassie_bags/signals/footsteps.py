@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 LOADED = 0.5
 """Load of a foot (0..1) above which the foot counts as standing."""
 
-SHORTEST = 0.1
+MIN_DURATION = 0.1
 """Shortest time on the ground that counts as a placement. In s."""
 
 
@@ -40,7 +40,7 @@ class Placement:
 
 def placements(track: Track) -> list[Placement]:
     """All placements of both feet in a run, in the order of their starts."""
-    found = []
+    steps = []
     for leg in (0, 1):
         loaded = track.foot_load[:, leg] > LOADED
         for start, end in runs(loaded):
@@ -48,6 +48,6 @@ def placements(track: Track) -> list[Placement]:
                 continue
             t0, t1 = float(track.time[start]), float(track.time[end - 1])
             tip, heel = track.legs[start:end, leg, -2:].mean(axis=0)
-            if t1 - t0 >= SHORTEST and np.isfinite([tip, heel]).all():  # NaN: drives damp
-                found.append(Placement(leg, t0, t1, heel, tip))
-    return sorted(found, key=lambda placement: placement.t0)
+            if t1 - t0 >= MIN_DURATION and np.isfinite([tip, heel]).all():  # NaN: drives damp
+                steps.append(Placement(leg, t0, t1, heel, tip))
+    return sorted(steps, key=lambda placement: placement.t0)

@@ -16,7 +16,7 @@ from cassie_teleop.rider import way
 
 FloatArray = npt.NDArray[np.float64]
 
-FIGURES = ("ride_min", "ride_max", "ride_drift", "stop_time", "platform_rms", "gate_miss")
+RIDE_MEASURES = ("ride_min", "ride_max", "ride_drift", "stop_time", "platform_rms", "gate_miss")
 """Names of the metrics of `measure_ride`."""
 
 AT_REST = 0.1
@@ -50,7 +50,7 @@ def measure_ride(
     time = stamps(rows)
     inside = (time >= t0) & (time < t1)
     if not inside.any() or time[-1] < t1 - 0.05:
-        return dict.fromkeys(FIGURES, math.nan)
+        return dict.fromkeys(RIDE_MEASURES, math.nan)
     pitch = euler_angles(rows["orientation"])[:, 1]
     speed = (np.cos(pitch) * rows["linear"][:, 0] + np.sin(pitch) * rows["linear"][:, 2])[inside]
     away = rows["position"][inside, :2] - rows["position"][inside][0, :2]
@@ -71,13 +71,13 @@ def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
     Returns:
         Distance in m; infinite if a gate was not reached, NaN without gates.
     """
-    found = [math.nan]
+    distances = [math.nan]
     if rider is not None:
         ends = [following.t for _, following in pairwise(rider.targets)] + [math.inf]
         for target, end in zip(rider.targets, ends, strict=True):
             if target.gates is not None:
-                found += misses(recording, rider, target, target.gates, end)
-    return float(np.nanmax(found)) if len(found) > 1 else math.nan
+                distances += misses(recording, rider, target, target.gates, end)
+    return float(np.nanmax(distances)) if len(distances) > 1 else math.nan
 
 
 def misses(
@@ -90,12 +90,12 @@ def misses(
     cos, sin = math.cos(line), math.sin(line)
     moved = rows["position"][:, :2] - start
     along, left = moved @ np.array([cos, sin]), moved @ np.array([-sin, cos])
-    found = []
+    distances = []
     for number in range(gates.count):
         place = gates.first + number * gates.spacing
         beyond = np.flatnonzero(along >= place)
-        found.append(abs(left[beyond[0]] - way(gates, place)) if len(beyond) else math.inf)
-    return found
+        distances.append(abs(left[beyond[0]] - way(gates, place)) if len(beyond) else math.inf)
+    return distances
 
 
 def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, float]:

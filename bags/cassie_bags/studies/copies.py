@@ -35,21 +35,21 @@ def in_copies(
     """
     waiting = deque(enumerate(items))
     running: dict[Connection, tuple[int, BaseProcess]] = {}
-    found: dict[int, Result] = {}
+    results: dict[int, Result] = {}
     try:
         for due in range(len(items)):
-            while due not in found:
+            while due not in results:
                 while waiting and len(running) < jobs:
                     index, item = waiting.popleft()
                     receiver, process = _begin(function, item)
                     running[receiver] = (index, process)
                 for ready in connection.wait(list(running)):
                     receiver = cast(Connection, ready)
-                    found[running[receiver][0]] = _received(receiver)
+                    results[running[receiver][0]] = _received(receiver)
                     _, process = running.pop(receiver)
                     process.join()
                     receiver.close()
-            yield found.pop(due)
+            yield results.pop(due)
     finally:
         for _, process in running.values():
             process.kill()

@@ -39,7 +39,7 @@ GROUNDS: dict[str, tuple[str, dict[str, Any], float]] = {
 }
 """Scene, parameters of the scene and walking speed (m/s), by the name of the ground."""
 
-FROM, UNTIL = 10.0, 40.0
+START, END = 10.0, 40.0
 """Measured part of the run. In s."""
 
 COLUMNS = ("vx m/s", "vy m/s", "vz m/s", "roll deg", "pitch deg", "drift %")
@@ -72,7 +72,7 @@ def experiment_on(ground: str, seed: int) -> Experiment:
         "scene": scene,
         "scene_parameters": parameters,
         "start": "standing",
-        "duration": UNTIL,
+        "duration": END,
         "operator": [
             {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
             {"t": 2.0, "mode": "walk"},
@@ -125,8 +125,8 @@ def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
 
 
 def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Errors:
-    """Errors of states, compared with the truth of the same ticks, from `FROM` on."""
-    inside = stamps(states) >= FROM
+    """Errors of states, compared with the truth of the same ticks, from `START` on."""
+    inside = stamps(states) >= START
     truth, rows = recording.truth[inside], states[inside]
     world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])
     angles = euler_angles(truth["orientation"])
@@ -176,6 +176,6 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     print("\n".join(table(results)))
     if arguments.results is not None:
         command = f"ros2 run cassie_bags estimators --seed {arguments.seed}"
-        made = origin(command, str(arguments.seed), now)
-        put_table(arguments.results, SECTION, table(results), made)
+        measured_by = origin(command, str(arguments.seed), now)
+        put_table(arguments.results, SECTION, table(results), measured_by)
     return 0

@@ -38,10 +38,10 @@ SECTION = "Failing sensors"
 """Heading of the faults' table in a file of results."""
 
 MODES = ("standing", "walking")
-BEFORE = {"standing": 2.5, "walking": 8.0}
+FAULT_TIME = {"standing": 2.5, "walking": 8.0}
 """Robot time at which the sensor fails. In s."""
 
-AFTER = 9.0
+OBSERVED_TIME = 9.0
 """Robot time that is observed after the fault. In s."""
 
 BOUNDS = {
@@ -53,7 +53,7 @@ BOUNDS = {
 }
 """Error from which a fault counts. In rad, rad/s, m/s^2, Nm; for torques only NaN reaches it."""
 
-IN_TIME = 0.1
+MAX_LATENCY = 0.1
 """Longest time from the error's exceeding its bound to the report. In s."""
 
 _SPIKES = {
@@ -98,7 +98,7 @@ class Cell:
     @property
     def safe(self) -> bool:
         """Whether Cassie did not fall, and a fault that exceeds its bound was reported in time."""
-        return self.outcome != "falls" and self.latency <= IN_TIME
+        return self.outcome != "falls" and self.latency <= MAX_LATENCY
 
 
 def quantity(channel: str) -> str:
@@ -115,7 +115,7 @@ def experiment_of(mode: str, seed: int) -> Experiment:
     if mode == "walking":
         operator[0]["height"] = 0.98
         operator += [{"t": 2.2, "mode": "walk"}, {"t": 4.0, "vx": 0.5}]
-    duration = BEFORE[mode] + AFTER
+    duration = FAULT_TIME[mode] + OBSERVED_TIME
     content = {"name": mode, "seed": seed, "duration": duration, "start": "standing"}
     return resolve(read_experiment({**content, "operator": operator}))
 
@@ -160,7 +160,7 @@ class FaultOutcome:
             self._fell = self._fell or height < _FALLEN_HEIGHT or tilt > _FALLEN_TILT
 
     def outcome(self, *, standing: bool) -> str:
-        """The outcome as in `Cell.outcome`; `standing` says whether the robot stands at the end."""
+        """The outcome as in `Cell.outcome`; `standing`: whether the robot stands at the end."""
         if self._fell:
             return "falls"
         if self._damped:
@@ -184,16 +184,16 @@ class PreparedRun:
         self._estimator, self._controller = cores.estimator, cores.controller
         faulty = dataclasses.replace(cores, plant=cast(Plant, self._plant))
         self._loop = connect(faulty, self._observe)
-        self._run(BEFORE[mode])
+        self._run(FAULT_TIME[mode])
 
     def _observe(self, topic: str, raw: bytes, _: int) -> None:
         if topic == MotorCommand.TOPIC and self._plant.fault is not None:
             self._command.load(raw)
 
-    def _run(self, duration: float, look: Callable[[float], None] = lambda _: None) -> None:
+    def _run(self, duration: float, observe_tick: Callable[[float], None] = lambda _: None) -> None:
         for tick in range(round(duration * 1e9 / self._plant.tick_ns)):
             self._loop.tick()
-            look(tick * self._plant.tick_ns * 1e-9)
+            observe_tick(tick * self._plant.tick_ns * 1e-9)
 
     def _fault(self, channel: str, kind: str) -> ActiveFault:
         size = _DELAY if kind == "delay" else _SPIKES[quantity(channel)]
@@ -216,7 +216,7 @@ class PreparedRun:
         watched = FaultOutcome()
         exceeded: float | None = None
 
-        def look(time: float) -> None:
+        def observe_tick(time: float) -> None:
             nonlocal exceeded
             for name in self._estimator.faults:
                 seen.setdefault(name.partition(" ")[0], time)
@@ -226,7 +226,7 @@ class PreparedRun:
             if exceeded is None and plant.largest > BOUNDS[what]:
                 exceeded = time
 
-        self._run(AFTER, look)
+        self._run(OBSERVED_TIME, observe_tick)
         reported = seen.pop(channel, None)
         outcome = watched.outcome(standing=self._controller.activity.value == "standing")
         return Cell(channel, kind, self._mode, exceeded, reported, tuple(seen), outcome)
@@ -330,7 +330,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     unsafe = [cell for cell in cells if not cell.safe]
     if arguments.results is not None:
         command = f"ros2 run cassie_bags faults --seed {arguments.seed}"
-        made = origin(command, str(arguments.seed), now)
-        put_table(arguments.results, SECTION, table(cells), made)
+        measured_by = origin(command, str(arguments.seed), now)
+        put_table(arguments.results, SECTION, table(cells), measured_by)
     print(f"seed {arguments.seed}: {len(cells) - len(unsafe)} of {len(cells)} safe and in time")
     return 1 if unsafe else 0

@@ -40,31 +40,33 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace, pool: Workers) -> int:
     known = load(arguments.file)
-    elsewhere = changes_of_environment(known.environment)
-    runs = _runs(arguments, START if elsewhere else None)
-    if elsewhere:
+    changes = changes_of_environment(known.environment)
+    runs = _runs(arguments, START if changes else None)
+    if changes:
         print(
-            f"not as recorded: {'; '.join(elsewhere)}\n"
+            f"not as recorded: {'; '.join(changes)}\n"
             f"holding the pose in the first {START:g} s within tolerances in place of the bits"
         )
-    found = _take(runs, known, pool)
-    told: list[Difference] = []
+    computed = _take(runs, known, pool)
+    different: list[Difference] = []
     for run in runs:
         expected = known.runs.get(run.file.stem, {}).get(run.robot)
         if expected is None:
-            told.append(Difference(run.file.stem, run.robot, "", "has no fingerprint: --renew"))
+            different.append(
+                Difference(run.file.stem, run.robot, "", "has no fingerprint: --renew")
+            )
         else:
-            told += differences(run, expected, found[run], exactly=not elsewhere)
+            different += differences(run, expected, computed[run], exactly=not changes)
     if not (arguments.files or arguments.fast):
         names = {run.file.stem for run in runs}
-        told += [
+        different += [
             Difference(name, robot, "", "has no experiment file: --renew")
             for name, robots in known.runs.items()
             for robot in robots
             if name not in names
         ]
-    _print(told, len(runs))
-    return 1 if told else 0
+    _print(different, len(runs))
+    return 1 if different else 0
 
 
 def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
@@ -79,8 +81,8 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
         prints = known
     runs = _runs(arguments, None)
     merged = {name: dict(robots) for name, robots in prints.runs.items()}
-    for run, found in _take(runs, prints, pool).items():
-        merged.setdefault(run.file.stem, {})[run.robot] = found
+    for run, fingerprint in _take(runs, prints, pool).items():
+        merged.setdefault(run.file.stem, {})[run.robot] = fingerprint
     in_order = {name: dict(sorted(robots.items())) for name, robots in sorted(merged.items())}
     save(dataclasses.replace(prints, runs=in_order), arguments.file)
     print(f"fingerprints of {len(runs)} runs: {arguments.file}")
@@ -89,12 +91,12 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
 
 def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
     """Fingerprints of runs, with the same fields as `prints`."""
-    found: dict[Run, Fingerprint] = {}
+    fingerprints: dict[Run, Fingerprint] = {}
     with tqdm(total=len(runs), unit="run", disable=None, leave=False) as bar:
         for index, taken in pool.results(functools.partial(take, fields=prints.fields), runs):
-            found[runs[index]] = taken
+            fingerprints[runs[index]] = taken
             bar.update()
-    return found
+    return fingerprints
 
 
 def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
@@ -117,10 +119,12 @@ def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
     return bag if bag.exists() else None
 
 
-def _print(told: list[Difference], count: int) -> None:
-    if told:
+def _print(different: list[Difference], count: int) -> None:
+    if different:
         print(f"{'experiment':20} {'robot':5}  {'topic':26} what")
-    for each in told:
+    for each in different:
         print(f"{each.experiment:20} {each.robot:5}  {each.topic:26} {each.what}")
-    wrong = len({(each.experiment, each.robot) for each in told})
-    print(f"{wrong} of {count} runs differ" if told else f"{count} runs as recorded")
+    runs_that_differ = len({(each.experiment, each.robot) for each in different})
+    print(
+        f"{runs_that_differ} of {count} runs differ" if different else f"{count} runs as recorded"
+    )

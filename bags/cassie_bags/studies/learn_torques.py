@@ -181,19 +181,21 @@ def run(arguments: argparse.Namespace) -> int:
         learned = _learn(learned, arguments, pool)
         file = arguments.out / FILE
         save_torques(learned, file)
-        found = _compare(learned, file, arguments, pool)
-    print(table(found))
-    _draw(arguments.out / "learn_torques.png", learned, found)
+        comparisons = _compare(learned, file, arguments, pool)
+    print(table(comparisons))
+    _draw(arguments.out / "learn_torques.png", learned, comparisons)
     print(f"kept in {file}; use it with --set controller.learned_torques_file={file}")
-    worse = any(c.fell_after > c.fell_before or not c.total_after < c.total_before for c in found)
+    worse = any(
+        c.fell_after > c.fell_before or not c.total_after < c.total_before for c in comparisons
+    )
     return 1 if worse else 0
 
 
-def table(found: Sequence[Comparison]) -> str:
+def table(comparisons: Sequence[Comparison]) -> str:
     """Table of the errors without and with learned torques, and of their ratio, by speed."""
     head = ["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]
     lines = [head]
-    for c in found:
+    for c in comparisons:
         lines.append(
             [
                 f"{c.speed:g}",
@@ -238,8 +240,8 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
             learned = merged(learned, outcomes)
             steps = sum(o.taught for o in outcomes)
             fell = ", ".join(f"{o.speed:g} m/s" for o in outcomes if o.fell) or "none"
-            said = f"round {number} of {arguments.rounds}: {steps} steps; fell: {fell}"
-            bar.write(said, file=sys.stderr)
+            text = f"round {number} of {arguments.rounds}: {steps} steps; fell: {fell}"
+            bar.write(text, file=sys.stderr)
     settings = {
         "seeds": list(seeds),
         "rounds": arguments.rounds,
@@ -276,34 +278,34 @@ def _compare(
     ]
 
 
-def _draw(path: Path, learned: LearnedTorques, found: Sequence[Comparison]) -> None:
+def _draw(path: Path, learned: LearnedTorques, comparisons: Sequence[Comparison]) -> None:
     """Draw the RMS error of each output without and with torques, above the torques by phase.
 
     Args:
         path: PNG file.
         learned: The torques.
-        found: Errors at each speed.
+        comparisons: Errors at each speed.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 7.5), layout="constrained")
         parts: Any = figure.subfigures(2, 1)
-        _draw_errors(parts[0], found)
+        _draw_errors(parts[0], comparisons)
         _draw_torques(parts[1], learned)
         figure.savefig(path)
 
 
-def _draw_errors(figure: Any, found: Sequence[Comparison]) -> None:
+def _draw_errors(figure: Any, comparisons: Sequence[Comparison]) -> None:
     axes = figure.subplots(1, len(OUTPUTS))
-    places = np.arange(len(found))
+    places = np.arange(len(comparisons))
     for row, (name, plot) in enumerate(zip(OUTPUTS, axes, strict=True)):
         for offset, colour, label, values in (
-            (-0.2, GREY, "without", [c.before[row] for c in found]),
-            (0.2, BLUE, "learned", [c.after[row] for c in found]),
+            (-0.2, GREY, "without", [c.before[row] for c in comparisons]),
+            (0.2, BLUE, "learned", [c.after[row] for c in comparisons]),
         ):
             plot.bar(places + offset, 1e3 * np.array(values), 0.4, color=colour, label=label)
         unit = "mm" if name in _LENGTHS else "mrad"
         plot.set_title(f"{name.replace('_', ' ')}\n{unit}", fontsize=8)
-        plot.set_xticks(places, [f"{c.speed:g}" for c in found], rotation=90, fontsize=7)
+        plot.set_xticks(places, [f"{c.speed:g}" for c in comparisons], rotation=90, fontsize=7)
         plot.tick_params(labelsize=7)
     axes[0].legend(fontsize=7, loc="upper left")
     axes[0].set_xlabel("speed in m/s", fontsize=7)

@@ -16,14 +16,14 @@ _MEASURED = "Measured by "
 """Beginning of the line above a table that names command, date and versions."""
 
 
-def put_table(path: Path, heading: str, table: Sequence[str], made: Origin) -> None:
-    """Write a table, and the origin of its figures, into a section of a file of results.
+def put_table(path: Path, heading: str, table: Sequence[str], source: Origin) -> None:
+    """Write a table, and the origin of its values, into a section of a file of results.
 
     Args:
         path: File of results; it is made if it does not exist.
         heading: Heading of the section, whose table is replaced.
         table: Lines in Markdown.
-        made: Origin of the figures.
+        source: Origin of the values.
     """
     text = path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
     text = with_table(text, heading, table)
@@ -31,12 +31,12 @@ def put_table(path: Path, heading: str, table: Sequence[str], made: Origin) -> N
     extent = _extent(lines, heading)
     assert extent is not None  # with_table has made the section
     top, begin, _ = extent
-    said = f"{_MEASURED}`{made.command}`: {made.date}, revision {made.revision}, "
-    said += f"{made.machine}; {made.versions}; robot {made.seeds}."
+    note = f"{_MEASURED}`{source.command}`: {source.date}, revision {source.revision}, "
+    note += f"{source.machine}; {source.versions}; robot {source.seeds}."
     above = [line for line in lines[top:begin] if not line.startswith(_MEASURED)]
     while not above[-1]:
         above.pop()
-    lines[top:begin] = [*above, "", said, ""]
+    lines[top:begin] = [*above, "", note, ""]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -54,8 +54,8 @@ def table_of(text: str, heading: str) -> list[list[str]]:
     """Cells of the first table of a section, with header and rule; empty without a table."""
     lines = text.splitlines()
     extent = _extent(lines, heading)
-    found = [] if extent is None else lines[extent[1] : extent[2]]
-    cells = [re.split(r"(?<!\\)\|", line.strip())[1:-1] for line in found]
+    table = [] if extent is None else lines[extent[1] : extent[2]]
+    cells = [re.split(r"(?<!\\)\|", line.strip())[1:-1] for line in table]
     return [[word.strip().replace(r"\|", "|") for word in row] for row in cells]
 
 

@@ -55,7 +55,7 @@ POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
 """sqrt(g / height): converts the CoM's position to a velocity. In 1/s."""
 
 _SLOWEST = 1.5  # s, longest time of a step; a run without a touchdown counts as stopped
-_LOOKS = 25  # ticks between checks for a fall
+_CHECK_TICKS = 25  # ticks between checks for a fall
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Walk:
             self._loop.tick()
             if self._timing.steps != steps:
                 return not self._has_stopped()
-            if tick % _LOOKS == 0 and self._has_stopped():
+            if tick % _CHECK_TICKS == 0 and self._has_stopped():
                 break
         return False
 
@@ -240,7 +240,7 @@ def measure(
     nominal, pushed, small = runs[0], runs[1:-1], runs[-1]
     if nominal.fell or small.fell:
         raise RunError(f"{experiment.name}: it fell or stopped without a push")
-    found, dropped, fell = [], 0, 0
+    deviations, dropped, fell = [], 0, 0
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
         fell += run.fell
         if run.fell:
@@ -249,9 +249,9 @@ def measure(
             dropped += 1
             continue
         first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
-        found.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
+        deviations.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
     noise = float(np.median(size_of(small.states - nominal.states)))
-    return Measurement(speed, found, dropped, fell, noise, fit(found, noise))
+    return Measurement(speed, deviations, dropped, fell, noise, fit(deviations, noise))
 
 
 def in_line(time: FloatArray, nominal: FloatArray) -> bool:

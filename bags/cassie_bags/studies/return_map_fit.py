@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 ABOVE_NOISE = 3.0
 """Ratio to the noise from which deviations are used in the fit."""
 
-FEWEST = 12
+MIN_PAIRS = 12
 """Least number of pairs of deviations for a map: twice the length of a state."""
 
 GAIT = 4
@@ -79,8 +79,8 @@ def fit(runs: Sequence[Deviations], noise: float) -> ReturnMap | None:
         runs: Deviations of runs of the same gait.
         noise: Size of deviations by noise. In m/s.
     """
-    least = ABOVE_NOISE * noise
-    pairs = [_pairs(run, least) for run in runs]
+    threshold = ABOVE_NOISE * noise
+    pairs = [_pairs(run, threshold) for run in runs]
     solution = _solve(pairs)
     if solution is None:
         return None
@@ -107,15 +107,15 @@ def steps_to_decay(runs: Sequence[Deviations]) -> int | None:
     return steps if steps < len(decay(runs)) else None
 
 
-def _pairs(run: Deviations, least: float) -> tuple[FloatArray, FloatArray]:
+def _pairs(run: Deviations, threshold: float) -> tuple[FloatArray, FloatArray]:
     """Deviations and those two steps later, from the first one until the noise is reached."""
-    small = np.flatnonzero(run.size[:-2] < least)
+    small = np.flatnonzero(run.size[:-2] < threshold)
     count = int(small[0]) if len(small) else len(run.size) - 2
     return run.values[:count], run.values[2 : count + 2]
 
 
 def _solve(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, float] | None:
-    if sum(len(before) for before, _ in pairs) < FEWEST:
+    if sum(len(before) for before, _ in pairs) < MIN_PAIRS:
         return None
     before = np.concatenate([pair[0] for pair in pairs])
     after = np.concatenate([pair[1] for pair in pairs])

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     print(f"seed {options.seed}, pushes of {options.impulse:g} N s; d: see --help", flush=True)
     print("\n".join(_head()), flush=True)
     rows: list[str] = []
-    found, failed = [], 0
+    measured, failed = [], 0
     with tqdm(total=len(speeds) * _RUNS, unit="run", disable=None, leave=False) as bar:
         for speed in speeds:
             experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
@@ -79,14 +79,14 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
             rows.append(line(one))
             bar.write(rows[-1], file=sys.stdout)
             failed += not settles(one)
-            found.append(one)
-    if options.out is not None and any(one.deviations for one in found):
-        print(_draw(found, options.out / "return_map.png"))
+            measured.append(one)
+    if options.out is not None and any(one.deviations for one in measured):
+        print(_draw(measured, options.out / "return_map.png"))
     if options.results is not None:
         command = f"ros2 run cassie_bags return_map --seed {options.seed}"
         command += f" --impulse {options.impulse:g}"
-        made = origin(command, str(options.seed), now)
-        put_table(options.results, SECTION, [*_head(), *rows], made)
+        measured_by = origin(command, str(options.seed), now)
+        put_table(options.results, SECTION, [*_head(), *rows], measured_by)
     print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return 1 if failed else 0
 
@@ -127,16 +127,16 @@ def _head() -> list[str]:
     return ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
 
 
-def _draw(found: Sequence[Measurement], path: Path) -> Path:
+def _draw(measured: Sequence[Measurement], path: Path) -> Path:
     """Draw the size of the deviations over steps, one panel for each speed."""
     with matplotlib.rc_context(STYLE):
-        rows = math.ceil(len(found) / ACROSS)
-        across = math.ceil(len(found) / rows)
+        rows = math.ceil(len(measured) / ACROSS)
+        across = math.ceil(len(measured) / rows)
         figure = Figure(figsize=(3.0 * across + 0.6, 2.6 * rows + 0.6), layout="constrained")
         panels = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes in panels[len(found) :]:
+        for axes in panels[len(measured) :]:
             axes.set_visible(False)
-        for axes, one in zip(panels, found, strict=False):
+        for axes, one in zip(panels, measured, strict=False):
             for run in one.deviations:
                 x, y = run.impulse
                 name = f"({x:g}, {y:g}) N s after {run.delay:g} s"

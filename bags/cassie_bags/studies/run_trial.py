@@ -19,7 +19,7 @@ from cassie_bags.signals.effort import measure_effort
 from cassie_bags.signals.falls import FALLEN_HEIGHT, FALLEN_TILT
 from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.riding import measure_ride
-from cassie_bags.signals.standing import STANDING_FIGURES, measure_standing
+from cassie_bags.signals.standing import STANDING_MEASURES, measure_standing
 from cassie_bags.signals.track import AVERAGED_OVER, Track, make_track
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_gaits.gait_library import OUTPUTS
@@ -35,7 +35,7 @@ _RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
 TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
 """RMS tracking error of each of the nine outputs, by name of the measure."""
 
-WINDOW_FIGURES = (
+WINDOW_MEASURES = (
     *_MEANS,
     "vy_slip",
     "velocity_off",
@@ -48,11 +48,11 @@ WINDOW_FIGURES = (
     "odometry",
     "tracking",
     *TRACKING,
-    *STANDING_FIGURES,
+    *STANDING_MEASURES,
 )
 """Names of the measures of `measure_window`."""
 
-_LOOKS = 25  # ticks between checks whether the run is decided
+_CHECK_TICKS = 25  # ticks between checks whether the run is decided
 _AT_REST = 1.0  # s, time over which the speed at the end is averaged
 _FALLING = 1.0  # s before the end of a fall in which alarms do not count as false
 
@@ -99,7 +99,7 @@ def _measures_of(trial: Trial) -> Measures:
     start = _heading_line(cores.plant)
     for tick in range(tick_count(experiment)):
         loop.tick()
-        if tick % _LOOKS == 0:
+        if tick % _CHECK_TICKS == 0:
             fell = has_fallen(cores.plant)
             if fell or _is_past(cores.plant, start, trial.ahead):
                 break
@@ -169,7 +169,7 @@ def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> M
     inside = (track.time >= t0) & (track.time < t1)
     tick = float(track.time[1] - track.time[0])
     if track.time[-1] < t1 - 1.5 * tick:
-        return dict.fromkeys(WINDOW_FIGURES, math.nan)
+        return dict.fromkeys(WINDOW_MEASURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
     measures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
     two_steps = round(AVERAGED_OVER / tick)

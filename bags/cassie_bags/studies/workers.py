@@ -82,9 +82,9 @@ class CachedWorkers:
     ) -> Iterator[tuple[int, Result]]:
         """See `Workers.results`; items with the same `repr` are the same."""
         keys = [repr(item) for item in items]
-        found = {index: self._known[key] for index, key in enumerate(keys) if key in self._known}
-        yield from found.items()
-        rest = [index for index in range(len(items)) if index not in found]
+        known = {index: self._known[key] for index, key in enumerate(keys) if key in self._known}
+        yield from known.items()
+        rest = [index for index in range(len(items)) if index not in known]
         for place, result in self._pool.results(function, [items[index] for index in rest]):
             self._known[keys[rest[place]]] = result
             yield rest[place], result
@@ -242,19 +242,19 @@ def obey_parent() -> None:
 @contextmanager
 def ctrl_c_at_the_end() -> Iterator[list[int]]:
     """Delay Ctrl-C and SIGTERM to the end of the block; yields the list of signals that came."""
-    came: list[int] = []
+    received: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield came  # only the main thread gets signals
+        yield received  # only the main thread gets signals
         return
     signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(each, lambda number, _: came.append(number)) for each in signals]
+    before = [signal.signal(each, lambda number, _: received.append(number)) for each in signals]
     try:
-        yield came
+        yield received
     finally:
         for each, handler in zip(signals, before, strict=True):
             signal.signal(each, handler)
-        if came:
-            signal.raise_signal(came[0])
+        if received:
+            signal.raise_signal(received[0])
 
 
 @contextmanager

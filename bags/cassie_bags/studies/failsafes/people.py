@@ -40,7 +40,7 @@ class SimulatedOperator:
         """Identity of the writer, in the form that DDS gives."""
         return self.name.encode().ljust(16, b"\0")
 
-    def say(self, state: RobotState) -> OperatorCommand:
+    def command(self, state: RobotState) -> OperatorCommand:
         """The command that the operator sends after a state."""
         command = OperatorCommand()
         if self.script is not None:

@@ -46,7 +46,7 @@ class Row:
         time: Time in which the robot acts.
         action: What the robot does.
         recovery: How to go on.
-        play: Makes it happen in a run; raises `UnsafeError` if the robot does something else.
+        test: Makes it happen in a run; raises `UnsafeError` if the robot does something else.
         states: Activities of the robot before, keys of `SPEEDS`.
         sections: Further sections of the experiment, drawn with the generator.
     """
@@ -56,7 +56,7 @@ class Row:
     time: str
     action: str
     recovery: str
-    play: Callable[[WallPaced, Rng, str], None]
+    test: Callable[[WallPaced, Rng, str], None]
     states: tuple[str, ...] = ON_FOOT
     sections: Callable[[Rng, float], dict[str, Any]] = field(default=lambda rng, t: {})
 
@@ -81,13 +81,13 @@ def _wants_arming(run: WallPaced, state: str) -> None:
     since = run.now
     run.person.changes |= {"vx": 0.4}
     run.run(1.5)
-    if run.armed or any(run.figures(since).values()):
-        raise UnsafeError(f"old speeds count: {dict(run.figures(since))}")
+    if run.armed or any(run.peak_speeds(since).values()):
+        raise UnsafeError(f"old speeds count: {dict(run.peak_speeds(since))}")
     run.person.changes |= {"vx": 0.0, "vy": 0.0, "yaw_rate": 0.0, "com_x": 0.0, "com_y": 0.0}
     run.until(lambda: run.armed, 0.5, "arming")
     if state in WALKING:
         run.person.changes |= {"vx": 0.3}
-        run.until(lambda: run.figures(run.now - 0.1)["vx"] > 0.25, 8.0, "the speed asked for")
+        run.until(lambda: run.peak_speeds(run.now - 0.1)["vx"] > 0.25, 8.0, "the speed asked for")
         run.run(1.0)
 
 
@@ -153,9 +153,9 @@ def _wild_values(run: WallPaced, rng: Rng, state: str) -> None:
     run.run(0.3)
     run.person.garble, run.person.silent = None, True
     _rests(run, state)
-    most = {"vx": 4.2 if state == "ride" else 1.2, "vy": 0.3, "yaw_rate": 1.0}
-    for name, value in run.figures(since).items():
-        if not value <= most[name] + 1e-9:
+    limits = {"vx": 4.2 if state == "ride" else 1.2, "vy": 0.3, "yaw_rate": 1.0}
+    for name, value in run.peak_speeds(since).items():
+        if not value <= limits[name] + 1e-9:
             raise UnsafeError(f"{name} = {value:g} came through")
     run.person.silent = False
     _wants_arming(run, state)
@@ -190,7 +190,7 @@ def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
 
 
 def _silent_node(node: str) -> Callable[[WallPaced, Rng, str], None]:
-    def play(run: WallPaced, rng: Rng, state: str) -> None:
+    def test(run: WallPaced, rng: Rng, state: str) -> None:
         run.silent.add(node)
         damped = run.plant.drives
         run.until(lambda: bool(damped.damped), _WATCHDOG, "damping", upright=False)
@@ -199,7 +199,7 @@ def _silent_node(node: str) -> Callable[[WallPaced, Rng, str], None]:
         run.run(1.0, upright=False)
         _recovers(run)
 
-    return play
+    return test
 
 
 def _supervisor_lost(run: WallPaced, rng: Rng, state: str) -> None:

@@ -55,7 +55,7 @@ def cases(rows: Sequence[Row], phases: int, first: int = 0) -> list[Case]:
     ]
 
 
-def play(case: Case) -> str:
+def run_case(case: Case) -> str:
     """Run a case; returns the problem in words, empty if there is none."""
     from cassie_bags.studies.failsafes.wall_paced import WallPaced  # loading it takes seconds
 
@@ -70,7 +70,7 @@ def play(case: Case) -> str:
         run.run(begins)
         if case.state != "stand" and run.mode.name not in ("WALK", "SEGWAY"):
             return f"did not get to {case.state}: {run.describe()}"
-        row.play(run, rng, case.state)
+        row.test(run, rng, case.state)
     except UnsafeError as error:
         return str(error)
     return ""
@@ -146,29 +146,29 @@ def run(arguments: argparse.Namespace) -> int:
         text = arguments.write.read_text(encoding="utf-8")
         arguments.write.write_text(with_table(text), encoding="utf-8")
         return 0
-    return _play_all(arguments)
+    return _run_rows(arguments)
 
 
-def _play_all(arguments: argparse.Namespace) -> int:
+def _run_rows(arguments: argparse.Namespace) -> int:
     rows = [row for row in ROWS if not arguments.rows or row.name in arguments.rows]
     chosen = cases(rows, arguments.phases, arguments.first)
     planned = Counter((case.row, case.state) for case in chosen)
     safe: Counter[tuple[str, str]] = Counter()
-    played: Counter[tuple[str, str]] = Counter()
+    done: Counter[tuple[str, str]] = Counter()
     print(f"{'row':24}{'state':16}safe", flush=True)
     bar = tqdm(total=len(chosen), unit="run", disable=None)
     with contextlib.closing(workers(arguments.jobs, None)) as pool, bar:
-        for index, problem in pool.results(play, chosen):
+        for index, problem in pool.results(run_case, chosen):
             case = chosen[index]
             cell = case.row, case.state
-            played[cell] += 1
+            done[cell] += 1
             safe[cell] += not problem
             if problem:
                 bar.write(f"{case.row}, {case.state}, phase {case.phase}: {problem}", sys.stderr)
-            if played[cell] == planned[cell]:
-                bar.write(f"{case.row:24}{case.state:16}{safe[cell]} of {played[cell]}")
+            if done[cell] == planned[cell]:
+                bar.write(f"{case.row:24}{case.state:16}{safe[cell]} of {done[cell]}")
             bar.update()
-    total, good = sum(played.values()), sum(safe.values())
+    total, good = sum(done.values()), sum(safe.values())
     last = arguments.first + arguments.phases - 1
     print(f"phases {arguments.first} to {last}: {good} of {total} runs as the table promises")
     return 0 if good == total else 1

@@ -33,7 +33,7 @@ from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
 
-_LOOK = 25  # ticks between checks for a fall
+_CHECK_TICKS = 25  # ticks between checks for a fall
 
 
 class WallPaced:
@@ -47,7 +47,7 @@ class WallPaced:
         person: Operator who drives.
         others: Further operators.
         silent: Names of nodes that neither receive nor send.
-        drops: Says at each tick whether the motor command is lost, or None.
+        drops: Function that returns at each tick whether the motor command is lost, or None.
         charge: Charge of the battery, 0..1.
         modes: Time (s) and message of each mode.
     """
@@ -168,7 +168,7 @@ class WallPaced:
         self._missed += command is None
         plant.power(self._switch.apply(seq))
         plant.step(command)
-        if seq % _LOOK == 0:
+        if seq % _CHECK_TICKS == 0:
             self.fallen = self.fallen or has_fallen(plant)
 
     def _hear(self, seq: int) -> None:
@@ -176,7 +176,7 @@ class WallPaced:
         for person in (self.person, *self.others):
             if person.silent:
                 continue
-            command = person.say(self._state)
+            command = person.command(self._state)
             self._switch.take(command, person.writer, self.plant.episode, seq, self.now)
             if SUPERVISOR not in self.silent:
                 self._operators.take(command, person.writer, self.now)
@@ -187,9 +187,9 @@ class WallPaced:
         silence = (self.plant.seq - self._spoken) * self.period
         mode = self._supervisor.step(self._state, held, silence > ANSWER_AFTER)
         self._in_force.table.add(mode)
-        kept = Mode()
-        kept.copy_from(mode)
-        self.modes.append((self.now, kept))
+        copy = Mode()
+        copy.copy_from(mode)
+        self.modes.append((self.now, copy))
 
     def run(self, duration: float, *, upright: bool = True) -> None:
         """Run for a while.
@@ -236,7 +236,7 @@ class WallPaced:
         """The present mode, pelvis height and faults, in words."""
         return f"mode {self.mode.name.lower()}, pelvis at {self.height:.2f} m, {self.faults}"
 
-    def figures(self, since: float) -> Mapping[str, float]:
+    def peak_speeds(self, since: float) -> Mapping[str, float]:
         """Largest magnitude of each commanded speed since a time. In m/s and rad/s."""
         chosen = [mode for time, mode in self.modes if time >= since]
         return {

@@ -57,10 +57,10 @@ def write_result(
         "node": folder / "tuned_node.yaml",
         "provenance": folder / "tuned.json",
     }
-    said = "".join(f"# {name}: {score}\n" for name, score in scores.items())
-    files["section"].write_text(said + yaml.safe_dump({"controller": dict(values)}), "utf-8")
+    comments = "".join(f"# {name}: {score}\n" for name, score in scores.items())
+    files["section"].write_text(comments + yaml.safe_dump({"controller": dict(values)}), "utf-8")
     node = {"gait_controller": {"ros__parameters": dict(values)}}
-    files["node"].write_text(said + yaml.safe_dump(node), "utf-8")
+    files["node"].write_text(comments + yaml.safe_dump(node), "utf-8")
     content = {
         "parameters": [{**asdict(p), "found": values[p.name]} for p in space],
         "scores": {name: asdict(score) for name, score in scores.items()},
@@ -73,7 +73,7 @@ def write_result(
 
 
 def table(space: Sequence[Parameter], values: Mapping[str, float]) -> str:
-    """Table of the found values beside the initial ones."""
+    """Table of the found and the initial values."""
     width = max(len(parameter.name) for parameter in space)
     lines = [f"{'parameter':{width}}  {'from':>10}  {'found':>10}  unit"]
     lines += [f"{p.name:{width}}  {p.start:10.4g}  {values[p.name]:10.4g}  {p.unit}" for p in space]

@@ -117,12 +117,12 @@ class Search:
             ExperimentError: if there is none, or it is for another purpose.
         """
         try:
-            kept, search = pickle.loads(path.read_bytes())
+            stored, search = pickle.loads(path.read_bytes())
         except OSError as error:
             raise ExperimentError(f"cannot resume from {path}: {error.strerror}") from None
         except (pickle.UnpicklingError, ValueError, EOFError, AttributeError, ImportError):
             raise ExperimentError(f"cannot resume from {path}: it holds no search") from None
-        if not isinstance(search, Search) or kept != purpose:
+        if not isinstance(search, Search) or stored != purpose:
             raise ExperimentError(
                 f"cannot resume from {path}: it searches other parameters, or for another objective"
             )

@@ -75,13 +75,13 @@ def parameters(
         if not matching:
             raise ExperimentError(unknown_name(pattern, known, "parameter"))
         names |= dict.fromkeys(matching)
-    found = []
+    space = []
     for name in names:
         entry = known[name]
         start = float(given.get(name, entry.value))  # type: ignore[arg-type]
         low, high = _reach(start, entry.spec.low, entry.spec.high, factor)
-        found.append(Parameter(name, entry.spec.unit, start, low, high))
-    return found
+        space.append(Parameter(name, entry.spec.unit, start, low, high))
+    return space
 
 
 def values(space: Sequence[Parameter], coordinates: FloatArray) -> dict[str, float]:
@@ -93,13 +93,13 @@ def values(space: Sequence[Parameter], coordinates: FloatArray) -> dict[str, flo
 
 
 def _reach(
-    start: float, least: float | None, most: float | None, factor: float
+    start: float, low: float | None, high: float | None, factor: float
 ) -> tuple[float, float]:
     """Range of a search from a start: by a factor, or by the parameter's range if start <= 0."""
-    least = -math.inf if least is None else least
-    most = math.inf if most is None else most
+    low = -math.inf if low is None else low
+    high = math.inf if high is None else high
     if start > 0.0:
-        return max(least, start / factor), min(most, start * factor)
-    if math.isinf(least) or math.isinf(most):
+        return max(low, start / factor), min(high, start * factor)
+    if math.isinf(low) or math.isinf(high):
         return start - 1.0, start + 1.0
-    return least, start + (most - start) / factor
+    return low, start + (high - start) / factor

@@ -105,7 +105,7 @@ def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
 def _report(
     task: Task, search: Search, scores: Mapping[str, Score], arguments: argparse.Namespace
 ) -> None:
-    found = values(task.space, search.found)
+    best = values(task.space, search.found)
     settings = {
         "objective": unstructure(task.objective),
         "robots of a generation": task.seeds,
@@ -113,8 +113,8 @@ def _report(
         "changes": list(task.changes),
         "population": search.population,
     }
-    files = write_result(arguments.out, task.space, found, search, scores, settings)
-    print(table(task.space, found))
+    files = write_result(arguments.out, task.space, best, search, scores, settings)
+    print(table(task.space, best))
     print(f"after {len(search.history)} generations of {search.population}")
     for name, result in scores.items():
         print(f"{name}: {result}")
@@ -132,7 +132,7 @@ def _advance(
         robots = range(first, first + task.seeds)
 
         def evaluate(candidates: Sequence[FloatArray], robots: range = robots) -> list[float]:
-            return [found.cost for found in score(task, candidates, robots, pool, bar)]
+            return [result.cost for result in score(task, candidates, robots, pool, bar)]
 
         generation = search.advance(evaluate)
         search.save(state, task.purpose())

@@ -19,7 +19,7 @@ RECORD = "cassie_parameters:"
 """Beginning of the names of metadata records with parameters; the node's name follows."""
 
 
-class KeptParameters:
+class NodeParameters:
     """Requests parameters of nodes, without waiting for the answers.
 
     Args:
@@ -29,10 +29,10 @@ class KeptParameters:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._clients: dict[str, tuple[Client, Client]] = {}
-        self._asked: set[str] = set()
+        self._requested: set[str] = set()
         self._answers: deque[tuple[str, dict[str, Any]]] = deque()
 
-    def look(self) -> None:
+    def request(self) -> None:
         """Send requests to nodes that were absent at the last call."""
         own = self._node.get_fully_qualified_name()
         names = {
@@ -42,11 +42,11 @@ class KeptParameters:
         } - {own}
         for name in self._clients.keys() - names:
             self._end(name)
-        self._asked &= names  # a node that has left is asked again when it returns
-        for name in sorted(names - self._asked):
-            self._ask(name)
+        self._requested &= names  # a node that has left is asked again when it returns
+        for name in sorted(names - self._requested):
+            self._request(name)
 
-    def take(self) -> tuple[str, dict[str, Any]] | None:
+    def pop_answer(self) -> tuple[str, dict[str, Any]] | None:
         """Name and parameters of a node that has answered; None if there is none."""
         if not self._answers:
             return None
@@ -59,7 +59,7 @@ class KeptParameters:
         for name in list(self._clients):
             self._end(name)
 
-    def _ask(self, name: str) -> None:
+    def _request(self, name: str) -> None:
         if name not in self._clients:
             self._clients[name] = (
                 self._node.create_client(ListParameters, f"{name}/list_parameters"),
@@ -68,18 +68,18 @@ class KeptParameters:
         lists, values = self._clients[name]
         if not (lists.service_is_ready() and values.service_is_ready()):
             return
-        self._asked.add(name)
+        self._requested.add(name)
 
         def with_names(future: Future[Any]) -> None:
             if future.exception() is None and (response := future.result()) is not None:
                 names = list(response.result.names)
-                asked = values.call_async(GetParameters.Request(names=names))
-                asked.add_done_callback(lambda done: with_values(names, done))
+                values_future = values.call_async(GetParameters.Request(names=names))
+                values_future.add_done_callback(lambda done: with_values(names, done))
 
         def with_values(names: list[str], future: Future[Any]) -> None:
             if future.exception() is None and (response := future.result()) is not None:
-                found = map(parameter_value_to_python, response.values)
-                self._answers.append((name, dict(zip(names, found, strict=False))))
+                answers = map(parameter_value_to_python, response.values)
+                self._answers.append((name, dict(zip(names, answers, strict=False))))
 
         lists.call_async(ListParameters.Request()).add_done_callback(with_names)
 
