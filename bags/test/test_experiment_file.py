@@ -10,9 +10,9 @@ import pytest
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import check_parameters
 from cassie_bags.run.experiment import load_experiment, parse_experiment
+from cassie_bags.run.judge import phases_of_steps
 from cassie_bags.run.seed import delayed, resolve
 from cassie_bags.run.yaml_file import consistent
-from cassie_bags.signals.phases import phases_of_steps
 from cassie_msgs.experiment.file import Experiment, read_experiment, to_yaml
 from cassie_msgs.experiment.scenario import Draw
 

@@ -20,9 +20,9 @@ from cassie_bags.run.fingerprint import (
     default_path,
     differences,
     fields_to_hash,
+    fingerprint_of,
     load,
-    record,
-    take,
+    recording_of,
 )
 from cassie_bags.run.provenance import environment
 from cassie_bags.run.seed import resolve
@@ -67,7 +67,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     path = tmp_path_factory.mktemp("recorded") / "try.yaml"
     path.write_text(TEXT)
-    return record(Run(path, 2))
+    return recording_of(Run(path, 2))
 
 
 def change_environment(path: Path) -> None:
@@ -129,8 +129,8 @@ def test_a_field_that_a_later_version_adds_changes_nothing(
     later = dataclasses.replace(recording, lane={**recording.lane, RobotState.TOPIC: wider})
     what, found = Run(Path("try.yaml"), 2), []
     for each in (recording, later):
-        monkeypatch.setattr(fingerprint, "record", lambda _, each=each: each)
-        found.append(take(what, fields_to_hash()))
+        monkeypatch.setattr(fingerprint, "recording_of", lambda _, each=each: each)
+        found.append(fingerprint_of(what, fields_to_hash()))
     assert differences(what, *found, exactly=True) == []
 
 
@@ -142,10 +142,10 @@ def test_one_bit_is_found_in_its_second_and_not_before(
     later = dataclasses.replace(recording, lane={**recording.lane, RobotState.TOPIC: rows})
     what, found = Run(Path("try.yaml"), 2), []
     for each in (recording, later):
-        monkeypatch.setattr(fingerprint, "record", lambda _, each=each: each)
-        found.append(take(what, fields_to_hash()))
+        monkeypatch.setattr(fingerprint, "recording_of", lambda _, each=each: each)
+        found.append(fingerprint_of(what, fields_to_hash()))
     (told,) = differences(what, *found, exactly=True)
-    assert (told.topic, told.what) == ("/cassie/state", "differs between 1 and 2 s")
+    assert (told.topic, told.reason) == ("/cassie/state", "differs between 1 and 2 s")
     assert differences(dataclasses.replace(what, seconds=1.0), *found, exactly=True) == []
     assert differences(what, *found, exactly=False) == []
 
@@ -153,14 +153,14 @@ def test_one_bit_is_found_in_its_second_and_not_before(
 def test_a_shorter_run_and_a_missing_topic_are_differences(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(fingerprint, "record", lambda _: recording)
+    monkeypatch.setattr(fingerprint, "recording_of", lambda _: recording)
     what = Run(Path("try.yaml"), 2)
-    whole = take(what, fields_to_hash())
+    whole = fingerprint_of(what, fields_to_hash())
     less = {**recording.lane, RobotState.TOPIC: recording.rows(RobotState)[:700]}
     less["/cassie/mode"] = less["/cassie/mode"][:0]
     recording = dataclasses.replace(recording, lane=less)
-    told = differences(what, whole, take(what, fields_to_hash()), exactly=True)
-    assert {each.topic: each.what for each in told} == {
+    told = differences(what, whole, fingerprint_of(what, fields_to_hash()), exactly=True)
+    assert {each.topic: each.reason for each in told} == {
         "/cassie/mode": "there is none",
         "/cassie/state": "differs between 1 and 2 s",
     }
@@ -172,9 +172,9 @@ def test_the_bag_of_a_run_has_the_fingerprint_of_the_run(file: Path, tmp_path: P
     with bag_observer(bag, experiment) as observer:
         run(make_loop(experiment, observer), range(tick_count(experiment)))
     fields = fields_to_hash()
-    assert take(Run(file, 1), fields) == take(Run(file, 1, bag=bag), fields)
+    assert fingerprint_of(Run(file, 1), fields) == fingerprint_of(Run(file, 1, bag=bag), fields)
     with pytest.raises(ValueError, match=r"bag\.mcap is of robot 1, expected 2"):
-        take(Run(file, 2, bag=bag), fields)
+        fingerprint_of(Run(file, 2, bag=bag), fields)
 
 
 def test_renewing_one_experiment_leaves_the_others_as_they_are(

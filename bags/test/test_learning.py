@@ -11,6 +11,7 @@ import pytest
 from test_experiment_command import environment
 
 from cassie_bags.errors import ExperimentError
+from cassie_bags.signals.window import TRACKING
 from cassie_bags.studies.learn_torques import (
     LearningResult,
     LearningRun,
@@ -20,7 +21,7 @@ from cassie_bags.studies.learn_torques import (
     merged,
     table,
 )
-from cassie_bags.studies.run_trial import TRACKING, experiment_of, run_trial
+from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, walk
 from cassie_bags.studies.trial import left_over
 from cassie_control.learning.torque_table import JOINTS, save_torques, zero_torques

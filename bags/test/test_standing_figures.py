@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from synthetic import glide
 
-from cassie_bags.signals.standing import STANDING_MEASURES, measure_standing
 from cassie_bags.signals.track import make_track
+from cassie_bags.signals.window import STANDING_MEASURES, measure_standing
 from cassie_msgs.layout import ControllerStatus
 
 SPEED = 0.01  # m/s

@@ -15,11 +15,8 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.simulate import Store
 from cassie_bags.run.yaml_file import spelled_out
-from cassie_bags.signals.effort import measure_effort
+from cassie_bags.signals.window import _slip, _velocity_off, _without_sway, measure_effort
 from cassie_bags.studies.run_trial import (
-    _slip,
-    _velocity_off,
-    _without_sway,
     experiment_of,
     run_trial,
     unbelieved_channels,

@@ -11,9 +11,17 @@ from collections.abc import Iterator
 
 import pytest
 from distributed import LocalCluster
+from tqdm import tqdm
 
 from cassie_bags.errors import RunError
-from cassie_bags.studies.workers import DaskCluster, LocalProcesses, ThisProcess, Workers, workers
+from cassie_bags.studies.workers import (
+    DaskCluster,
+    LocalProcesses,
+    ThisProcess,
+    Workers,
+    all_results,
+    workers,
+)
 
 ITEMS = [3, 1, 2, 5]
 
@@ -46,6 +54,15 @@ def test_every_item_gets_its_result_and_an_error_comes_back(pool: Workers):
     with pytest.raises(RunError, match="3 is refused"):
         list(pool.results(refuse, [3]))
     assert pool.count >= 1
+
+
+def test_all_results_are_in_the_order_of_the_items():
+    class Backwards(ThisProcess):
+        def results(self, function, items):
+            yield from reversed(list(super().results(function, items)))
+
+    with tqdm(total=len(ITEMS), disable=True) as bar:
+        assert all_results(Backwards(), double, ITEMS, bar) == [6, 2, 4, 10]
 
 
 def test_what_is_not_wanted_is_not_begun():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import numpy.typing as npt
 
@@ -112,13 +110,11 @@ def only_episode(recording: Recording, episode: int) -> Recording:
     lane = {
         topic: where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()
     }
-    truth, segway, segway_imu = (
-        where(rows, episode_of(rows, sensors) == episode)
-        for rows in (recording.truth, recording.segway, recording.segway_imu)
-    )
-    return dataclasses.replace(
-        recording, lane=lane, truth=truth, segway=segway, segway_imu=segway_imu
-    )
+    stamped = {
+        topic: where(rows, episode_of(rows, sensors) == episode)
+        for topic, rows in recording.stamped.items()
+    }
+    return recording.with_rows(lane | stamped)
 
 
 def _seq_gaps(

@@ -110,13 +110,16 @@ class Recording:
         rows = {**self.lane, **self.stamped}
         for topic in strays:
             rows[topic] = rows[topic][flags[topic]]
+        return dataclasses.replace(self.with_rows(rows), strays=strays)
+
+    def with_rows(self, rows: Mapping[str, Rows]) -> Recording:
+        """The recording with other rows of each topic."""
         return dataclasses.replace(
             self,
             lane={topic: rows[topic] for topic in self.lane},
             truth=rows[GROUND_TRUTH_TOPIC],
             segway=rows[SEGWAY_TRUTH_TOPIC],
             segway_imu=rows[SEGWAY_IMU_TOPIC],
-            strays=strays,
         )
 
     def rows(self, kind: type[Sample]) -> Rows:

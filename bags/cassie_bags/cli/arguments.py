@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -32,16 +33,28 @@ def count(word: str) -> int:
     return int(word)
 
 
-def seconds(word: str) -> float:
-    """Length of a run, 2 .. 600 s.
+def in_range(low: float, high: float, expected: str) -> Callable[[str], float]:
+    """A reader of numbers; it refuses a word that is no number from `low` to `high`.
 
-    Raises:
-        argparse.ArgumentTypeError: if the word is no number in this range.
+    Args:
+        low, high: Smallest and largest number.
+        expected: The range in words.
     """
-    value = number(word)
-    if not 2.0 <= value <= 600.0:
-        raise argparse.ArgumentTypeError(f"{word} is not 2 .. 600 s")
-    return value
+
+    def read(word: str) -> float:
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan  # in no range
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{word} is not {expected}")
+        return value
+
+    return read
+
+
+seconds = in_range(2.0, 600.0, "2 .. 600 s")
+"""Reader of the length of a run."""
 
 
 def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
@@ -58,14 +71,6 @@ def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
         return word
 
     return read
-
-
-def number(word: str) -> float:
-    """A number; NaN if the word is none, so that it is in no range."""
-    try:
-        return float(word)
-    except ValueError:
-        return float("nan")
 
 
 def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> None:

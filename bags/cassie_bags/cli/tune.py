@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_out, count, number, positive
+from cassie_bags.cli.arguments import add_jobs, add_out, count, in_range, positive
 from cassie_bags.cli.frame import exit_codes, run_command
 
 
@@ -49,16 +49,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--generations", type=count, default=30, help="total number (%(default)s)")
     parser.add_argument(
-        "--population", type=_crowd, default=0, help="size of a generation; 0: auto (0)"
+        "--population", type=_population, default=0, help="size of a generation; 0: auto (0)"
     )
     parser.add_argument(
         "--factor",
-        type=_factor,
+        type=in_range(1.01, 100.0, "1.01 .. 100"),
         default=2.0,
         help="largest factor on a value, up and down (%(default)s)",
     )
     parser.add_argument(
-        "--step", type=_share, default=0.3, help="first step as a share of the range (%(default)s)"
+        "--step",
+        type=in_range(0.001, 1.0, "0.001 .. 1"),
+        default=0.3,
+        help="first step as a share of the range (%(default)s)",
     )
     parser.add_argument("--seed", type=positive, default=1, help="seed of the search (%(default)s)")
     parser.add_argument(
@@ -74,25 +77,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _crowd(word: str) -> int:
-    if (crowd := count(word)) == 1:
+def _population(word: str) -> int:
+    if (size := count(word)) == 1:
         raise argparse.ArgumentTypeError("1 is not 0 (auto), or 2 or more")
-    return crowd
-
-
-def _factor(word: str) -> float:
-    return _between(word, 1.01, 100.0)
-
-
-def _share(word: str) -> float:
-    return _between(word, 0.001, 1.0)
-
-
-def _between(word: str, low: float, high: float) -> float:
-    value = number(word)
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{word} is not {low:g} .. {high:g}")
-    return value
+    return size
 
 
 if __name__ == "__main__":

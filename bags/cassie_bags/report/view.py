@@ -111,16 +111,6 @@ def view_of(
     )
 
 
-def view_of_run(experiment: Experiment, bag: Path) -> View:
-    """View of an experiment's bag.
-
-    Raises:
-        BagError: as `view_of`, and if the bag cannot be read.
-    """
-    title, summary = f"{experiment.name}, seed {experiment.seed}", summarize(bag)
-    return view_of(summary.recording, title, experiment, summary)
-
-
 def view_of_bag(bag: Path, title: str) -> View:
     """View of any bag, of an experiment or of a drive by hand.
 

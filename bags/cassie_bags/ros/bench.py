@@ -67,13 +67,6 @@ TARGETS = {
 
 _SETTLE = 1.0  # s of robot time at the start that are not measured
 _TIMEOUT = 120.0  # s of wall time for one run
-_NODES = (
-    "state_estimator",
-    "gait_controller",
-    "mode_supervisor",
-    "scripted_operator",
-    "simulator",
-)
 
 
 def main() -> int:
@@ -229,11 +222,12 @@ def _with(experiment: Experiment, **simulator: Any) -> Experiment:
 
 def _default_executor(experiment: Experiment) -> dict[str, float]:
     """Five processes with message objects and `rclpy.spin`."""
+    from cassie_bags.ros.dds_run import NODES
 
     def run_nodes(folder: Path, processes: Processes, _: int) -> None:
         file = folder / "experiment.yaml"
         write_resolved(experiment, file)
-        for name in _NODES:
+        for name in NODES:
             module = "cassie_bags.ros.bench_executor"
             processes.start(name, [sys.executable, "-m", module, name, file, folder / "times.npz"])
         deadline = time.monotonic() + _TIMEOUT

@@ -164,9 +164,9 @@ def write_results(
     view = None
     if pictures:
         from cassie_bags.report.pictures import draw
-        from cassie_bags.report.view import view_of_run
+        from cassie_bags.report.view import view_of_bag
 
-        view = view_of_run(outcome.experiment, bag)
+        view = view_of_bag(bag, outcome.experiment.name)
         files |= draw(view, folder, film=film) | {"report": folder / "report.html"}
     names = {name: str(path) for name, path in files.items()}
     outcome = dataclasses.replace(outcome, files=names)

@@ -26,7 +26,7 @@ from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.bag.writer import BagWriter, FolderWriter
-from cassie_bags.cli.arguments import count, number, one_of
+from cassie_bags.cli.arguments import count, in_range, one_of
 from cassie_bags.errors import BagError
 from cassie_bags.ros.node_parameters import RECORD, NodeParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
@@ -525,10 +525,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _mebibytes(word: str) -> int:
-    value = number(word)
-    if not 0.0 <= value < 1e9:
-        raise argparse.ArgumentTypeError(f"{word} is not 0 MiB or more")
-    return int(value * _MIB)
+    return int(in_range(0.0, 1e9, "0 MiB or more")(word) * _MIB)
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from cassie_bags.bag.clock import CLOCK_TOPIC
 from cassie_bags.bag.playback import RATES, Playback
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.cli import verify
-from cassie_bags.cli.arguments import number
+from cassie_bags.cli.arguments import in_range
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
@@ -374,6 +374,7 @@ def _part(times: Sequence[int], start: float, duration: float | None) -> tuple[i
 
 
 def _arguments(words: Sequence[str]) -> argparse.Namespace:
+    seconds = in_range(0.0, 1e6, "0 s or more")
     parser = argparse.ArgumentParser(
         prog="replay",
         description="Publish the messages of a bag on their topics, with /clock.",
@@ -386,7 +387,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "-r",
         "--rate",
-        type=_rate,
+        type=in_range(*RATES, "a rate of {:g} .. {:g}".format(*RATES)),
         default=1.0,
         help="ratio of robot time to wall time (default: 1)",
     )
@@ -400,7 +401,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--start",
         "--start-offset",
-        type=_seconds,
+        type=seconds,
         default=0.0,
         metavar="SECONDS",
         help="begin this time after the first message",
@@ -408,7 +409,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--duration",
         "--playback-duration",
-        type=_seconds,
+        type=seconds,
         default=None,
         metavar="SECONDS",
         help="length of the played part",
@@ -418,24 +419,9 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
     parser.add_argument(
-        "--wait", type=_seconds, default=0.0, help="time-out for subscribers, in s (default: 0)"
+        "--wait", type=seconds, default=0.0, help="time-out for subscribers, in s (default: 0)"
     )
     return parser.parse_args(words)
-
-
-def _rate(word: str) -> float:
-    value = number(word)
-    low, high = RATES
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{word} is not a rate of {low:g} .. {high:g}")
-    return value
-
-
-def _seconds(word: str) -> float:
-    value = number(word)
-    if not 0.0 <= value < 1e6:
-        raise argparse.ArgumentTypeError(f"{word} is not 0 s or more")
-    return value
 
 
 def main() -> None:

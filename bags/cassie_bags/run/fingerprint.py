@@ -117,13 +117,13 @@ class Fingerprints:
 
 
 @dataclass(frozen=True)
-class Difference:
+class FingerprintDifference:
     """How a topic of a run differs from its fingerprint, in words, with the time if known."""
 
     experiment: str
     robot: int
     topic: str
-    what: str
+    reason: str
 
 
 def default_path() -> Path:
@@ -172,35 +172,35 @@ def fields_to_hash() -> dict[str, list[str]]:
     }
 
 
-def record(what: Run) -> Recording:
+def recording_of(planned: Run) -> Recording:
     """Run the experiment in one process, or read its bag.
 
     Raises:
         CassieError: if the experiment or the bag cannot be used, or the bag is of another robot.
     """
-    if what.bag is not None:
-        recording = read_recording(what.bag)
+    if planned.bag is not None:
+        recording = read_recording(planned.bag)
         robot = recording.metadata.get("cassie_experiment", {}).get("seed")
-        if robot != str(what.robot):
-            raise ExperimentError(f"{what.bag} is of robot {robot}, expected {what.robot}")
+        if robot != str(planned.robot):
+            raise ExperimentError(f"{planned.bag} is of robot {robot}, expected {planned.robot}")
         return recording
-    experiment = resolve(load_experiment(what.file, seed=what.robot))
+    experiment = resolve(load_experiment(planned.file, seed=planned.robot))
     check_parameters(experiment)
     ticks = tick_count(experiment)
-    if what.seconds is not None:
+    if planned.seconds is not None:
         # One more tick: the one at the end of the last second, which has the pose of that time.
-        ticks = min(ticks, round(what.seconds * simulator_config(experiment).control_rate) + 1)
+        ticks = min(ticks, round(planned.seconds * simulator_config(experiment).control_rate) + 1)
     store = Store()
     return store.recording(run(make_loop(experiment, store), range(ticks)))
 
 
-def take(what: Run, fields: Fields) -> Fingerprint:
+def fingerprint_of(planned: Run, fields: Fields) -> Fingerprint:
     """The fingerprint of a run; a topic without messages has none.
 
     Raises:
-        CassieError: as `record`.
+        CassieError: as `recording_of`.
     """
-    recording = record(what)
+    recording = recording_of(planned)
     rows = {**recording.lane, **recording.stamped}
     topics = {topic: _topic_print(rows[topic], fields[topic]) for topic in fields if topic in rows}
     return Fingerprint(
@@ -210,25 +210,25 @@ def take(what: Run, fields: Fields) -> Fingerprint:
 
 
 def differences(
-    what: Run, expected: Fingerprint, computed: Fingerprint, *, exactly: bool
-) -> list[Difference]:
+    planned: Run, expected: Fingerprint, computed: Fingerprint, *, exactly: bool
+) -> list[FingerprintDifference]:
     """How a run differs from its fingerprint.
 
     Args:
-        what: The run.
+        planned: The run.
         expected: Fingerprint of the run.
         computed: Fingerprint that the run has now.
         exactly: Whether to compare to the last bit; else the pose is compared to `TOLERANCES`.
     """
     if exactly:
         reasons = {
-            topic: _reason(expected.topics.get(topic), computed.topics.get(topic), what.seconds)
+            topic: _reason(expected.topics.get(topic), computed.topics.get(topic), planned.seconds)
             for topic in sorted({*expected.topics, *computed.topics})
         }
     else:
         reasons = {RobotState.TOPIC: _pose_reason(expected.pose, computed.pose)}
     return [
-        Difference(what.file.stem, what.robot, topic, reason)
+        FingerprintDifference(planned.file.stem, planned.robot, topic, reason)
         for topic, reason in reasons.items()
         if reason
     ]

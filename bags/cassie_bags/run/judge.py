@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from cassie_bags.bag.continuity import episodes, gaps
 from cassie_bags.bag.recording import Recording
 from cassie_bags.signals.metrics import Metrics, measure
-from cassie_bags.signals.phases import phases_of_steps
 from cassie_bags.signals.track import make_track
 from cassie_msgs.experiment.expectation import Bound, Expectation, Phase
 from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.experiment.script import OperatorStep
+
+_STEP_KEYS = ("vx", "vy", "yaw_rate", "height", "roll", "pitch", "com_x", "com_y")
+"""Keys of an operator step that name its phase."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,34 @@ class RunResult:
 def phases_of(experiment: Experiment) -> Sequence[Phase]:
     """The phases of the report: those of the file, else the operator's intervals."""
     return experiment.expect.phases or phases_of_steps(experiment.operator, experiment.duration)
+
+
+def phases_of_steps(steps: Sequence[OperatorStep], duration: float) -> tuple[Phase, ...]:
+    """One phase for each interval between operator steps, named by the changes of the step.
+
+    Args:
+        steps: Operator steps, in order of time; if there are none, the whole run is one phase.
+        duration: End of the last phase. In s.
+    """
+    if not steps:
+        return (Phase("without an operator", 0.0, duration),)
+    starts = [step.t for step in steps]
+    ends = [*starts[1:], duration]
+    return tuple(
+        Phase(_step_name(step.changes), t0, min(t1, duration))
+        for step, t0, t1 in zip(steps, starts, ends, strict=True)
+        if t0 < min(t1, duration)
+    )
+
+
+def _step_name(changes: Mapping[str, Any]) -> str:
+    words = []
+    if "power" in changes:
+        words.append("power on" if changes["power"] else "power off")
+    if "mode" in changes:
+        words.append(str(changes["mode"]))
+    words += [f"{key} {changes[key]:g}" for key in _STEP_KEYS if key in changes]
+    return ", ".join(words) or "no change"
 
 
 def evaluate(

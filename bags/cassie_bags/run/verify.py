@@ -74,7 +74,7 @@ _NEAR = 20  # messages of a topic in which the process that replaced another may
 
 
 @dataclass(frozen=True)
-class Difference:
+class ReplayDifference:
     """Where a recomputed message first differs from the recorded one.
 
     Attributes:
@@ -107,7 +107,7 @@ class Replayed:
     def _names(self) -> Sequence[str]:
         return self.recorded.dtype.names or ()
 
-    def first_difference(self, topic: str) -> Difference | None:
+    def first_difference(self, topic: str) -> ReplayDifference | None:
         """The first message that differs in any bit, and its first field that does."""
         place = first_unequal(self.recorded, self.computed, self._names)
         if place is None:
@@ -115,7 +115,7 @@ class Replayed:
         row, name, index = place
         one, other = (np.atleast_1d(each[name][row]) for each in (self.recorded, self.computed))
         at = self.recorded[row]
-        return Difference(
+        return ReplayDifference(
             topic,
             f"{name}[{index}]" if len(one) > 1 else name,
             int(at["episode"]),
@@ -160,7 +160,7 @@ class Verification:
     environment_changes: Sequence[str] = field(default_factory=list)
 
     @property
-    def differences(self) -> list[Difference]:
+    def differences(self) -> list[ReplayDifference]:
         """The first difference of each topic that has one."""
         firsts = (each.first_difference(topic) for topic, each in self.replayed.items())
         return [difference for difference in firsts if difference is not None]

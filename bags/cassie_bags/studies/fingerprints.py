@@ -16,19 +16,19 @@ from cassie_bags.run.fingerprint import (
     FAST,
     ROBOTS,
     START,
-    Difference,
     Fingerprint,
+    FingerprintDifference,
     Fingerprints,
     Run,
     default_path,
     differences,
     fields_to_hash,
+    fingerprint_of,
     load,
     save,
-    take,
 )
 from cassie_bags.run.provenance import changes_of_environment, environment
-from cassie_bags.studies.workers import Workers, workers
+from cassie_bags.studies.workers import Workers, all_results, workers
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,19 +48,19 @@ def _check(arguments: argparse.Namespace, pool: Workers) -> int:
             f"holding the pose in the first {START:g} s within tolerances in place of the bits"
         )
     computed = _take(runs, known, pool)
-    different: list[Difference] = []
+    different: list[FingerprintDifference] = []
     for run in runs:
         expected = known.runs.get(run.file.stem, {}).get(run.robot)
         if expected is None:
             different.append(
-                Difference(run.file.stem, run.robot, "", "has no fingerprint: --renew")
+                FingerprintDifference(run.file.stem, run.robot, "", "has no fingerprint: --renew")
             )
         else:
             different += differences(run, expected, computed[run], exactly=not changes)
     if not (arguments.files or arguments.fast):
         names = {run.file.stem for run in runs}
         different += [
-            Difference(name, robot, "", "has no experiment file: --renew")
+            FingerprintDifference(name, robot, "", "has no experiment file: --renew")
             for name, robots in known.runs.items()
             for robot in robots
             if name not in names
@@ -91,12 +91,9 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
 
 def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
     """Fingerprints of runs, with the same fields as `prints`."""
-    fingerprints: dict[Run, Fingerprint] = {}
+    taking = functools.partial(fingerprint_of, fields=prints.fields)
     with tqdm(total=len(runs), unit="run", disable=None, leave=False) as bar:
-        for index, taken in pool.results(functools.partial(take, fields=prints.fields), runs):
-            fingerprints[runs[index]] = taken
-            bar.update()
-    return fingerprints
+        return dict(zip(runs, all_results(pool, taking, runs, bar), strict=True))
 
 
 def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
@@ -119,11 +116,11 @@ def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
     return bag if bag.exists() else None
 
 
-def _print(different: list[Difference], count: int) -> None:
+def _print(different: list[FingerprintDifference], count: int) -> None:
     if different:
         print(f"{'experiment':20} {'robot':5}  {'topic':26} what")
     for each in different:
-        print(f"{each.experiment:20} {each.robot:5}  {each.topic:26} {each.what}")
+        print(f"{each.experiment:20} {each.robot:5}  {each.topic:26} {each.reason}")
     runs_that_differ = len({(each.experiment, each.robot) for each in different})
     print(
         f"{runs_that_differ} of {count} runs differ" if different else f"{count} runs as recorded"

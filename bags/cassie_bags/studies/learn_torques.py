@@ -23,10 +23,11 @@ from cassie_bags.report.figures import BLUE, GREY, STYLE
 from cassie_bags.run.cores import connect, load_learned, make_cores, tick_count
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import consistent
-from cassie_bags.studies.run_trial import TRACKING, experiment_of, has_fallen, run_trial
+from cassie_bags.signals.window import TRACKING
+from cassie_bags.studies.run_trial import experiment_of, has_fallen, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, steady, walk
 from cassie_bags.studies.trial import Measures
-from cassie_bags.studies.workers import Workers, workers
+from cassie_bags.studies.workers import Workers, all_results, workers
 from cassie_control.learning.torque_table import (
     JOINTS,
     SPEEDS,
@@ -232,11 +233,8 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
     total = arguments.rounds * arguments.seeds * len(learned.speeds)
     with tqdm(total=total, unit="run", disable=None, leave=False) as bar:
         for number in range(1, arguments.rounds + 1):
-            outcomes = []
-            round_ = learning_runs(learned, seeds, arguments.seconds, changes)
-            for _, outcome in pool.results(learn, round_):
-                outcomes.append(outcome)
-                bar.update()
+            lessons = learning_runs(learned, seeds, arguments.seconds, changes)
+            outcomes = all_results(pool, learn, lessons, bar)
             learned = merged(learned, outcomes)
             steps = sum(o.taught for o in outcomes)
             fell = ", ".join(f"{o.speed:g} m/s" for o in outcomes if o.fell) or "none"
@@ -266,14 +264,11 @@ def _compare(
         for speed in learned.speeds.tolist()
         for seed in seeds
     ]
-    results = {}
     with tqdm(total=len(trials), unit="run", disable=None, leave=False) as bar:
-        for index, measures in pool.results(run_trial, trials):
-            results[index] = measures
-            bar.update()
+        results = all_results(pool, run_trial, trials, bar)
     count = len(seeds)
     return [
-        compared(speed, [results[i] for i in range(n * count, (n + 1) * count)])
+        compared(speed, results[n * count : (n + 1) * count])
         for n, speed in enumerate(learned.speeds.tolist())
     ]
 

@@ -19,6 +19,8 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import Any, Protocol, TypeVar
 
+from tqdm import tqdm
+
 from cassie_bags.errors import RunError
 from cassie_gaits.processes import available_cores
 
@@ -220,6 +222,24 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
     if scheduler is not None:
         return DaskCluster(scheduler)
     return LocalProcesses(jobs or available_cores())
+
+
+def all_results(
+    pool: Workers, function: Callable[[Item], Result], items: Sequence[Item], bar: tqdm
+) -> list[Result]:
+    """Results in the order of the items.
+
+    Args:
+        pool: Workers that apply the function.
+        function: Function of an item.
+        items: Items.
+        bar: Progress bar, which advances by one for each item.
+    """
+    results: dict[int, Result] = {}
+    for index, result in pool.results(function, items):
+        results[index] = result
+        bar.update()
+    return [results[index] for index in range(len(items))]
 
 
 def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:

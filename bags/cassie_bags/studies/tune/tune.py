@@ -21,7 +21,7 @@ from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objectiv
 from cassie_bags.studies.tune.result import Score, table, write_result
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import Parameter, parameters, values
-from cassie_bags.studies.workers import Workers, workers
+from cassie_bags.studies.workers import Workers, all_results, workers
 from cassie_msgs.structured import unstructure
 from cassie_msgs.tunables import flatten
 
@@ -168,10 +168,10 @@ def score(
         owners += [index] * len(some)
     costs: list[list[float]] = [[] for _ in candidates]
     fell = [0] * len(candidates)
-    for index, measures in pool.results(run_trial, trials):
-        costs[owners[index]].append(task.objective.cost_of(trials[index], measures))
-        fell[owners[index]] += int(measures["fell"])
-        bar.update()
+    results = all_results(pool, run_trial, trials, bar)
+    for owner, trial, measures in zip(owners, trials, results, strict=True):
+        costs[owner].append(task.objective.cost_of(trial, measures))
+        fell[owner] += int(measures["fell"])
     return [
         Score(float(np.mean(np.sort(cost))), falls, len(cost))
         for cost, falls in zip(costs, fell, strict=True)

@@ -1,0 +1,232 @@
+"""Measures of a part of a run: walking, standing, effort, and the estimate against the truth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.bag.rows import Rows, stamps
+from cassie_bags.signals.metrics import sole_pitch
+from cassie_bags.signals.track import AVERAGED_OVER, Track
+from cassie_gaits.gait_library import OUTPUTS
+from cassie_gaits.robot import GRAVITY
+from cassie_msgs.layout import RobotMode
+
+FloatArray = npt.NDArray[np.float64]
+
+EFFORT_MEASURES = ("transport_work", "transport_work_abs", "torque_rms")
+"""Names of the measures of `measure_effort`."""
+
+STANDING_MEASURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
+"""Names of the measures of `measure_standing`."""
+
+_MEANS = ("vx", "vy", "yaw_rate")
+_RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
+TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
+"""RMS tracking error of each of the nine outputs, by name of the measure."""
+
+WINDOW_MEASURES = (
+    *_MEANS,
+    "vy_slip",
+    "velocity_off",
+    "step_rate",
+    "drift",
+    "drift_of_steps",
+    "depth",
+    "sole_pitch",
+    *_RMSE,
+    "odometry",
+    "tracking",
+    *TRACKING,
+    *STANDING_MEASURES,
+)
+"""Names of the measures of `measure_window`."""
+
+_MIN_DISTANCE = 0.5  # m, least distance for a cost of transport
+_ENDS = 1.0  # s, over which positions are averaged at both ends of the window
+
+
+def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> dict[str, float]:
+    """Measures of a part of a run, NaN if the run ended before the part did.
+
+    Args:
+        track: Signals of the run.
+        status: Rows of `ControllerStatus`.
+        window: Start and end. In s.
+
+    Returns:
+        Measures by name, also those of `measure_standing`. "Over two steps" means a moving mean,
+        which removes the sway.
+
+        - vx, vy (m/s): means in the heading frame.
+        - yaw_rate (rad/s): mean of the means over two steps.
+        - vy_slip (m/s): largest sideways velocity over two steps.
+        - velocity_off (m/s): largest error of the horizontal velocity over two steps.
+        - step_rate (1/s): touchdowns per second.
+        - drift (m): largest distance from the position at the window's start.
+        - drift_of_steps (m): largest drift of the position over two steps.
+        - depth (m): median depth of the lower sole below the height of the start.
+        - sole_pitch (deg): see `metrics.sole_pitch`.
+        - rmse_vx, rmse_vy, rmse_vz (m/s): RMSE of the estimated velocity in the heading frame.
+        - odometry: error of the estimated displacement over its length.
+        - tracking (rad and m): RMS error of the nine outputs; `TRACKING` has that of each output.
+    """
+    t0, t1 = window
+    inside = (track.time >= t0) & (track.time < t1)
+    tick = float(track.time[1] - track.time[0])
+    if track.time[-1] < t1 - 1.5 * tick:
+        return dict.fromkeys(WINDOW_MEASURES, math.nan)
+    away = track.position[inside, :2] - track.position[inside][0, :2]
+    measures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
+    two_steps = round(AVERAGED_OVER / tick)
+    measures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
+    measures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
+    measures["velocity_off"] = _velocity_off(track, inside, two_steps)
+    measures["drift"] = float(np.linalg.norm(away, axis=1).max())
+    measures["drift_of_steps"] = _drift_of_steps(away, two_steps)
+    measures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
+    measures["sole_pitch"] = sole_pitch(track, inside)
+    measures |= _estimate_errors(track, inside)
+    measures |= measure_standing(track, status, inside)
+    rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
+    measures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
+    errors = rows["y"][rows["mode"] == RobotMode.WALK]
+    squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)
+    measures["tracking"] = float(np.sqrt(squares.mean()))
+    measures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
+    return measures
+
+
+def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
+    """Means over every two steps, `width` ticks, which remove the sway of steps."""
+    return np.convolve(values, np.full(width, 1.0 / width), mode="valid")
+
+
+def _slip(vy: FloatArray, width: int) -> float:
+    """Largest magnitude of the sideways velocity's mean over two steps. In m/s."""
+    return float(np.abs(_over_two_steps(vy, width)).max()) if len(vy) >= width else math.nan
+
+
+def _velocity_off(track: Track, inside: npt.NDArray[np.bool_], width: int) -> float:
+    """Largest error of the mean velocity over two steps, from the commanded one. In m/s."""
+    if np.count_nonzero(inside) < width:
+        return math.nan
+    errors = [
+        _over_two_steps(track.achieved[name][inside] - track.commanded[name][inside], width)
+        for name in ("vx", "vy")
+    ]
+    return float(np.linalg.norm(errors, axis=0).max())
+
+
+def _without_sway(values: FloatArray, width: int) -> float:
+    """Mean of a window that may start and end at any phase of two steps."""
+    return float((_over_two_steps(values, width) if len(values) > 2 * width else values).mean())
+
+
+def _drift_of_steps(away: FloatArray, width: int) -> float:
+    """Largest distance of the moving mean of positions (n, 2) from its start. In m."""
+    if len(away) <= width:
+        return math.nan
+    sums = np.cumsum(np.vstack([np.zeros(2), away]), axis=0)
+    means = (sums[width:] - sums[:-width]) / width
+    return float(np.linalg.norm(means - means[0], axis=1).max())
+
+
+def _estimate_errors(track: Track, inside: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Errors of the estimated velocity and displacement, compared with the truth."""
+    rows = track.state[inside]
+    true = _in_heading(track.velocity[inside], track.angles[inside, 0])
+    estimated = _in_heading(rows["v"][:, :3], rows["q"][:, 3])
+    rmse = np.sqrt(((estimated - true) ** 2).mean(axis=0))
+    moved = [_displacement(track.position[inside], track.angles[inside, 0])]
+    moved.append(_displacement(rows["q"][:, :3], rows["q"][:, 3]))
+    length = float(np.linalg.norm(moved[0]))
+    measures = dict(zip(_RMSE, rmse.tolist(), strict=True))
+    measures["odometry"] = float(np.linalg.norm(moved[1] - moved[0])) / max(length, 0.1)
+    return measures
+
+
+def _in_heading(velocity: FloatArray, yaw: FloatArray) -> FloatArray:
+    x, y, z = velocity.T
+    return np.stack([np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x, z], 1)
+
+
+def _displacement(position: FloatArray, yaw: FloatArray) -> FloatArray:
+    """Displacement from the first to the last sample, in the first heading. Shape (2,), in m."""
+    moved = position[-1] - position[0]
+    return _in_heading(moved[None], yaw[:1])[0, :2]
+
+
+def measure_standing(track: Track, status: Rows, inside: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Metrics of standing over a window.
+
+    Args:
+        track: Signals of the run.
+        status: Rows of `ControllerStatus`.
+        inside: Whether each sample of the track is in the window. Shape (n,).
+
+    Returns:
+        Metrics by name, NaN if the window is shorter than two seconds:
+
+        - com_rms (m): RMS distance of the CoM's ground projection from its mean.
+        - creep (m): distance from the first second to the last, of the foot that moved more.
+        - height_off (m): largest error of the pelvis height.
+        - shaking (m/s): largest component of the pelvis velocity in the last second.
+        - stepped: whether the robot stepped at all (0 or 1).
+    """
+    time = track.time[inside]
+    if not len(time) or time[-1] - time[0] < 2.0 * _ENDS:
+        return dict.fromkeys(STANDING_MEASURES, math.nan)
+    first, last = time < time[0] + _ENDS, time > time[-1] - _ENDS
+    feet = track.legs[inside][:, :, -2:, :2].mean(axis=2)
+    moved = np.linalg.norm(feet[last].mean(axis=0) - feet[first].mean(axis=0), axis=1)
+    height = track.achieved["height"][inside] - track.commanded["height"][inside]
+    walked = status[(stamps(status) >= time[0]) & (stamps(status) <= time[-1])]["stance_leg"] >= 0.0
+    return {
+        "com_rms": _sway(track, inside, feet.mean(axis=1)),
+        "creep": float(moved.max()),
+        "height_off": float(np.abs(height).max()),
+        "shaking": float(np.abs(track.velocity[inside][last]).max()),
+        "stepped": float(walked.any()),
+    }
+
+
+def _sway(track: Track, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]) -> float:
+    """RMS distance of the CoM from its mean position, relative to the true feet. In m."""
+    cos, sin = np.cos(track.angles[inside, 0]), np.sin(track.angles[inside, 0])
+    x, y, _ = track.state["com_position"][inside].T
+    place = middle + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return float(np.sqrt(((place - place.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def measure_effort(track: Track, window: tuple[float, float], mass: float) -> dict[str, float]:
+    """Effort in a part of a run, from the torques and velocities that the drives report.
+
+    Args:
+        track: Signals of the run.
+        window: Start and end. In s.
+        mass: Mass of the robot and its load. In kg.
+
+    Returns:
+        transport_work: positive mechanical work of the drives over weight and distance;
+        transport_work_abs: positive plus absolute negative work over weight and distance;
+        torque_rms: RMS over time of the norm of all torques (Nm). All are NaN if the run ended
+        before the window did. Both costs are NaN if the robot moved by less than half a metre.
+    """
+    t0, t1 = window
+    inside = (track.time >= t0) & (track.time < t1)
+    tick = float(track.time[1] - track.time[0])
+    if track.time[-1] < t1 - 1.5 * tick:
+        return dict.fromkeys(EFFORT_MEASURES, math.nan)
+    sensors = track.sensors[inside]
+    torque, power = sensors["drive_torque"], sensors["drive_torque"] * sensors["drive_velocity"]
+    ends = track.position[inside][[0, -1], :2]
+    moved = float(np.linalg.norm(ends[1] - ends[0]))
+    by_weight = tick / (mass * GRAVITY * moved) if moved >= _MIN_DISTANCE else math.nan
+    return {
+        "transport_work": float(power.clip(0.0).sum()) * by_weight,
+        "transport_work_abs": float(np.abs(power).sum()) * by_weight,
+        "torque_rms": float(np.sqrt((torque**2).sum(axis=1).mean())),
+    }
