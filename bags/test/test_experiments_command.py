@@ -82,6 +82,7 @@ def test_two_files_of_one_name_are_refused_since_they_would_share_a_folder(
     [
         (["--set", "durtion=3"], "unknown key durtion: did you mean duration"),
         (["--seeds", "-1"], "-1"),
+        (["--seeds", "0"], "0"),
         (["--seeds", "2", "--json"], "--json is for one run"),
         (["--all"], "--all runs those of the package: name no file"),
         (["--seed", "1", "--seeds", "2"], "not allowed with"),

@@ -28,11 +28,13 @@ from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.reader import read_messages
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
-from cassie_bags.bag.summary import STATUS_TOPIC, summarize
+from cassie_bags.bag.rosbag2 import QOS_LANE
+from cassie_bags.bag.summary import SENSOR_CHANNELS, STATUS_TOPIC, summarize
 from cassie_bags.bag.tables import Table, read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.errors import BagError
 from cassie_bags.signals.falls import falls
+from cassie_control.estimator import channels
 from cassie_gaits import gait_library, names
 from cassie_msgs.layout import SAMPLE_TYPES, Mode, MotorCommand, RobotMode, RobotState, Sensors
 
@@ -120,6 +122,42 @@ def test_a_summary_knows_topics_rates_episodes_and_modes(bag: Path):
     assert [(e.name, e.t0, e.t1) for e in summary.episodes] == [("1", 0.0, pytest.approx(1.998))]
     assert [(mode.name, mode.t0) for mode in summary.modes] == [("walk", 0.0)]
     assert summary.metadata["cassie_experiment"]["seed"] == "7"
+
+
+def test_a_summary_without_the_supervisors_status_has_what_the_estimator_rejected(
+    tmp_path: Path, bag: Path, messages
+):
+    state, marked = RobotState(), []
+    for raw in messages[RobotState.TOPIC]:
+        state.load(raw)
+        state.sensor_faults[...] = 1 << 10 if 200 <= state.seq < 300 else 0
+        marked.append(state.to_bytes())
+    path = tmp_path / "faulty.mcap"
+    write_bag(path, messages | {RobotState.TOPIC: marked})
+    (fault,) = summarize(path).faults
+    assert fault.name == "drive_position.3 (left_knee) rejected by the estimator"
+    assert (fault.t0, fault.t1) == (pytest.approx(0.4), pytest.approx(0.6))
+    shown = command("info", path).stdout
+    assert "faults       drive_position.3 (left_knee) rejected by the estimator" in shown
+    assert f"without reasons: {STATUS_TOPIC}" in " ".join(shown.split())
+    assert summarize(bag).faults == []
+    assert channels.names((1 << len(SENSOR_CHANNELS)) - 1) == SENSOR_CHANNELS
+    assert len(SENSOR_CHANNELS) == len(channels.CHANNELS)
+
+
+def test_the_duration_is_that_of_the_run_also_where_the_recorder_began_before_it(
+    tmp_path: Path, messages
+):
+    path = tmp_path / "early.mcap"
+    writer = BagWriter(path)
+    early = writer.add_topic("/parameter_events", "rcl_interfaces/msg/ParameterEvent", QOS_LANE)
+    writer.write(early, b"", 0, 0)
+    lane = {topic: writer.add_topic(topic, TYPES[topic], QOS_LANE) for topic in messages}
+    for topic, list_ in messages.items():
+        for tick, raw in enumerate(list_):
+            writer.write(lane[topic], raw, 7_000_000_000 + tick * TICK_NS, 0)
+    writer.close()
+    assert summarize(path).duration == pytest.approx(1.998)
 
 
 def test_a_summary_says_what_is_missing_and_that_a_bag_was_not_closed(tmp_path: Path, bag: Path):

@@ -43,7 +43,7 @@ from cassie_bags.bag.recording import (
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import BagError, RunError
-from cassie_bags.ros import replay
+from cassie_bags.ros import record, replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
@@ -248,6 +248,34 @@ def test_a_recording_begun_late_begins_at_the_robots_time(
         assert reader.topics["/robot_description"].msgcount == 1
         assert reader.start_time == pytest.approx(30e9, abs=0.01e9)
         assert reader.duration == pytest.approx(2e9, abs=0.05e9)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--topics", "/a//b"], "/a//b is no name of a topic"),
+        (["/1a"], "/1a is no name of a topic"),
+        (["/chatter/"], "/chatter/ is no name of a topic"),
+        (["-a", "/chatter"], "--all records every topic: leave out /chatter"),
+    ],
+)
+def test_wrong_topics_of_a_recording_are_named(words: list[str], reason: str, capsys):
+    with pytest.raises(SystemExit):
+        record._arguments(words)
+    assert reason in capsys.readouterr().err
+    assert record._arguments(["chatter", "--topics", "/a/b_1"]).topics == ["/chatter", "/a/b_1"]
+
+
+def test_a_topic_that_was_asked_for_and_never_came_is_named(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    publisher = latched(node)
+    start_recorder(processes, tmp_path / "bag.mcap", "/robot_description", "/nosuch")
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    processes.stop("record")
+    printed = processes.log("record").read_text()
+    assert "never published: /nosuch" in printed
+    assert "never published: /robot_description" not in printed
 
 
 def test_a_folder_is_recorded_split_and_found_by_other_readers(

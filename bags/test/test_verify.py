@@ -137,6 +137,43 @@ def test_a_message_that_is_missing_is_named_and_nothing_is_compared_after_it(
     assert found.differences == []
 
 
+def test_a_node_that_was_silent_is_named_with_the_ticks_that_it_did_not_answer(
+    bag: Path, tmp_path: Path
+):
+    command = MotorCommand()
+
+    def change(topic: str, raw: bytes) -> bytes | None:
+        if topic == MotorCommand.TOPIC:
+            command.load(raw)
+            return None if 800 <= command.seq < 1200 else raw
+        return raw
+
+    found = verify(altered(bag, tmp_path / "bag.mcap", change))
+    (gap,) = found.gaps
+    assert gap.startswith("gait_controller: no message for 400 samples, from tick 800 ")
+    assert gap.endswith("to tick 1199")
+
+
+def test_a_recording_that_began_after_the_robot_is_refused_with_its_gaps(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    samples = {kind.TOPIC: kind() for kind in (Sensors, RobotState, Mode, MotorCommand)}
+
+    def change(topic: str, raw: bytes) -> bytes | None:
+        if topic not in samples:
+            return raw
+        samples[topic].load(raw)
+        return raw if samples[topic].seq >= 500 else None
+
+    path = altered(bag, tmp_path / "bag.mcap", change)
+    assert main([str(path)]) == 2
+    shown = capsys.readouterr()
+    assert shown.out.count("none could be replayed") == 3
+    assert "identical" not in shown.out
+    assert "gait_controller: 1500 messages not followed, from tick 500" in shown.out
+    assert shown.err.endswith("nothing could be verified\n")
+
+
 def test_another_controller_on_the_same_data_becomes_a_picture(bag: Path, tmp_path: Path):
     picture = tmp_path / "other.png"
     words = ["--with", "controller.walk.joints.kp_knee=500", "--plot", str(picture)]

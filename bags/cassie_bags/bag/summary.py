@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.fields import DRIVES, JOINTS
 from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
@@ -21,10 +22,29 @@ from cassie_bags.bag.rows import runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
-from cassie_msgs.layout import Mode, RobotMode, Sensors
+from cassie_msgs.layout import Mode, RobotMode, RobotState, Sensors
 
 STATUS_TOPIC = "/cassie/supervisor_status"
 DIAGNOSTICS_TOPIC = "/diagnostics"
+
+_IMU = ("IMU x", "IMU y", "IMU z")
+SENSOR_CHANNELS = (
+    "orientation (IMU)",
+    *(
+        f"{field}.{i} ({part})"
+        for field, parts in (
+            ("angular_velocity", _IMU),
+            ("linear_acceleration", _IMU),
+            ("drive_position", DRIVES),
+            ("drive_velocity", DRIVES),
+            ("joint_position", JOINTS),
+            ("joint_velocity", JOINTS),
+            ("drive_torque", DRIVES),
+        )
+        for i, part in enumerate(parts)
+    ),
+)
+"""Channels of the sensors in the order of their bits in `RobotState.sensor_faults`."""
 
 _SOON = 300_000_000  # ns after a change of mode in which the supervisor reports the reason
 _OK = 0
@@ -65,14 +85,17 @@ class Summary:
         size: Size of all files. In bytes.
         complete: Whether each file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
-        duration: Robot time from the first message to the last. In s.
+        duration: Robot time from the first message of the run to the last, or of all messages
+            where there is no run. In s.
         wall_time: Wall time from the first sensor sample to the last, or of all messages where
             there is none. In s.
         topics: Topics in the order of their names.
         gaps: Missing samples of the control lane, one line each.
         strays: Messages from publishers outside of the run, one line for each topic.
         episodes, modes: Intervals in order.
-        faults: Faults that the supervisor reported.
+        faults: Faults that the supervisor reported; where its status was not recorded, the sensors
+            that the estimator rejected.
+        has_status: Whether the supervisor's status, which has the reasons of modes, was recorded.
         nodes: Times at which nodes restarted, were lost or got other parameters.
         problems: Problems that the nodes reported on /diagnostics, in order.
         metadata: Metadata records by name.
@@ -91,6 +114,7 @@ class Summary:
     episodes: Sequence[Interval]
     modes: Sequence[Interval]
     faults: Sequence[Interval]
+    has_status: bool
     nodes: Sequence[Interval]
     problems: Sequence[str]
     metadata: Mapping[str, Mapping[str, str]]
@@ -134,7 +158,8 @@ def summarize(bag: Path | str) -> Summary:
     of_run = {
         topic: list(compress(times.get(topic, []), own.tolist())) for topic, own in flags.items()
     }
-    spans = [(min(list_), max(list_)) for list_ in times.values()]
+    run_times = [list_ for list_ in of_run.values() if list_] or list(times.values())
+    spans = [(min(list_), max(list_)) for list_ in run_times]
     first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0, 0)
     status = list(_decoded(STATUS_TOPIC, messages, times, index))
     return Summary(
@@ -151,7 +176,8 @@ def summarize(bag: Path | str) -> Summary:
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
         episodes=_episodes(recording, of_run[Sensors.TOPIC]),
         modes=_modes(recording, of_run[Mode.TOPIC], status),
-        faults=_faults(status),
+        faults=_faults(status) if status else _rejected(recording, of_run[RobotState.TOPIC]),
+        has_status=bool(status),
         nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
         metadata=index.metadata,
@@ -263,6 +289,20 @@ def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:
             began.setdefault(fault, now)
     faults += [Interval(fault, t0, now) for fault, t0 in began.items()]
     return sorted(faults, key=lambda fault: (fault.t0, fault.name))
+
+
+def _rejected(recording: Recording, times: list[int]) -> list[Interval]:
+    """Intervals in which the estimator rejected a sensor."""
+    masks = recording.lane[RobotState.TOPIC]["sensor_faults"].astype(np.uint64)
+    found = []
+    for bit, channel in enumerate(SENSOR_CHANNELS):
+        rejected = (masks >> np.uint64(bit)) & np.uint64(1)
+        for start, end in runs(rejected):
+            if rejected[start]:
+                t1 = times[min(end, len(times) - 1)]
+                name = f"{channel} rejected by the estimator"
+                found.append(Interval(name, times[start] * 1e-9, t1 * 1e-9))
+    return sorted(found, key=lambda fault: (fault.t0, fault.name))
 
 
 def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, count
+from cassie_bags.cli.arguments import add_jobs, count, positive
 from cassie_bags.cli.frame import exit_codes, run_command
 
 
@@ -41,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     seeds = parser.add_mutually_exclusive_group()
     seeds.add_argument("--seed", type=count, default=None, help="seed instead of the file's seed")
     seeds.add_argument(
-        "--seeds", type=count, default=0, metavar="N", help="run each file with seeds 1 to N"
+        "--seeds", type=positive, default=0, metavar="N", help="run each file with seeds 1 to N"
     )
     parser.add_argument(
         "--set",

@@ -33,7 +33,8 @@ def _run(arguments: argparse.Namespace) -> int:
     for topic, replayed in verification.replayed.items():
         differing = replayed.different_count()
         result = f"{differing} differ" if differing else "identical"
-        print(f"{topic:24} {len(replayed.recorded):7} messages  {result}")
+        count = len(replayed.recorded)
+        print(f"{topic:24} {count:7} messages  {result if count else 'none could be replayed'}")
     for first in verification.differences:
         print(
             f"{first.topic}: {first.field} differs first at tick {first.tick} of episode "

@@ -6,7 +6,7 @@ import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from cassie_bags.bag.summary import Interval, Summary
+from cassie_bags.bag.summary import STATUS_TOPIC, Interval, Summary
 from cassie_bags.report.json_values import finite
 from cassie_bags.report.text import aligned
 
@@ -63,6 +63,8 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
         )
     yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
     yield from _section("modes", map(_with_reason, summary.modes))
+    if summary.modes and not summary.has_status:
+        yield from _section("", [f"(without reasons: {STATUS_TOPIC} was not recorded)"])
     yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])
     yield from _section("nodes", [f"{n.t0:.2f} s  {n.name}" for n in summary.nodes])
     yield from _section("diagnostics", summary.problems)

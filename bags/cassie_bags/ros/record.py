@@ -10,6 +10,7 @@ import argparse
 import hashlib
 import json
 import queue
+import re
 import shutil
 import sys
 import time
@@ -189,7 +190,8 @@ class Session:
         self._node = node
         self.path: Path = arguments.output
         self._all: bool = arguments.all
-        self._wanted = set(arguments.topics or DEFAULT_TOPICS)
+        self._named = tuple(arguments.topics)
+        self._wanted = set(self._named or DEFAULT_TOPICS)
         self._wall_clock: bool = arguments.wall_clock
         self._min_free_space: int = arguments.min_free_space
         self._subscriptions: dict[str, RecordedTopic] = {}
@@ -256,6 +258,9 @@ class Session:
         for topic, each in self._subscriptions.items():
             if each.unreadable:
                 print(f"left out: {topic}: {each.unreadable} of another type", file=sys.stderr)
+        for topic in self._named:
+            if topic not in self._subscriptions and topic not in self._unknown:
+                print(f"never published: {topic}", file=sys.stderr)
         for gap in self._monitor.gaps():
             print(f"missing: {gap}", file=sys.stderr)
         sys.stderr.flush()
@@ -461,11 +466,16 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
         "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file.",
     )
     parser.add_argument(
-        "names", nargs="*", metavar="topics", help="topics to record (as with --topics)"
+        "names",
+        nargs="*",
+        metavar="topics",
+        type=_topic,
+        help="topics to record (as with --topics)",
     )
     parser.add_argument(
         "--topics",
         nargs="+",
+        type=_topic,
         default=[],
         help="topics to record (default: the control lane and the usual ones)",
     )
@@ -515,6 +525,8 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     )
     arguments = parser.parse_args(words)
     arguments.topics = [*arguments.names, *arguments.topics]
+    if arguments.all and arguments.topics:
+        parser.error(f"--all records every topic: leave out {arguments.topics[0]}, or --all")
     split = arguments.max_bag_size or arguments.max_bag_duration
     if arguments.output is None:
         name = time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
@@ -522,6 +534,18 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     elif split and _is_file(arguments.output):
         parser.error(f"several files need a folder, not {arguments.output}: -o FOLDER")
     return arguments
+
+
+def _topic(word: str) -> str:
+    """A topic from a command line, with its leading slash.
+
+    Raises:
+        argparse.ArgumentTypeError: if ROS permits no such name.
+    """
+    topic = word if word.startswith("/") else f"/{word}"
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
+        raise argparse.ArgumentTypeError(f"{word} is no name of a topic")
+    return topic
 
 
 def _mebibytes(word: str) -> int:

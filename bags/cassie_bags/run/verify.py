@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.comparison import first_unequal, unequal_rows
+from cassie_bags.bag.continuity import SEQ_STEP
 from cassie_bags.bag.node_events import Event
 from cassie_bags.bag.reader import read_attachment
 from cassie_bags.errors import BagError, ExperimentError
@@ -70,6 +71,7 @@ ConfigT = TypeVar("ConfigT")
 START, TOLERANCE = 5.0, 1e-9
 """Comparison where bits may differ: the first so many s, to this difference in SI units."""
 
+_SILENT_TICKS = 100  # in which a node answers no sample: it was lost; less is late or not recorded
 _NEAR = 20  # messages of a topic in which the process that replaced another may answer a tick again
 
 
@@ -217,6 +219,7 @@ def verify(
         watch_node = partial(_watch_part, watch, done, total)
         replayed[kind.TOPIC] = _replay_node(lane, node, kind, start, gaps, watch_node)
         done += len(lane.rows[kind.TOPIC])
+        gaps += _silences(lane, node, kind)
     recorded = lane.index.metadata.get("cassie_environment")
     return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
 
@@ -447,6 +450,26 @@ def _replay_node(
     return Replayed(
         np.frombuffer(b"".join(recorded), dtype), np.frombuffer(b"".join(computed), dtype)
     )
+
+
+def _silences(lane: RecordedLane, node: str, kind: type[Sample]) -> list[str]:
+    """A line for each time in which a node, once it had begun, answered no sample."""
+    step = SEQ_STEP[kind.TOPIC]
+    answered = {key_of(raw) for raw in lane.rows[kind.TOPIC]}
+    if not answered:
+        return []
+    first = min(answered)
+    asked = sorted(key for key in lane.samples if key > first and key[1] % step == 0)
+    lines = []
+    for silent, keys in itertools.groupby(asked, key=lambda key: (key not in answered, key[0])):
+        unanswered = list(keys)
+        if silent[0] and step * len(unanswered) >= _SILENT_TICKS:
+            (episode, begin), (_, end) = unanswered[0], unanswered[-1]
+            lines.append(
+                f"{node}: no message for {len(unanswered)} samples, from tick {begin} of episode "
+                f"{episode} to tick {end}"
+            )
+    return lines
 
 
 def _starts_at(events: Iterable[Event], key: Key) -> bool:
