@@ -44,8 +44,8 @@ setup(
     entry_points={
         "console_scripts": [
             "cassie_bags = cassie_bags.__main__:main",
-            "record = cassie_bags.ros.record:main",
-            "robot = cassie_bags.ros.robot:main",
+            "record = cassie_bags.cli.record:main",
+            "robot = cassie_bags.cli.robot:main",
             "replay = cassie_bags.ros.replay:main",
             "recover = cassie_bags.cli.recover:main",
             "experiment = cassie_bags.cli.experiment:main",

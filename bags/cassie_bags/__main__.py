@@ -12,11 +12,11 @@ from cassie_bags.cli.frame import OK, WRONG_INPUT
 
 COMMANDS = {
     "Run": {
-        "robot": ("ros.robot", "start the nodes of a robot, and end all by one Ctrl-C"),
+        "robot": ("cli.robot", "start the nodes of a robot, and end all by one Ctrl-C"),
         "experiment": ("cli.experiment", "run experiment files, and evaluate them"),
     },
     "Record and replay": {
-        "record": ("ros.record", "record topics into a bag"),
+        "record": ("cli.record", "record topics into a bag"),
         "replay": ("ros.replay", "publish a bag's messages, or verify them to the last bit"),
         "recover": ("cli.recover", "make an indexed bag of a damaged one"),
     },

@@ -42,8 +42,9 @@ from cassie_bags.bag.recording import (
 )
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.summary import summarize
+from cassie_bags.cli.record import parse
 from cassie_bags.errors import BagError, RunError
-from cassie_bags.ros import record, replay
+from cassie_bags.ros import replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
@@ -261,9 +262,9 @@ def test_a_recording_begun_late_begins_at_the_robots_time(
 )
 def test_wrong_topics_of_a_recording_are_named(words: list[str], reason: str, capsys):
     with pytest.raises(SystemExit):
-        record._arguments(words)
+        parse(words)
     assert reason in capsys.readouterr().err
-    assert record._arguments(["chatter", "--topics", "/a/b_1"]).topics == ["/chatter", "/a/b_1"]
+    assert parse(["chatter", "--topics", "/a/b_1"]).topics == ["/chatter", "/a/b_1"]
 
 
 def test_a_topic_that_was_asked_for_and_never_came_is_named(

@@ -10,11 +10,10 @@ import argparse
 import hashlib
 import json
 import queue
-import re
 import shutil
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.bag.writer import BagWriter, FolderWriter
-from cassie_bags.cli.arguments import count, in_range, one_of
+from cassie_bags.cli.record import is_file
 from cassie_bags.errors import BagError
 from cassie_bags.ros.node_parameters import RECORD, NodeParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
@@ -35,7 +34,7 @@ from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
-from cassie_msgs.ros.process import Stop, own_arguments, run
+from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
@@ -424,7 +423,7 @@ def _drain_order(topic: str) -> int:
 
 def _writer(arguments: argparse.Namespace) -> BagWriter | FolderWriter:
     compress = arguments.compression_format == "zstd"
-    if _is_file(arguments.output):
+    if is_file(arguments.output):
         return BagWriter(arguments.output, new=True, compress=compress)
     return FolderWriter(
         arguments.output,
@@ -432,10 +431,6 @@ def _writer(arguments: argparse.Namespace) -> BagWriter | FolderWriter:
         max_bytes=arguments.max_bag_size,
         max_duration=arguments.max_bag_duration * 1_000_000_000,
     )
-
-
-def _is_file(output: Path) -> bool:
-    return output.suffix == ".mcap"
 
 
 def _next_name(path: Path) -> Path:
@@ -458,106 +453,7 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     }
 
 
-def _arguments(words: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="record",
-        description="Record topics into an MCAP bag until Ctrl-C.",
-        epilog="While it runs, the services /recorder/record (std_srvs/SetBool) end this recording "
-        "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file.",
-    )
-    parser.add_argument(
-        "names",
-        nargs="*",
-        metavar="topics",
-        type=_topic,
-        help="topics to record (as with --topics)",
-    )
-    parser.add_argument(
-        "--topics",
-        nargs="+",
-        type=_topic,
-        default=[],
-        help="topics to record (default: the control lane and the usual ones)",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=None,
-        help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
-    )
-    parser.add_argument("-a", "--all", action="store_true", help="record every topic")
-    times = parser.add_mutually_exclusive_group()
-    times.add_argument(
-        "--use-sim-time", action="store_true", help="log_time is robot time (default)"
-    )
-    times.add_argument(
-        "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
-    )
-    parser.add_argument(
-        "-b", "--max-bag-size", type=count, default=0, help="bytes after which a new file begins"
-    )
-    parser.add_argument(
-        "-d",
-        "--max-bag-duration",
-        type=count,
-        default=0,
-        help="seconds of log_time after which a new file begins",
-    )
-    parser.add_argument(
-        "--compression-format",
-        type=one_of(("zstd", "none"), "compression"),
-        default="zstd",
-        help="compression of the chunks: zstd or none (default zstd)",
-    )
-    parser.add_argument(
-        "--start-paused", action="store_true", help="begin when /recorder/record asks for it"
-    )
-    parser.add_argument(
-        "--min-free-space",
-        type=_mebibytes,
-        default=100 * _MIB,
-        metavar="MIB",
-        help="end when less space is free on the disk (default: 100)",
-    )
-    parser.add_argument(
-        "--metadata", type=Path, default=None, help="YAML file of records to put into the bag"
-    )
-    arguments = parser.parse_args(words)
-    arguments.topics = [*arguments.names, *arguments.topics]
-    if arguments.all and arguments.topics:
-        parser.error(f"--all records every topic: leave out {arguments.topics[0]}, or --all")
-    split = arguments.max_bag_size or arguments.max_bag_duration
-    if arguments.output is None:
-        name = time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
-        arguments.output = Path(name if split else f"{name}.mcap")
-    elif split and _is_file(arguments.output):
-        parser.error(f"several files need a folder, not {arguments.output}: -o FOLDER")
-    return arguments
-
-
-def _topic(word: str) -> str:
-    """A topic from a command line, with its leading slash.
-
-    Raises:
-        argparse.ArgumentTypeError: if ROS permits no such name.
-    """
-    topic = word if word.startswith("/") else f"/{word}"
-    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
-        raise argparse.ArgumentTypeError(f"{word} is no name of a topic")
-    return topic
-
-
-def _mebibytes(word: str) -> int:
-    return int(in_range(0.0, 1e9, "0 MiB or more")(word) * _MIB)
-
-
-def main() -> None:
-    """Entry point of `ros2 run cassie_bags record`."""
-    arguments = _arguments(own_arguments("record"))
+def run_recorder(arguments: argparse.Namespace) -> None:
+    """Run the node until Ctrl-C."""
     # It has no low priority: messages that it cannot take in time are lost.
     run("record", lambda stop: Recorder(arguments, stop))
-
-
-if __name__ == "__main__":
-    main()

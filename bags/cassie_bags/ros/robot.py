@@ -15,7 +15,6 @@ from pathlib import Path
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from cassie_bags.cli.arguments import one_of
 from cassie_bags.errors import RunError
 from cassie_bags.ros.command_node import command_node
 from cassie_bags.ros.processes import Processes, executable
@@ -23,7 +22,6 @@ from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.processes import end_within
 from cassie_msgs.ros.claim import held_roles, second
 from cassie_msgs.ros.process import LEAVE_TIMEOUT, Stop, follow_signals
-from cassie_sim.scenes import SCENES
 
 ENDED, NODE_LOST, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
@@ -48,9 +46,8 @@ STACK = ("state_estimator", "gait_controller")
 _CHECK_PERIOD = 0.1  # s between two checks of the processes
 
 
-def main() -> int:
-    """Entry point of `ros2 run cassie_bags robot`."""
-    arguments = _arguments()
+def run_robot(arguments: argparse.Namespace) -> int:
+    """Run the nodes until a stop; returns the exit code."""
     stop = Stop()
     # A shell makes background commands ignore Ctrl-C; if it is sent nevertheless, it is meant.
     follow_signals(stop, signal.SIGHUP)
@@ -248,45 +245,3 @@ def _log_folder() -> Path:
 
 def _say(text: str) -> None:
     print(f"robot: {text}", flush=True)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="robot",
-        description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
-        "when the robot can be driven, and end them all on Ctrl-C, or when one of them ends. "
-        "Their output goes into files.",
-        epilog="Each node's --help lists its topics and parameters, such as `ros2 run cassie_sim "
-        "simulator --help`. Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong "
-        "arguments.",
-    )
-    parser.add_argument(
-        "--scene",
-        default="flat",
-        type=one_of(SCENES, "scene"),
-        help=f"scene: {', '.join(sorted(SCENES))} (default flat)",
-    )
-    parser.add_argument("--view", action="store_true", help="show the simulator's window")
-    parser.add_argument("--console", action="store_true", help="start the browser page web_console")
-    parser.add_argument(
-        "--realtime",
-        action="store_true",
-        help="pace by the wall clock, as on a robot; otherwise robot time waits for every node",
-    )
-    parser.add_argument(
-        "--stack", action="store_true", help="run estimator and controller in one process, faster"
-    )
-    parser.add_argument(
-        "-p",
-        dest="parameter",
-        action="append",
-        default=[],
-        metavar="NODE:NAME:=VALUE",
-        help="parameter of a node, such as simulator:max_rate:=1.0",
-    )
-    parser.add_argument("--logs", type=Path, help="folder for the nodes' output (~/.ros/log/...)")
-    return parser.parse_args()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,127 @@
+"""Command `record`: options of the recorder."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from cassie_bags.cli.arguments import count, in_range, one_of
+from cassie_bags.cli.frame import exit_codes, words_of
+
+_MIB = 1 << 20
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Entry point of `ros2 run cassie_bags record`."""
+    arguments = parse(words_of("record") if argv is None else argv)
+    from cassie_bags.ros.record import run_recorder  # loading ROS takes half a second
+
+    run_recorder(arguments)
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """Read the words of a command line."""
+    parser = argparse.ArgumentParser(
+        prog="record",
+        description="Record topics into an MCAP bag until Ctrl-C.",
+        epilog="While it runs, the services /recorder/record (std_srvs/SetBool) end this recording "
+        "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file. "
+        + exit_codes("ended", "the disk is full, or nearly", runs=False),
+    )
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="topics",
+        type=_topic,
+        help="topics to record (as with --topics)",
+    )
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        type=_topic,
+        default=[],
+        help="topics to record (default: the control lane and the usual ones)",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
+    )
+    parser.add_argument("-a", "--all", action="store_true", help="record every topic")
+    times = parser.add_mutually_exclusive_group()
+    times.add_argument(
+        "--use-sim-time", action="store_true", help="log_time is robot time (default)"
+    )
+    times.add_argument(
+        "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
+    )
+    parser.add_argument(
+        "-b", "--max-bag-size", type=count, default=0, help="bytes after which a new file begins"
+    )
+    parser.add_argument(
+        "-d",
+        "--max-bag-duration",
+        type=count,
+        default=0,
+        help="seconds of log_time after which a new file begins",
+    )
+    parser.add_argument(
+        "--compression-format",
+        type=one_of(("zstd", "none"), "compression"),
+        default="zstd",
+        help="compression of the chunks: zstd or none (default zstd)",
+    )
+    parser.add_argument(
+        "--start-paused", action="store_true", help="begin when /recorder/record asks for it"
+    )
+    parser.add_argument(
+        "--min-free-space",
+        type=_mebibytes,
+        default=100 * _MIB,
+        metavar="MIB",
+        help="end when less space is free on the disk (default: 100)",
+    )
+    parser.add_argument(
+        "--metadata", type=Path, default=None, help="YAML file of records to put into the bag"
+    )
+    arguments = parser.parse_args(words)
+    arguments.topics = [*arguments.names, *arguments.topics]
+    if arguments.all and arguments.topics:
+        parser.error(f"--all records every topic: leave out {arguments.topics[0]}, or --all")
+    split = arguments.max_bag_size or arguments.max_bag_duration
+    if arguments.output is None:
+        name = time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
+        arguments.output = Path(name if split else f"{name}.mcap")
+    elif split and is_file(arguments.output):
+        parser.error(f"several files need a folder, not {arguments.output}: -o FOLDER")
+    return arguments
+
+
+def _topic(word: str) -> str:
+    """A topic from a command line, with its leading slash.
+
+    Raises:
+        argparse.ArgumentTypeError: if ROS permits no such name.
+    """
+    topic = word if word.startswith("/") else f"/{word}"
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
+        raise argparse.ArgumentTypeError(f"{word} is no name of a topic")
+    return topic
+
+
+def _mebibytes(word: str) -> int:
+    return int(in_range(0.0, 1e9, "0 MiB or more")(word) * _MIB)
+
+
+def is_file(output: Path) -> bool:
+    """Whether an output is one file, not a folder."""
+    return output.suffix == ".mcap"
+
+
+if __name__ == "__main__":
+    main()
