@@ -150,7 +150,7 @@ def _variants(header: Sequence[str], row: Sequence[str]) -> Iterator[tuple[str, 
 def _render(lines: _Lines, numbers: Mapping[Origin, int], order: Sequence[str]) -> list[str]:
     """Lines of a table; the paper's law has no column for whether it meets the target."""
     found = dict.fromkeys(name for line in lines.values() for name in line.cells)
-    variants = sorted(found, key=lambda name: name != MEASURED)
+    variants = sorted(found, key=lambda name: (name.startswith(PAPERS), name != MEASURED))
     header = [_TITLE, _TARGET]
     for name in variants:
         header += [name, _RUN] if name.startswith(PAPERS) else [name, _MET, _RUN]
