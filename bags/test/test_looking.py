@@ -369,6 +369,24 @@ def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
     assert table.fields["torque.1"].tolist() == [-2.0]
 
 
+@pytest.mark.parametrize("log_time", [2**63, 2**64 - 1])
+def test_log_times_of_64_bits_are_read_as_they_are(tmp_path: Path, log_time: int):
+    path = tmp_path / "late.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/count", "std_msgs/msg/UInt32")
+        for time in (log_time - 5, log_time):
+            writer.write(channel, b"\0\1\0\0\7\0\0\0", time, time)
+    tables = read_tables(path)
+    assert tables["/count"].log_time.tolist() == [log_time - 5, log_time]
+    for form in ("csv", "npz"):
+        done = command("export", path, "--format", form, "-o", tmp_path / form)
+        assert done.returncode == 0, done.stderr
+    with (tmp_path / "csv" / "count.csv").open(newline="") as stream:
+        assert [int(row["log_time"]) for row in csv.DictReader(stream)][1] == log_time
+    done = command("plot", path, "count.data", "-o", tmp_path / "count.png")
+    assert done.returncode == 0, done.stderr
+
+
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, bag: Path):
     out = tmp_path / "out"
     out.mkdir()

@@ -42,6 +42,7 @@ from cassie_bags.bag.recording import (
 )
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.summary import summarize
+from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli.record import parse
 from cassie_bags.errors import BagError, RunError
 from cassie_bags.ros import replay
@@ -693,6 +694,7 @@ def spin(node: Node) -> bool:
         (["replay", "none.mcap"], "No such file"),
         (["replay", "text.mcap"], "is not an MCAP file"),
         (["replay", "bag.mcap", "--start", "99"], "has no message in the part asked for"),
+        (["replay", "late.mcap"], "a log time of 9223372037 s does not fit into /clock"),
         (["recover", "text.mcap"], "is not an MCAP file"),
         (["record", "-o", "text.mcap/bag.mcap"], "cannot write bag"),
         (["record", "-o", "text.mcap"], "text.mcap exists: give another name"),
@@ -710,6 +712,8 @@ def test_a_wrong_file_ends_the_command_with_one_line(
     (tmp_path / "flat.yaml").write_text("seed: 3")
     name, *words = command
     write_bag(tmp_path / "bag.mcap", glide_messages(0.1))
+    with BagWriter(tmp_path / "late.mcap") as bag:
+        bag.write(bag.add_topic("/clocks", "std_msgs/msg/Empty"), b"\0\1\0\0\0", 2**63, 2**63)
     (tmp_path / "there").mkdir()
     paths = [str(tmp_path / word) if word == "there" or "." in word else word for word in words]
     processes.start(name, [executable("cassie_bags", name), *paths])

@@ -18,6 +18,7 @@ from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
 
 Array = npt.NDArray[Any]
+Times = npt.NDArray[np.int64] | npt.NDArray[np.uint64]
 
 MAX_ENTRIES = 256
 """Longest array in a table; longer ones, as of images and point clouds, are left out."""
@@ -38,7 +39,8 @@ class Table:
 
     Attributes:
         topic, type: Name of the topic, and its message type.
-        log_time, publish_time: Times of each message. Shape (n,), int64, in ns.
+        log_time, publish_time: Times of each message. Shape (n,), int64, in ns; uint64 if one of
+            them does not fit into int64.
         fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
             entry that a message does not have is NaN or empty.
         left_out: Names of fields that are longer than `MAX_ENTRIES`.
@@ -46,8 +48,8 @@ class Table:
 
     topic: str
     type: str
-    log_time: npt.NDArray[np.int64]
-    publish_time: npt.NDArray[np.int64]
+    log_time: Times
+    publish_time: Times
     fields: Mapping[str, Array]
     left_out: tuple[str, ...] = ()
 
@@ -179,13 +181,21 @@ def _curve(table: Table, name: str) -> Curve:
 def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) -> Table:
     kind = index.types[topic]
     raw = [data for _, _, data in messages]
-    times = np.array([entry[:2] for entry in messages], np.int64).reshape(-1, 2)
+    log_time = _times([time for time, _, _ in messages])
+    publish_time = _times([time for _, time, _ in messages])
     rows = _known_rows(topic, raw)
     if rows is not None:
         names = rows.dtype.names or ()
-        return Table(topic, kind, times[:, 0], times[:, 1], {name: rows[name] for name in names})
+        return Table(topic, kind, log_time, publish_time, {name: rows[name] for name in names})
     fields, left_out = _decoded(kind, index.definitions[kind], raw)
-    return Table(topic, kind, times[:, 0], times[:, 1], fields, left_out)
+    return Table(topic, kind, log_time, publish_time, fields, left_out)
+
+
+def _times(values: list[int]) -> Times:
+    """Times in ns. MCAP allows 64 bits without a sign."""
+    if max(values) < 1 << 63:
+        return np.array(values, np.int64)
+    return np.array(values, np.uint64)
 
 
 def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:

@@ -38,6 +38,8 @@ from cassie_teleop.terminal import Terminal
 CLOCK_PERIOD = 10_000_000
 """Robot time between two messages on /clock. In ns."""
 
+_CLOCK_END = (1 << 31) * 1_000_000_000  # ns; seconds of builtin_interfaces/Time are an int32
+
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
@@ -81,6 +83,11 @@ class Replay(Node):
         self.create_timer(_WRITERS_PERIOD, self._end_for_other_writer)
         self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
         begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
+        if end >= _CLOCK_END:
+            raise BagError(
+                f"{arguments.file}: a log time of {end * 1e-9:.0f} s does not fit into /clock, "
+                "which ends at 2147483647 s"
+            )
         self._lock = threading.Lock()
         self._changed = threading.Event()  # the next message may have changed
         self._playback = Playback(
