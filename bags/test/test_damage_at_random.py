@@ -79,6 +79,12 @@ def frame(content: bytearray, chance: random.Random) -> None:
     content[chance.choice(places) + chance.randrange(9)] ^= 1 << chance.randrange(8)
 
 
+def head(content: bytearray, chance: random.Random) -> None:
+    """The start is missing, or other bytes come before it."""
+    count = chance.choice([1, 2, 8, 30, 3000])
+    content[: chance.choice([0, count])] = chance.randbytes(chance.choice([0, count]))
+
+
 @pytest.mark.parametrize("batch", range(BATCHES))
 def test_no_damage_gives_wrong_values_or_a_traceback(original, tmp_path: Path, batch: int):
     content, messages = original
@@ -86,7 +92,7 @@ def test_no_damage_gives_wrong_values_or_a_traceback(original, tmp_path: Path, b
     path, saved = tmp_path / "bag.mcap", tmp_path / "saved.mcap"
     for number in range(DAMAGES // 2):  # of each compression
         damaged = bytearray(content)
-        chance.choice([flip, cut, insert, remove, huge, frame])(damaged, chance)
+        chance.choice([flip, cut, insert, remove, huge, frame, head])(damaged, chance)
         path.write_bytes(damaged)
         index = BagIndex()
         try:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 import sys
+import time
+import zlib
 from pathlib import Path
 
 import pytest
 from mcap.opcode import Opcode
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from synthetic import TICK_NS, glide_messages
 from test_bag import write_bag
@@ -16,6 +20,7 @@ from test_bag import write_bag
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import read_recording
 from cassie_bags.bag.recover import recover
+from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli.recover import main
 from cassie_bags.errors import BagError, ExperimentError
@@ -151,3 +156,133 @@ def test_a_bag_whose_first_bytes_lost_a_bit_is_read_and_recovered(
     saved = recover(bag, tmp_path / "saved.mcap")
     assert (saved.messages, saved.lost_bytes) == (len(before), 8)
     assert list(read_messages(tmp_path / "saved.mcap")) == before
+
+
+def test_chunks_in_lz4_are_read_or_named(tmp_path: Path, monkeypatch):
+    path = tmp_path / "lz4.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4)
+        writer.start(profile="ros2")
+        channel = writer.register_channel(
+            "/count", "cdr", writer.register_schema("std_msgs/msg/UInt32", "ros2msg", b"uint32 a")
+        )
+        for tick in range(1000):
+            writer.add_message(channel, tick, struct.pack("<II", 256, tick), tick)
+        writer.finish()
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "lz4.frame", None)
+        for look in (summarize, lambda path: recover(path, tmp_path / "saved.mcap")):
+            with pytest.raises(BagError, match=r"chunks are compressed by lz4, .* pip install lz4"):
+                look(path)
+        assert not (tmp_path / "saved.mcap").exists()
+    pytest.importorskip("lz4.frame")
+    before = list(read_messages(path))
+    assert [log_time for _, log_time, *_ in before] == list(range(1000))
+    content = bytearray(path.read_bytes())
+    _, start, end = next(part for part in parts(path) if part[0] == Opcode.CHUNK)
+    for place in range(start + 60, end, 23):
+        damaged = content.copy()
+        damaged[place] ^= 4
+        path.write_bytes(damaged)
+        assert list(read_messages(path)) in ([], before)  # other bits may mean the same
+
+
+PRIVATE = b"\x80" + struct.pack("<Q", 5) + b"hello" + b"\xff" + bytes(8)
+"""Two records of an application's own kinds."""
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_records_of_private_kinds_are_no_damage(tmp_path: Path, bag: Path, checked: bool):
+    before, original = list(read_messages(bag)), bag.read_bytes()
+    data_end = next(start for kind, start, _ in parts(bag) if kind == Opcode.DATA_END)
+    places = {kind: start for kind, start, _ in reversed(parts(bag)) if 0 < start <= data_end}
+    for kind in (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.DATA_END):
+        content = bytearray(original)
+        content[places[kind] : places[kind]] = PRIVATE
+        end = data_end + len(PRIVATE)
+        content[end + 9 : end + 13] = struct.pack("<I", checked and zlib.crc32(content[:end]))
+        path = tmp_path / "private.mcap"
+        path.write_bytes(content)
+        index = BagIndex()
+        assert list(read_messages(path, None, index)) == before
+        assert (index.complete, index.lost_bytes) == (True, 0)
+        saved = recover(path, tmp_path / "saved.mcap")
+        assert saved.complete and saved.messages == len(before)
+        (tmp_path / "saved.mcap").unlink()
+
+
+def test_damage_before_a_chunk_and_a_private_record_costs_not_the_chunk(bag: Path):
+    content = bytearray(bag.read_bytes())
+    (_, first, _), (_, start, end), *_ = [part for part in parts(bag) if part[0] == Opcode.CHUNK]
+    content[end:end] = PRIVATE
+    content[first] = 0
+    content[start - 1 : start] = b""  # the last record before the second chunk is damaged, too
+    bag.write_bytes(content)
+    times = [log_time for topic, log_time, *_ in read_messages(bag) if topic == RobotState.TOPIC]
+    assert times == list(range(times[0], 2_000_000_000, TICK_NS))
+    assert times[0] <= 500_000_000
+
+
+@pytest.mark.parametrize("bit", [16, 32, 64, 128])
+def test_a_record_whose_opcode_lost_a_bit_is_no_private_one(bag: Path, bit: int):
+    """Also where no checksum of all data would tell."""
+    content = bytearray(bag.read_bytes())
+    data_end = next(start for kind, start, _ in parts(bag) if kind == Opcode.DATA_END)
+    content[data_end + 9 : data_end + 13] = bytes(4)
+    for kind, start, _ in parts(bag):
+        damaged = content.copy()
+        damaged[start] ^= bit
+        bag.write_bytes(damaged)
+        index = BagIndex()
+        list(read_messages(bag, None, index))
+        assert not index.complete, kind
+        if kind == Opcode.DATA_END:
+            break
+
+
+def heads(content: bytes, chunk: int) -> dict[str, bytes]:
+    """A bag with damage at its start, whose first chunk begins at `chunk`."""
+    return {
+        "byte more": b"\n" + content,
+        "byte less": content[1:],
+        "magic lost": content[8:],
+        "header lost": content[chunk - 20 :],
+        "chunk lost": content[chunk + 30 :],
+        "zeros": bytes(3000) + content[3000:],
+    }
+
+
+@pytest.mark.parametrize("kind", heads(b"", 0))
+@pytest.mark.parametrize("closed", [True, False])
+def test_what_comes_after_a_damaged_start_is_recovered(
+    tmp_path: Path, bag: Path, kind: str, closed: bool
+):
+    before, whole = list(read_messages(bag)), bag.read_bytes()
+    chunks = [part for part in parts(bag) if part[0] == Opcode.CHUNK]
+    content = whole if closed else whole[: chunks[-1][1] + 100]
+    bag.write_bytes(heads(content, chunks[0][1])[kind])
+    lost = (kind in ("chunk lost", "zeros")) + (not closed)
+    if lost == 2:  # all definitions are lost, too
+        with pytest.raises(BagError, match="nothing to recover"):
+            recover(bag, tmp_path / "saved.mcap")
+        return
+    left = list(read_messages(bag))
+    assert left == (before[-len(left) :] if closed else before[: len(left)])
+    assert len(left) >= len(before) * (1 - 1.2 * lost / len(chunks))
+    saved = recover(bag, tmp_path / "saved.mcap")
+    assert list(read_messages(tmp_path / "saved.mcap")) == left
+    assert not saved.complete and saved.lost_bytes
+
+
+@pytest.mark.parametrize("start", [b"", b"SQLite format 3\0", b"#ROSBAG V2.0\n", b"no bag\n" * 99])
+def test_a_large_file_that_is_no_bag_is_refused_soon(tmp_path: Path, start: bytes):
+    path = tmp_path / "large.mcap"
+    block = start + struct.pack("<64Q", *range(64)) + bytes(range(256)) * 4
+    with path.open("wb") as stream:
+        for _ in range(100):
+            stream.write(block * 1000)
+        stream.truncate(20_000_000_000)  # the rest takes no space
+    began = time.monotonic()
+    with pytest.raises(BagError, match="is not an MCAP file"):
+        recover(path, tmp_path / "saved.mcap")
+    assert time.monotonic() - began < 10.0

@@ -27,6 +27,11 @@ MAGIC = b"\x89MCAP0\r\n"
 Record = tuple[int, Any]
 """Opcode and content: bytes, or the record that `_PARSED_KINDS` reads from them."""
 
+
+class CompressionError(BagError):
+    """Chunks cannot be read, as the library of their compression is not installed."""
+
+
 _PARSED_KINDS: dict[int, Any] = {
     Opcode.HEADER: mcap.records.Header,
     Opcode.SCHEMA: mcap.records.Schema,
@@ -35,6 +40,14 @@ _PARSED_KINDS: dict[int, Any] = {
     Opcode.ATTACHMENT: mcap.records.Attachment,
 }
 _IN_CHUNK = frozenset([Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE])
+_BEFORE_INDEX = _IN_CHUNK | {
+    Opcode.HEADER,
+    Opcode.CHUNK,
+    Opcode.MESSAGE_INDEX,
+    Opcode.ATTACHMENT,
+    Opcode.METADATA,
+    Opcode.DATA_END,
+}
 _HEADER = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _FOOTER = struct.Struct("<BQQQI")
@@ -44,7 +57,9 @@ _CRC = struct.Struct("<I")
 # length reaches 2^40.
 _RECORD_START = re.compile(rb"(?=[\x02\x06\x0c\x0f][\x00-\xff]{5}\x00\x00\x00)")
 _DATA_END = _HEADER.pack(Opcode.DATA_END, _CRC.size)
+_PRIVATE = 0x80  # first opcode for records of applications, which readers skip
 _SEARCH_SIZE = 1 << 22  # bytes searched at a time
+_MAX_HEAD = 1 << 26  # bytes searched for a record in a file that neither begins nor ends as MCAP
 _MAX_RATIO = 1024  # largest plausible compression ratio, apart from
 _MAX_UNCHECKED = 1 << 26  # bytes that a chunk may have in any case
 
@@ -72,23 +87,31 @@ class RecordReader:
         Raises:
             BagError: if it is not an MCAP file.
         """
-        self._stream = stream
+        self._stream, self._name = stream, name
         self.complete = False
         self.lost_bytes = 0
         self._size = stream.seek(0, 2)
+        self._begin = len(MAGIC)  # of the first record
         if self._read(0, len(MAGIC)) != MAGIC:
-            if not self._has_header():
+            self._begin = self._begin_behind_damage()
+            if self._begin == self._size:
                 raise BagError(f"{name} is not an MCAP file")
-            self.lost_bytes = len(MAGIC)
+            self.lost_bytes = self._begin
 
     def records(self) -> Iterator[Record]:
         """Yield each intact record of messages, definitions, metadata and attachments, in order.
 
         A chunk comes after the records in it. The summary section at the end is checked, but not
         yielded.
+
+        Raises:
+            BagError: if the library of the chunks' compression is not installed.
         """
-        position, checksum = len(MAGIC), zlib.crc32(MAGIC)
+        position, checksum = self._begin, zlib.crc32(MAGIC)
         has_chunks = definitions_read = False
+        if self.lost_bytes and self._record_header(position)[0] != Opcode.HEADER:
+            definitions_read = True
+            yield from self._definitions()  # they may be in the damaged start
         while position < self._size:
             opcode, length = self._record_header(position)
             end = position + _HEADER.size + length
@@ -101,8 +124,14 @@ class RecordReader:
             try:
                 # All records of a chunk are checked before any of them is used.
                 records = list(parse_record(opcode, content))
+            except CompressionError as error:
+                raise BagError(f"cannot read bag {self._name}: {error}") from None
             except BagError:
-                follows = bool(opcode and self._record_header(end)[0])
+                if not opcode and (skipped := self._after_private_records(position)):
+                    checksum = zlib.crc32(self._read(position, skipped - position), checksum)
+                    position = skipped
+                    continue
+                follows = bool(opcode and self._is_record(end))
                 intact = end if follows else self._next_intact(position + 1)
                 self.lost_bytes += intact - position
                 position = intact
@@ -120,9 +149,18 @@ class RecordReader:
                 checksum = zlib.crc32(content, zlib.crc32(_HEADER.pack(opcode, length), checksum))
             position = end
 
-    def _has_header(self) -> bool:
-        """Whether the first record is a header, and another record follows it."""
-        position = len(MAGIC)
+    def _begin_behind_damage(self) -> int:
+        """Start of the records in a file that does not begin as an MCAP file; its end if none."""
+        if self._has_header(len(MAGIC)):
+            return len(MAGIC)
+        ends_as_mcap = self._read(max(0, self._size - len(MAGIC)), len(MAGIC)) == MAGIC
+        intact = self._next_intact(0, self._size if ends_as_mcap else _MAX_HEAD)
+        place = self._read(0, _SEARCH_SIZE).find(MAGIC, 0, intact)  # other bytes came before it
+        header = place + len(MAGIC)
+        return header if place > 0 and self._has_header(header) else intact
+
+    def _has_header(self, position: int) -> bool:
+        """Whether the record here is a header, and another record follows it."""
         opcode, length = self._record_header(position)
         end = position + _HEADER.size + length
         if opcode != Opcode.HEADER or not self._record_header(end)[0]:
@@ -142,13 +180,59 @@ class RecordReader:
         fits = length <= self._size - position - _HEADER.size
         return (opcode, length) if fits and opcode <= Opcode.DATA_END else (0, 0)
 
+    def _is_record(self, position: int) -> bool:
+        """Whether a record seems to begin here, also a private one."""
+        return bool(self._record_header(position)[0] or self._after_private_records(position))
+
+    def _after_private_records(self, position: int) -> int:
+        """End of the private records that begin here; 0 if there are none.
+
+        A record whose opcode is damaged may look like a private one. So an intact record must
+        follow, and no private record may have the content of a chunk, or of the kind of record
+        whose opcode differs in one bit.
+        """
+        start = position
+        while True:
+            header = self._read(position, _HEADER.size)
+            if len(header) < _HEADER.size:
+                return 0
+            opcode, length = _HEADER.unpack(header)
+            if opcode < _PRIVATE:
+                return position if position > start and self._parses(position, opcode) else 0
+            end = position + _HEADER.size + length
+            if end > self._size or any(
+                self._parses(position, kind) for kind in (opcode ^ _PRIVATE, Opcode.CHUNK)
+            ):
+                return 0
+            position = end
+
+    def _parses(self, position: int, kind: int) -> bool:
+        """Whether the record that begins here has intact content of a kind before the index."""
+        _, length = _HEADER.unpack(self._read(position, _HEADER.size))
+        if kind not in _BEFORE_INDEX or length > self._size - position - _HEADER.size:
+            return False
+        content = self._read(position + _HEADER.size, length)
+        if kind == Opcode.CHUNK and not _is_chunk_start(content[:48], length):
+            return False
+        try:
+            return bool(list(parse_record(kind, content)))
+        except CompressionError:
+            return True
+        except BagError:
+            return False
+
     def _read(self, position: int, length: int) -> bytes:
         self._stream.seek(position)
         return self._stream.read(length)
 
-    def _next_intact(self, position: int) -> int:
-        """Start of the next record that is certainly intact; the file's end if there is none."""
-        while position < self._size:
+    def _next_intact(self, position: int, limit: int | None = None) -> int:
+        """Start of the next record that is certainly intact; the file's end if there is none.
+
+        Args:
+            position: Start of the search.
+            limit: End of the search; the file's end if None.
+        """
+        while position < (self._size if limit is None else min(limit, self._size)):
             window = self._read(position, _SEARCH_SIZE + _HEADER.size)
             for match in _RECORD_START.finditer(window):
                 if match.start() < _SEARCH_SIZE and self._is_intact(position + match.start()):
@@ -170,11 +254,13 @@ class RecordReader:
             return summary is not None and summary[0] == end
         try:
             records = list(parse_record(opcode, self._read(position + _HEADER.size, length)))
+        except CompressionError:
+            return True
         except BagError:
             return False
         if opcode == Opcode.METADATA and not records[0][1].name:
             return False
-        return opcode == Opcode.FOOTER or end == self._size or bool(self._record_header(end)[0])
+        return opcode == Opcode.FOOTER or end == self._size or self._is_record(end)
 
     def _is_at_end(self, position: int) -> bool:
         """Whether a footer at this position ends the file."""
@@ -336,7 +422,27 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
             return zstandard.ZstdDecompressor().stream_reader(data).read(size)  # never more
         except zstandard.ZstdError as error:
             raise BagError(f"damaged chunk: {error}") from None
+    if compression == "lz4":
+        return _decompress_lz4(data, size)
     raise BagError(f"chunk in unknown compression {compression}")
+
+
+def _decompress_lz4(data: bytes, size: int) -> bytes:
+    try:
+        import lz4.frame  # no dependency of ours
+    except ImportError:
+        raise CompressionError(
+            "its chunks are compressed by lz4, for which the Python package lz4 is not installed: "
+            "pip install lz4"
+        ) from None
+    frame = lz4.frame.LZ4FrameDecompressor()
+    try:
+        content = bytes(frame.decompress(data, size + 1))  # no more, however much there is
+    except (RuntimeError, EOFError) as error:
+        raise BagError(f"damaged chunk: {error}") from None
+    if not frame.eof:
+        raise BagError("damaged chunk: its size differs")
+    return content
 
 
 def parse_message(body: bytes) -> tuple[int, int, int, bytes]:
