@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -385,6 +386,48 @@ def test_log_times_of_64_bits_are_read_as_they_are(tmp_path: Path, log_time: int
         assert [int(row["log_time"]) for row in csv.DictReader(stream)][1] == log_time
     done = command("plot", path, "count.data", "-o", tmp_path / "count.png")
     assert done.returncode == 0, done.stderr
+def write_mixed_bag(path: Path, encodings: dict[str, str]) -> None:
+    """A bag with one message for each topic, in the given encoding; only "cdr" can be read."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros2")
+        string = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        other = writer.register_schema("thing", "jsonschema", b"{}")
+        idl = writer.register_schema("std_msgs/msg/Char", "ros2idl", b"module std_msgs {};")
+        for topic, encoding in encodings.items():
+            schema = {"cdr": string, "idl": idl, "none": 0}.get(encoding, other)
+            name = "cdr" if schema == idl else encoding
+            channel = writer.register_channel(topic, name, schema)
+            writer.add_message(channel, 0, b"\0\1\0\0\3\0\0\0hi\0", 0)
+        writer.finish()
+
+
+def test_topics_that_cannot_be_read_are_named_and_the_others_are_exported(tmp_path: Path):
+    path, out = tmp_path / "mixed.mcap", tmp_path / "out"
+    write_mixed_bag(path, {"/text": "cdr", "/json": "json", "/idl": "idl", "/bare": "none"})
+    done = command("export", path, "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines() == [
+        "export: /bare is left out: its messages are encoded as none, not as cdr",
+        "export: /idl is left out: the definition of std_msgs/msg/Char is written in ros2idl, "
+        "not in ros2msg",
+        "export: /json is left out: its messages are encoded as json, not as cdr",
+    ]
+    assert sorted(file.name for file in out.iterdir()) == ["fields.csv", "text.csv"]
+    with (out / "text.csv").open() as stream:
+        assert [row["data"] for row in csv.DictReader(stream)] == ["hi"]
+
+
+def test_a_bag_of_which_no_topic_can_be_read_is_not_exported(tmp_path: Path):
+    path, out = tmp_path / "json.mcap", tmp_path / "out"
+    write_mixed_bag(path, {"/json": "json"})
+    done = command("export", path, "-o", out)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"export: error: {path}: no topic can be read"
+    assert "/json is left out" in done.stderr
+    assert not out.exists()
+    with pytest.raises(BagError, match="/json cannot be read: its messages are encoded as json"):
+        read_tables(path)
 
 
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, bag: Path):

@@ -16,6 +16,7 @@ import pytest
 from same import differences
 from synthetic import glide_messages
 from test_bag import write_bag
+from test_looking import write_mixed_bag
 
 pytest.importorskip("rclpy")
 
@@ -658,6 +659,36 @@ def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path)
     log = processes.log("replay").read_text()
     assert "is damaged or was not closed: " in log
     assert "messages replayed" in log
+
+
+def test_topics_that_cannot_be_played_are_named_and_the_others_played(
+    processes: Processes, tmp_path: Path
+):
+    bag = tmp_path / "mixed.mcap"
+    write_mixed_bag(bag, {"/text": "cdr", "/json": "json", "/été": "cdr"})
+    processes.start("replay", [executable("cassie_bags", "replay"), bag])
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+    log = processes.log("replay").read_text()
+    assert "/json is not replayed: its messages are encoded as json, not as cdr" in log
+    assert "/été is not replayed: this is not a valid name of a topic" in log
+    assert "1 messages replayed" in log
+
+
+def test_a_bag_of_which_no_topic_can_be_played_is_an_error(processes: Processes, tmp_path: Path):
+    bag = tmp_path / "json.mcap"
+    write_mixed_bag(bag, {"/json": "json"})
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "--topics", "/json"])
+    wait_until(lambda: not processes.running("replay"))
+    with pytest.raises(RunError, match=r"exit code 2: replay: error: .*: no topic can be played"):
+        processes.check()
+    assert "/json is not replayed" in processes.log("replay").read_text()
+
+
+@pytest.mark.parametrize("kind", ["thing", "", "a/b/c/d", "/msg/String", "std_msgs/msg/Nothing"])
+def test_a_type_that_is_none_is_refused(kind: str):
+    with pytest.raises(BagError, match="message type"):
+        message_class(kind)
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 
 from cassie_bags.bag.framing import RecordReader, parse_message
 from cassie_bags.bag.location import bag_files
 from cassie_bags.errors import BagError
+
+_NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")  # of channels that name no schema
 
 
 @dataclass
@@ -20,6 +23,8 @@ class BagIndex:
     Attributes:
         types: Message type by topic.
         definitions: Text of the definition, by message type.
+        definition_encodings: Language of the definition, by message type.
+        unreadable: By topic, why its messages are not ROS 2 messages of one type.
         metadata: Metadata records by name.
         complete: Whether the file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
@@ -27,9 +32,29 @@ class BagIndex:
 
     types: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, str] = field(default_factory=dict)
+    definition_encodings: dict[str, str] = field(default_factory=dict)
+    unreadable: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
+
+    def add_channel(self, channel: Channel, schema: Schema) -> None:
+        """Note the type of a channel's topic, and why the topic cannot be read, if it cannot."""
+        kind = schema.name
+        before = self.types.get(channel.topic, kind)
+        if channel.message_encoding not in ("cdr", ""):
+            reason = f"its messages are encoded as {channel.message_encoding}, not as cdr"
+        elif not kind:
+            reason = "the bag names no message type"
+        elif before != kind:
+            reason = f"the bag names two message types, {before} and {kind}"
+        else:
+            reason = ""
+        if reason:
+            self.unreadable[channel.topic] = reason
+        self.types[channel.topic] = kind
+        self.definitions[kind] = schema.data.decode("utf-8", "replace")
+        self.definition_encodings[kind] = schema.encoding
 
 
 def read_messages(
@@ -59,7 +84,7 @@ def read_messages(
 def _messages_of(
     path: Path, topics: Collection[str] | None, index: BagIndex
 ) -> Iterator[tuple[str, int, int, bytes]]:
-    schemas: dict[int, tuple[str, str]] = {}
+    schemas = {0: _NO_SCHEMA}
     known: set[int] = set()
     wanted: dict[int, str] = {}
     try:
@@ -73,11 +98,10 @@ def _messages_of(
                     elif channel not in known:
                         reader.lost_bytes += len(body)  # its channel's definition is damaged
                 elif opcode == Opcode.SCHEMA:
-                    schemas[body.id] = (body.name, body.data.decode("utf-8", "replace"))
+                    schemas[body.id] = body
                 elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
                     known.add(body.id)
-                    index.types[body.topic], text = schemas[body.schema_id]
-                    index.definitions[index.types[body.topic]] = text
+                    index.add_channel(body, schemas[body.schema_id])
                     if topics is None or body.topic in topics:
                         wanted[body.id] = body.topic
                 elif opcode == Opcode.METADATA:

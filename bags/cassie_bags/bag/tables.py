@@ -87,15 +87,22 @@ class Table:
         return columns
 
 
-def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[str, Table]:
+def read_tables(
+    bag: Path | str,
+    topics: Collection[str] | None = None,
+    unreadable: dict[str, str] | None = None,
+) -> dict[str, Table]:
     """Tables by topic, in the order of their names.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
         topics: Topics that are read; None for all.
+        unreadable: Gets the reason for each topic whose messages cannot be read, which has no
+            table then; if None, such a topic is an error.
 
     Raises:
-        BagError: if the bag cannot be read, or lacks a topic (the message names the nearest one).
+        BagError: if the bag cannot be read, or lacks a topic (the message names the nearest one);
+            if a topic cannot be read and `unreadable` is None.
     """
     index = BagIndex()
     messages: dict[str, list[tuple[int, int, bytes]]] = {}
@@ -106,7 +113,15 @@ def read_tables(bag: Path | str, topics: Collection[str] | None = None) -> dict[
             raise BagError(f"{bag}: {unknown_name(topic, index.types, 'topic')}")
     if not messages:
         raise BagError(f"{bag} holds no message of {', '.join(topics or ('any topic',))}")
-    return {topic: _table(topic, messages[topic], index) for topic in sorted(messages)}
+    tables = {}
+    for topic in sorted(messages):
+        try:
+            tables[topic] = _table(topic, messages[topic], index)
+        except BagError as error:
+            if unreadable is None:
+                raise BagError(f"{topic} cannot be read: {error}") from None
+            unreadable[topic] = str(error)
+    return tables
 
 
 @dataclass(frozen=True)
@@ -179,6 +194,8 @@ def _curve(table: Table, name: str) -> Curve:
 
 
 def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) -> Table:
+    if topic in index.unreadable:
+        raise BagError(index.unreadable[topic])
     kind = index.types[topic]
     raw = [data for _, _, data in messages]
     log_time = _times([time for time, _, _ in messages])
@@ -187,6 +204,8 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
     if rows is not None:
         names = rows.dtype.names or ()
         return Table(topic, kind, log_time, publish_time, {name: rows[name] for name in names})
+    if (encoding := index.definition_encodings[kind]) not in ("ros2msg", ""):
+        raise BagError(f"the definition of {kind} is written in {encoding}, not in ros2msg")
     fields, left_out = _decoded(kind, index.definitions[kind], raw)
     return Table(topic, kind, log_time, publish_time, fields, left_out)
 

@@ -44,14 +44,20 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.bag.export import export
     from cassie_bags.bag.tables import read_tables
+    from cassie_bags.errors import BagError
 
     folder = arguments.output or Path(f"{stem(arguments.bag)}_{arguments.format}")
-    tables = read_tables(arguments.bag, arguments.topics)
+    unreadable: dict[str, str] = {}
+    tables = read_tables(arguments.bag, arguments.topics, unreadable)
+    for topic, reason in unreadable.items():
+        print(f"export: {topic} is left out: {reason}", file=sys.stderr)
+    if not tables:
+        raise BagError(f"{arguments.bag}: no topic can be read")
     for table in tables.values():
         for name in table.left_out:
             print(f"export: {table.topic}: {name} is too long, left out", file=sys.stderr)
     for topic in arguments.topics or ():
-        if topic not in tables:
+        if topic not in tables and topic not in unreadable:
             print(f"export: {topic} holds no message: left out", file=sys.stderr)
     files = export(tables, folder, arguments.format)
     count = sum(len(table.log_time) for table in tables.values())

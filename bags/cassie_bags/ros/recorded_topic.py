@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
 from typing import Any
 
@@ -20,6 +21,7 @@ DEPTH = 10000
 """Length of each topic's queue: seconds of the control lane."""
 
 
+_TYPE = re.compile(r"(?P<package>[a-z]\w*)/msg/(?P<name>[A-Z]\w*)")
 _LARGEST = 20_000  # bytes of a message that is decoded for a check
 
 
@@ -79,11 +81,13 @@ def message_class(type_name: str) -> Any:
     """The Python class of a message type, package/msg/Name.
 
     Raises:
-        BagError: if it is not installed.
+        BagError: if it is not of this form, or not installed.
     """
-    package, _, name = type_name.split("/")
+    parts = _TYPE.fullmatch(type_name)
+    if parts is None:
+        raise BagError(f"message type {type_name!r} is not of the form package/msg/Name")
     try:
-        return getattr(import_module(f"{package}.msg"), name)
+        return getattr(import_module(f"{parts['package']}.msg"), parts["name"])
     except (ImportError, AttributeError):
         raise BagError(f"message type {type_name} is not installed") from None
 

@@ -15,8 +15,10 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
@@ -153,22 +155,33 @@ class Replay(Node):
         self._publishers_by_topic = {}
         for topic in names:
             try:
-                kind = message_class(index.types[topic])
+                self._publishers_by_topic[topic] = self._publisher(topic, index)
             except BagError as error:
-                if topics:
-                    raise
-                self.get_logger().warning(f"{topic} is not replayed: {error}")
-                continue
-            qos = _LATCHED if topic in _LATCHED_TOPICS else _PLAYED
-            self._publishers_by_topic[topic] = self.create_publisher(kind, topic, qos)
+                self.get_logger().warning(f"{topic or repr(topic)} is not replayed: {error}")
         if not self._publishers_by_topic:
-            raise BagError(f"{path} has no messages")
+            problem = ": no topic can be played" if names else " has no messages"
+            raise BagError(f"{path}{problem}")
         messages = [
             (robot, self._publishers_by_topic[topic], raw)
             for topic, robot, _, raw in recorded
             if topic in self._publishers_by_topic
         ]
         return sorted(messages, key=lambda entry: entry[0])
+
+    def _publisher(self, topic: str, index: BagIndex) -> Publisher:
+        """Publisher of a recorded topic.
+
+        Raises:
+            BagError: if the topic's messages cannot be published, or its name is not valid.
+        """
+        if topic in index.unreadable:
+            raise BagError(index.unreadable[topic])
+        kind = message_class(index.types[topic])
+        qos = _LATCHED if topic in _LATCHED_TOPICS else _PLAYED
+        try:
+            return self.create_publisher(kind, topic, qos)
+        except InvalidTopicNameException:
+            raise BagError("this is not a valid name of a topic") from None
 
     def _declare(self, rate: float) -> None:
         length = (self._playback.end - self._playback.begin) * 1e-9
