@@ -16,6 +16,7 @@ from test_looking import command
 
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, read_recording
 from cassie_bags.bag.summary import Interval, Summary
+from cassie_bags.cli.frame import labels
 from cassie_bags.report.figures import estimate
 from cassie_bags.report.page import CAPTIONS, drive_entry, page
 from cassie_bags.report.view import view_of
@@ -220,6 +221,37 @@ def test_an_experiment_is_held_against_its_file(tmp_path: Path):
     assert "2.9 .. 3.1" in text and "✗ no" in text
     assert "push 2 Ns" in text
     assert RobotState.TOPIC not in text
+
+
+def test_two_bags_of_one_experiment_are_told_apart_by_their_names(tmp_path: Path):
+    """As a pair from before and after a change is, here without the true pose."""
+    shipped = Path(__file__).parents[1] / "recordings" / "push.mcap"
+    for name in ("before", "after"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "push.mcap").symlink_to(shipped)
+    path = tmp_path / "page.html"
+    bags = [tmp_path / name / "push.mcap" for name in ("before", "after")]
+    done = command("report", *bags, "-o", path, "--no-video")
+    assert done.returncode == 0, done.stderr
+    text = path.read_text(encoding="utf-8")
+    for name in ("before/push", "after/push"):
+        assert len(re.findall(rf"<h2 id=[^>]*>[^<]*{name}", text)) == 1
+        assert len(re.findall(rf'<th class="n">[^<]*{name}', text)) == 1
+        assert f"<td>{name}</td>" in text
+
+
+@pytest.mark.parametrize(
+    ("bags", "names"),
+    [
+        (["a/walk.mcap", "b/turn.mcap"], ["walk", "turn"]),
+        (["a/bag.mcap", "b/bag.mcap"], ["a", "b"]),
+        (["a/walk.mcap", "b/walk.mcap", "turn.mcap"], ["a/walk", "b/walk", "turn"]),
+        (["x/a/bag.mcap", "y/a/bag.mcap"], ["x/a/bag", "y/a/bag"]),
+        (["walk.mcap", "walk.mcap"], ["walk", "walk"]),
+    ],
+)
+def test_bags_have_names_that_differ(bags: list[str], names: list[str]):
+    assert labels([Path("/there", bag) for bag in bags]) == names
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])

@@ -12,10 +12,10 @@ from cassie_bags.cli.frame import (
     OK,
     bag_argument,
     exit_codes,
+    labels,
     new_file,
     picture,
     run_command,
-    stem,
 )
 from cassie_bags.errors import BagError
 
@@ -65,8 +65,8 @@ def _run(arguments: argparse.Namespace) -> int:
         from cassie_bags.report.view import view_of
 
         a, b = (
-            view_of(summary.recording, stem(bag), None, summary)
-            for summary, bag in ((one, arguments.a), (other, arguments.b))
+            view_of(summary.recording, name, None, summary)
+            for summary, name in zip(summaries, labels((arguments.a, arguments.b)), strict=True)
         )
         save_overlay(a, b, path)
         print(path)

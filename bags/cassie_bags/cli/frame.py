@@ -124,3 +124,18 @@ def stem(bag: Path) -> str:
     if bag.name == "bag.mcap":  # every experiment's folder has a file of this name
         return bag.resolve().parent.name
     return bag.stem if bag.suffix == ".mcap" else bag.resolve().name
+
+
+def labels(bags: Sequence[Path]) -> list[str]:
+    """A name for each bag: its stem, or as much of its path as tells it apart from the others."""
+    names = [stem(bag) for bag in bags]
+    parts = [bag.absolute().with_suffix("").parts for bag in bags]
+    deepest = max(map(len, parts), default=1)
+    for depth in range(2, deepest + 1):
+        if len(set(names)) == len(set(parts)):
+            break
+        names = [
+            "/".join(part[-depth:]) if names.count(name) > 1 else name
+            for name, part in zip(names, parts, strict=True)
+        ]
+    return names

@@ -13,9 +13,9 @@ from cassie_bags.cli.frame import (
     OK,
     bag_argument,
     exit_codes,
+    labels,
     new_file,
     run_command,
-    stem,
 )
 
 
@@ -48,10 +48,11 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.report.recorded import recorded_entry
     from cassie_bags.run.provenance import versions
 
+    names = labels(arguments.bags)
     with TemporaryDirectory(prefix="cassie_") as folder:
         entries = [
-            recorded_entry(bag, stem(bag), Path(folder, str(index)), film=not arguments.no_video)
-            for index, bag in enumerate(arguments.bags)
+            recorded_entry(bag, name, Path(folder, str(index)), film=not arguments.no_video)
+            for index, (bag, name) in enumerate(zip(arguments.bags, names, strict=True))
         ]
         title = "Cassie: " + ", ".join(dict.fromkeys(entry["name"] for entry in entries))
         text = page(title, entries, versions())

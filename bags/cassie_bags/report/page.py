@@ -87,6 +87,18 @@ def drive_entry(
     return content
 
 
+def heading(name: str, seed: int | None, bag: str) -> str:
+    """Heading of a run.
+
+    Args:
+        name: Name of the experiment, or of the bag of a drive by hand.
+        seed: Seed of the experiment, if there is one.
+        bag: Name of an experiment's bag, empty if it is not known.
+    """
+    run = name if seed is None else f"{name}, seed {seed}"
+    return f"{run} ({bag})" if bag else run
+
+
 def _view_content(view: View | None) -> dict[str, Any]:
     if view is None:
         return {}
@@ -120,6 +132,7 @@ def page(
     return environment.get_template("page.html").render(
         title=title,
         entries=runs,
+        bags=any(run["bag"] for run in runs),
         judged=[run for run in runs if run["passed"] is not None],
         beside=1 < len(runs) <= MAX_SIDE_BY_SIDE
         and all(any(run["pictures"].values()) for run in runs),
@@ -137,7 +150,8 @@ def page(
 def _prepared(entry: Entry) -> dict[str, Any]:
     """A run's content with all that the template reads."""
     seed = entry.get("seed")
-    heading = entry["name"] if seed is None else f"{entry['name']}, seed {seed}"
+    bag = entry.get("bag", "")
+    title = heading(entry["name"], seed, bag)
     files = entry.get("files", {})
     problems = {check["problem"] for check in entry.get("checks", [])}
     failures = entry.get("failures", [])
@@ -149,8 +163,9 @@ def _prepared(entry: Entry) -> dict[str, Any]:
         **{name: {} for name in ("metrics", "draw", "versions")},
         **entry,
         "seed": seed,
-        "heading": heading,
-        "anchor": heading.replace(" ", "-"),
+        "bag": bag,
+        "heading": title,
+        "anchor": title.replace(" ", "-"),
         "failures": failures,
         "other_failures": [failure for failure in failures if failure not in problems],
         # Only the files that the content names: others in the folder may be of an earlier run.

@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from cassie_bags.bag.summary import summarize
-from cassie_bags.report.page import Entry, drive_entry, run_entry
+from cassie_bags.report.page import Entry, drive_entry, heading, run_entry
 from cassie_bags.report.pictures import draw
 from cassie_bags.report.view import recorded_experiment, view_of
 from cassie_bags.run.judge import evaluate
@@ -18,7 +18,7 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
-        name: Name of the bag, if it has no experiment.
+        name: Name of the bag on the page.
         folder: Folder for the pictures.
         film: Whether to make a video too.
 
@@ -28,13 +28,13 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
     summary = summarize(bag)
     recording = summary.recording
     experiment = recorded_experiment(recording)
-    title = name if experiment is None else f"{experiment.name}, seed {experiment.seed}"
+    title = name if experiment is None else heading(experiment.name, experiment.seed, name)
     view = view_of(recording, title, experiment, summary)
     if not summary.complete:
         note = "The bag is damaged or was not closed: what could be read is shown."
         view = dataclasses.replace(view, notes=[*view.notes, note])
     versions = recording.metadata.get("cassie_versions", {})
-    files = {name: str(path) for name, path in draw(view, folder, film=film).items()}
+    files = {key: str(path) for key, path in draw(view, folder, film=film).items()}
     if experiment is None or not len(recording.truth):  # evaluation needs the true pose
         metrics = measure(recording, view.track, view.phases)
         notes = [*view.notes, *(f"Missing: {g}" for g in summary.gaps)]
@@ -43,6 +43,6 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
         entry = drive_entry(dataclasses.replace(view, notes=notes), metrics, files, versions)
         if experiment is None:
             return entry
-        return {**entry, "name": experiment.name, "seed": experiment.seed}
+        return {**entry, "name": experiment.name, "seed": experiment.seed, "bag": name}
     outcome = evaluate(experiment, recording, "recorded", lockstep_broken=summary.lockstep_broken)
-    return run_entry(dataclasses.replace(outcome, files=files), view, versions)
+    return {**run_entry(dataclasses.replace(outcome, files=files), view, versions), "bag": name}
