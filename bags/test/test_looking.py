@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -33,7 +34,9 @@ from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.summary import SENSOR_CHANNELS, STATUS_TOPIC, summarize
 from cassie_bags.bag.tables import Table, read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
+from cassie_bags.cli import report
 from cassie_bags.errors import BagError
+from cassie_bags.output import new_files
 from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
 from cassie_gaits import gait_library, names
@@ -439,6 +442,83 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, bag: Pa
     assert "cassie_state.csv exists" in done.stderr
     assert [path.name for path in out.iterdir()] == ["cassie_state.csv"]
     assert (out / "cassie_state.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_results_that_could_not_be_written_whole_do_not_stay(tmp_path: Path, failure):
+    here, there = tmp_path / "a.csv", tmp_path / "new" / "folder" / "b.csv"
+
+    def write() -> None:
+        with new_files([here, there]) as (one, _):
+            one.write_text("half a line")
+            raise failure
+
+    if isinstance(failure, OSError):
+        with pytest.raises(BagError, match=f"cannot write {tmp_path}: No space left on device"):
+            write()
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            write()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_appear_whole_and_never_over_a_file(tmp_path: Path):
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    with new_files([one, other]) as parts:
+        for part in parts:
+            assert part.parent == tmp_path and part.suffix == ".csv"
+            part.write_text("new")
+        assert not one.exists()
+    assert sorted(tmp_path.iterdir()) == [one, other]
+    one.unlink()
+    with pytest.raises(BagError, match="other"):  # noqa: SIM117
+        with new_files([one, other]) as parts:
+            for part in parts:
+                part.write_text("newer")
+    assert other.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [other]
+
+
+@pytest.mark.parametrize(
+    ("verb", "words", "output"),
+    [
+        ("export", ("BAG",), "out"),
+        ("export", ("BAG", "--format", "npz"), "out"),
+        ("plot", ("BAG", "state.q.yaw"), "out.svg"),
+        ("plot", ("BAG",), "out.png"),
+        ("compare", ("BAG", "BAG"), "out.png"),
+        ("recover", ("BAG",), "out.mcap"),
+    ],
+)
+def test_a_full_disk_leaves_nothing(tmp_path: Path, bag: Path, verb: str, words, output: str):
+    """The disk is full for this process: no file may have more than 4 kB."""
+
+    def fill() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+
+    given = [str(bag) if word == "BAG" else word for word in words]
+    done = subprocess.run(
+        [sys.executable, "-m", f"cassie_bags.cli.{verb}", *given, "-o", tmp_path / output],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        preexec_fn=fill,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"{verb}: error: cannot write {tmp_path / output}")
+    assert "File too large" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_page_that_could_not_be_written_whole_does_not_stay(tmp_path: Path, bag, monkeypatch):
+    def write_half(path: Path, text: str, encoding: str) -> None:
+        path.write_bytes(text[:1000].encode(encoding))
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", write_half)
+    assert report.main([str(bag), "--no-video", "-o", str(tmp_path / "page.html")]) == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_parquet_without_its_library_says_what_to_install(tmp_path: Path, bag: Path, monkeypatch):

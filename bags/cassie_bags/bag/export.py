@@ -11,13 +11,14 @@ import numpy as np
 
 from cassie_bags.bag.tables import TIMES, Table
 from cassie_bags.errors import BagError
+from cassie_bags.output import new_files
 
 UNITS = "fields.csv"
 """Name of the file with topic, column, unit and meaning of every column."""
 
 
 def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
-    """Write each topic into a file of its own, and `UNITS`.
+    """Write each topic into a file of its own, and `UNITS`; if one fails, none stays.
 
     Args:
         tables: Tables by topic.
@@ -28,23 +29,24 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
         The written files.
 
     Raises:
-        BagError: if a file of that name exists, which is checked before any is written; if the
-            library for `form` is not installed.
+        BagError: if a file of that name exists, which is checked before any is written; if one
+            cannot be written; if the library for `form` is not installed.
     """
     write = FORMATS[form]
     if form == "parquet":
         _pyarrow()
-    files = {folder / f"{file_stem(topic)}.{form}": table for topic, table in tables.items()}
-    if len(files) < len(tables):
+    files = [folder / f"{file_stem(topic)}.{form}" for topic in tables]
+    if len(set(files)) < len(tables):
         raise BagError("two topics have the same file name: name fewer with --topics")
-    for path in (*files, folder / UNITS):
+    files.append(folder / UNITS)
+    for path in files:
         if path.exists():
             raise BagError(f"{path} exists: give another folder with -o, or remove it")
-    folder.mkdir(parents=True, exist_ok=True)
-    for path, table in files.items():
-        write(table, path)
-    _write_units(tables, folder / UNITS)
-    return [*files, folder / UNITS]
+    with new_files(files) as (*parts, units):
+        for part, table in zip(parts, tables.values(), strict=True):
+            write(table, part)
+        _write_units(tables, units)
+    return files
 
 
 def file_stem(topic: str) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,6 +25,7 @@ from cassie_bags.bag.rosbag2 import (
 )
 from cassie_bags.bag.writer import PROFILE
 from cassie_bags.errors import BagError
+from cassie_bags.output import new_files
 
 
 @dataclass(frozen=True)
@@ -60,15 +60,21 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
     """
     source, target = Path(source), Path(target)
     files = bag_files(source)
-    with _new(target, folder=source.is_dir()):
-        copies = []
-        for file in files:
-            copies.append(_recovered_file(file, target / file.name if source.is_dir() else target))
+    if os.path.lexists(target):
+        raise BagError(f"{target} exists: give another output with -o, or remove it")
+    if not target.parent.is_dir():
+        raise BagError(f"cannot write {target}: No such file or directory")
+    with new_files([target]) as (part,):
+        if source.is_dir():
+            part.mkdir()
+            copies = [_recovered_file(file, part / file.name, file.name) for file in files]
+        else:
+            copies = [_recovered_file(source, part, target.name)]
         filled = [copy.contents for copy in copies if copy.contents.count]
         if not filled:
             raise BagError(f"no whole chunk of messages in {source}: nothing to recover")
         if source.is_dir():
-            write_metadata(target, [copy.contents for copy in copies])
+            write_metadata(part, [copy.contents for copy in copies])
     return Recovered(
         sum(contents.count for contents in filled),
         (max(each.end for each in filled) - min(each.start for each in filled)) * 1e-9,
@@ -77,40 +83,25 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
     )
 
 
-@contextmanager
-def _new(target: Path, *, folder: bool) -> Iterator[None]:
-    """Create the target; remove it again if anything fails in the `with` statement."""
-    try:
-        if folder:
-            target.mkdir()
-        else:
-            target.touch(exist_ok=False)
-    except FileExistsError:
-        raise BagError(f"{target} exists: give another output with -o, or remove it") from None
-    except OSError as error:
-        raise BagError(f"cannot write {target}: {error.strerror}") from None
-    try:
-        yield
-    except BaseException:
-        if folder:
-            shutil.rmtree(target, ignore_errors=True)
-        else:
-            target.unlink(missing_ok=True)
-        raise
+def _recovered_file(source: Path, target: Path, name: str) -> _Copy:
+    """Copy one file.
 
-
-def _recovered_file(source: Path, target: Path) -> _Copy:
+    Args:
+        source: The damaged file.
+        target: File to write.
+        name: Name of the file in the metadata.
+    """
     try:
-        with source.open("rb") as stream:
-            reader = RecordReader(stream, str(source))
-            with target.open("wb") as output:
-                copy = _Copy(output, target.name)
-                for opcode, body in reader.records():
-                    copy.write(opcode, body)
-                copy.finish()
+        stream = source.open("rb")
     except OSError as error:
-        place = error.filename or target
-        raise BagError(f"cannot recover {source}: {place}: {error.strerror}") from None
+        raise BagError(f"cannot read bag {source}: {error.strerror}") from None
+    with stream:
+        reader = RecordReader(stream, str(source))
+        with target.open("wb") as output:
+            copy = _Copy(output, name)
+            for opcode, body in reader.records():
+                copy.write(opcode, body)
+            copy.finish()
     copy.lost_bytes += reader.lost_bytes
     copy.complete = reader.complete and not copy.lost_bytes
     return copy

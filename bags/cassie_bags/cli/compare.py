@@ -61,6 +61,7 @@ def _run(arguments: argparse.Namespace) -> int:
         metrics = str(error)
     print(comparison_text(summaries, topics, metrics))
     if path is not None:
+        from cassie_bags.output import new_files
         from cassie_bags.report.plots import save_overlay
         from cassie_bags.report.view import view_of
 
@@ -68,7 +69,8 @@ def _run(arguments: argparse.Namespace) -> int:
             view_of(summary.recording, name, None, summary)
             for summary, name in zip(summaries, labels((arguments.a, arguments.b)), strict=True)
         )
-        save_overlay(a, b, path)
+        with new_files([path]) as (part,):
+            save_overlay(a, b, part)
         print(path)
     same = all(topic.same for topic in topics) and not in_one_bag(summaries)
     return OK if same else NOT_AS_EXPECTED

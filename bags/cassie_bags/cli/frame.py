@@ -112,7 +112,7 @@ def new_file(path: Path) -> Path:
     Raises:
         BagError: if the path exists, or its folder does not.
     """
-    if path.exists():
+    if os.path.lexists(path):  # also a link to nothing
         raise BagError(f"{path} exists: give another file with -o, or remove it")
     if not path.parent.is_dir():
         raise BagError(f"{path}: there is no folder {path.parent}")

@@ -38,15 +38,20 @@ def _run(arguments: argparse.Namespace) -> int:
     path = new_file(arguments.output or Path(f"{name}.png"))
     from cassie_bags.bag.summary import modes_of
     from cassie_bags.bag.tables import read_curves
+    from cassie_bags.output import new_files
     from cassie_bags.report.plots import save_curves, save_overview
 
     if arguments.fields:
         curves = read_curves(arguments.bag, arguments.fields)
-        save_curves(curves, modes_of(arguments.bag), name, path)
+        modes = modes_of(arguments.bag)
+        with new_files([path]) as (part,):
+            save_curves(curves, modes, name, part)
     else:
         from cassie_bags.report.view import view_of_bag
 
-        save_overview(view_of_bag(arguments.bag, name), path)
+        view = view_of_bag(arguments.bag, name)
+        with new_files([path]) as (part,):
+            save_overview(view, part)
     print(path)
     return OK
 

@@ -44,6 +44,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     path = new_file(arguments.output)
+    from cassie_bags.output import new_files
     from cassie_bags.report.page import page
     from cassie_bags.report.recorded import recorded_entry
     from cassie_bags.run.provenance import versions
@@ -56,7 +57,8 @@ def _run(arguments: argparse.Namespace) -> int:
         ]
         title = "Cassie: " + ", ".join(dict.fromkeys(entry["name"] for entry in entries))
         text = page(title, entries, versions())
-    path.write_text(text, encoding="utf-8")
+    with new_files([path]) as (part,):
+        part.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text) / 1e6:.1f} MB")
     failed = any(entry.get("passed") is False for entry in entries)
     return NOT_AS_EXPECTED if failed else OK
