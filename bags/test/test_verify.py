@@ -184,6 +184,32 @@ def test_another_controller_on_the_same_data_becomes_a_picture(bag: Path, tmp_pa
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
+        (["--plot", "keep.png"], "keep.png exists: give another file with --plot"),
+        (["--with", "controller.walk.joints.kp_knee=500"], "replay.png exists"),
+        (["--plot", "keep.jpg"], "keep.jpg does not end in .png"),
+        (["--plot", "nowhere/keep.png"], "there is no folder nowhere"),
+    ],
+)
+def test_a_picture_is_refused_before_any_work_and_never_over_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch, words: list[str], reason: str
+):
+    for name in ("keep.png", "replay.png"):
+        (tmp_path / name).write_text("mine")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cassie_bags.run.verify.verify", lambda *_: pytest.fail("it worked"))
+    try:
+        code = main([str(SHIPPED[0]), *words])
+    except SystemExit as stop:
+        code = stop.code
+    assert code == 2
+    assert reason in capsys.readouterr().err
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"mine"}
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
         (["--with", "plant.mass=1"], "plant is not replayed"),
         (["--with", "controller.walk.nothing=1"], "walk.nothing"),
         (["--with", "controller.walk.joints.kp_knee=-1"], "kp_knee = -1"),

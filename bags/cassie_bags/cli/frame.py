@@ -106,14 +106,18 @@ def picture(word: str) -> Path:
     return Path(word)
 
 
-def new_file(path: Path) -> Path:
+def new_file(path: Path, option: str = "-o") -> Path:
     """A path for output, which must not exist, in a folder that exists.
+
+    Args:
+        path: The path.
+        option: Option that gives another path, for the message.
 
     Raises:
         BagError: if the path exists, or its folder does not.
     """
     if os.path.lexists(path):  # also a link to nothing
-        raise BagError(f"{path} exists: give another file with -o, or remove it")
+        raise BagError(f"{path} exists: give another file with {option}, or remove it")
     if not path.parent.is_dir():
         raise BagError(f"{path}: there is no folder {path.parent}")
     return path

@@ -7,7 +7,18 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, WRONG_INPUT, exit_codes, run_command
+from cassie_bags.cli.frame import (
+    NOT_AS_EXPECTED,
+    OK,
+    WRONG_INPUT,
+    exit_codes,
+    new_file,
+    picture,
+    run_command,
+)
+
+_PICTURE = Path("replay.png")
+"""Picture of what other parameters would have given, in the working folder."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -16,12 +27,16 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    other = bool(arguments.changes or arguments.gaits)
+    plot = arguments.plot or (_PICTURE if other else None)
+    if plot is not None:
+        new_file(plot, "--plot")
     from tqdm import tqdm  # these imports are slow
 
+    from cassie_bags.output import new_files
     from cassie_bags.run.verify import START, TOLERANCE, verify
     from cassie_bags.run.yaml_file import consistent
 
-    other = bool(arguments.changes or arguments.gaits)
     changes = consistent(arguments.changes)
     with tqdm(unit="message", disable=None, leave=False) as bar:
 
@@ -47,13 +62,12 @@ def _run(arguments: argparse.Namespace) -> int:
         print("they agree" if verification.holds else "they do NOT agree")
     for gap in verification.gaps:
         print(f"gap: {gap}")
-    if other and arguments.plot is None:
-        arguments.plot = Path("replay.png")
-    if arguments.plot is not None:
+    if plot is not None:
         from cassie_bags.report.replayed import draw
 
-        draw(verification, arguments.plot)
-        print(f"picture: {arguments.plot}")
+        with new_files([plot]) as (part,):
+            draw(verification, part)
+        print(f"picture: {plot}")
     if not verification.compared:
         print("nothing could be verified", file=sys.stderr)
         return WRONG_INPUT
@@ -87,6 +101,11 @@ def _parser() -> argparse.ArgumentParser:
         help="draw what another gait library would have given on the same data",
     )
     parser.add_argument(
-        "--plot", type=Path, default=None, metavar="FILE", help="draw a picture (replay.png)"
+        "--plot",
+        type=picture,
+        default=None,
+        metavar="FILE",
+        help="draw a picture, .png, .svg or .pdf; --with and --gaits draw one in any case "
+        f"(default: {_PICTURE})",
     )
     return parser
