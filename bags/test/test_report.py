@@ -23,8 +23,9 @@ from cassie_bags.report.view import view_of
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.events import events_of
 from cassie_bags.signals.leg_geometry import euler_angles, quaternions
-from cassie_bags.signals.metrics import measure
+from cassie_bags.signals.metrics import UNITS, measure
 from cassie_bags.signals.track import make_track
+from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotState
 
@@ -218,9 +219,17 @@ def test_an_experiment_is_held_against_its_file(tmp_path: Path):
     done = command("report", tmp_path / "out" / "bag.mcap", "-o", path, "--no-video")
     assert done.returncode == 1, done.stderr
     text = path.read_text(encoding="utf-8")
-    assert "2.9 .. 3.1" in text and "✗ no" in text
+    assert re.search(r"<td>vx</td><td[^>]*>2.9 .. 3.1 m/s</td><td[^>]*>[-0-9.e]+ m/s</td>", text)
+    assert "✗ no" in text
     assert "push 2 Ns" in text
     assert RobotState.TOPIC not in text
+
+
+def test_figures_side_by_side_have_units(two: Path):
+    text = two.read_text(encoding="utf-8")
+    for figure in ("drift (m)", "tilt (deg)", "vx mean error (m/s)", "duration (s)", "steps"):
+        assert f"<tr><td>{figure}</td>" in text, figure
+    assert UNITS.keys() >= {*RUN_METRICS, *PHASE_METRICS}
 
 
 def test_two_bags_of_one_experiment_are_told_apart_by_their_names(tmp_path: Path):

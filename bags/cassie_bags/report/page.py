@@ -15,7 +15,7 @@ from cassie_bags.report.json_values import finite
 from cassie_bags.report.text import outcome_content, phase_content
 from cassie_bags.report.view import View
 from cassie_bags.run.judge import RunResult
-from cassie_bags.signals.metrics import Metrics
+from cassie_bags.signals.metrics import UNITS, Metrics
 
 CAPTIONS = {
     "strip": "Images",
@@ -142,6 +142,7 @@ def page(
         captions=CAPTIONS,
         shapes=_SHAPES,
         tracked=_TRACKED,
+        units=UNITS,
         versions=versions,
         sweeps=_sweeps(sweeps),
     )

@@ -14,6 +14,7 @@ from cassie_bags.bag.summary import Interval
 from cassie_bags.bag.tables import Curve
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_modes, overview
 from cassie_bags.report.view import View
+from cassie_bags.signals.metrics import UNITS
 from cassie_msgs.experiment.expectation import TRACKED
 
 _MAX_LABELS = 20  # labels of a panel
@@ -53,7 +54,6 @@ def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, 
 
 def save_overlay(one: View, other: View, path: Path) -> None:
     """Draw the motion of two runs in the same axes."""
-    labels = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s", "height": "m"}
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0), layout="constrained")
         panels = figure.subplots(len(TRACKED) + 1, 1, sharex=True)
@@ -64,7 +64,7 @@ def save_overlay(one: View, other: View, path: Path) -> None:
                     track.time, track.achieved[quantity], color=colour, linewidth=0.7, alpha=0.8,
                     label=f"{name}: {view.title}",
                 )  # fmt: skip
-                axes.set_ylabel(f"{quantity.replace('_', ' ')}\n({labels[quantity]})")
+                axes.set_ylabel(f"{quantity.replace('_', ' ')}\n({UNITS[quantity]})")
         ticks, distance = _distance(one, other)
         panels[-1].plot(ticks, distance, color=DARK, linewidth=0.8)
         panels[-1].set(ylabel="distance of\npelvises (m)", xlabel="robot time (s)")

@@ -24,6 +24,21 @@ from cassie_msgs.layout import ControllerStatus
 
 FloatArray = npt.NDArray[np.float64]
 
+_TRACKED_UNITS = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s", "height": "m"}
+
+UNITS = {
+    f"{name}{ending}": unit
+    for name, unit in _TRACKED_UNITS.items()
+    for ending in ("", "_rms", "_mean", "_mean_error", "_rms_error")
+} | {
+    **dict.fromkeys(("roll_deg", "pitch_deg", "turn_deg", "sole_pitch_deg", "tilt_deg"), "deg"),
+    **dict.fromkeys(("drift", "distance", "height_min", "height_max", "gate_miss"), "m"),
+    **dict.fromkeys(("speed_peak", "vx_min", "vx_max"), "m/s"),
+    **dict.fromkeys(("fall_time", "duration"), "s"),
+    **dict.fromkeys(("peak_torque_ratio", "steps", "real_time_factor", "missed_share"), ""),
+}
+"""Unit by metric, of a run or of a phase; empty for a number or a ratio."""
+
 
 @dataclass(frozen=True)
 class PhaseMetrics:
