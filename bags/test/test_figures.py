@@ -18,11 +18,13 @@ from cassie_bags.bag.recording import Recording
 from cassie_bags.report.figures import (
     DRAWERS,
     draw_all,
+    estimate,
     footsteps,
     knee_phase_portrait,
     mode_timeline,
     moving_mean,
     outputs_by_phase,
+    overview,
     speed_tracking,
 )
 from cassie_bags.report.pictures import STRIP_LENGTH, moments, strip
@@ -162,6 +164,25 @@ def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
     boxes = [box for box in boxes if box.width > 1.0]
     assert len(boxes) == 2
     assert not boxes[0].overlaps(boxes[1])
+
+
+def test_legends_of_the_estimates_error_cover_no_curve(shown: View):
+    figure = estimate(shown)
+    assert figure is not None
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for axes in figure.axes:
+        plotted = axes.get_window_extent(canvas.get_renderer())
+        assert not axes.get_legend().get_window_extent(canvas.get_renderer()).overlaps(plotted)
+
+
+def test_a_colour_of_the_standard_plot_means_one_thing(shown: View):
+    """The right foot's force had the colour of commanded speeds."""
+    figure = overview(shown)
+    (forces,) = [axes for axes in figure.axes if "force" in axes.get_ylabel()]
+    assert [text.get_text() for text in forces.get_legend().get_texts()] == ["left", "right"]
+    legend = {line.get_color() for line in figure.legends[0].get_lines()}
+    assert not legend.intersection(line.get_color() for line in forces.get_lines()[:2])
 
 
 def test_the_angles_of_a_knee_that_hardly_moves_can_be_read():

@@ -37,6 +37,8 @@ from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import report
 from cassie_bags.errors import BagError
 from cassie_bags.output import new_files
+from cassie_bags.report.figures import EVENT_COLOURS
+from cassie_bags.report.view import events_of_bag
 from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
 from cassie_gaits import gait_library, names
@@ -641,6 +643,26 @@ def test_plots_are_drawn_and_never_over_a_file(tmp_path: Path, bag: Path):
         before = path.read_bytes()
         assert command("plot", bag, *words, "-o", path).returncode == 2
         assert path.read_bytes() == before
+
+
+def test_plots_of_fields_mark_what_happened(tmp_path: Path, bag: Path):
+    """In the time of the bag, which goes on over episodes."""
+    experiment = "duration: 5\nstart: standing\npushes: [{t: 1.0, force: [20, 0, 0]}]\n"
+    messages = {topic: list(raw) for topic, raw in glide_messages(2.0, tilt_from=1.5).items()}
+    for topic, more in glide_messages(2.0, episode=2).items():
+        messages[topic] += more
+    path = tmp_path / "two.mcap"
+    with BagWriter(path) as writer:
+        write_messages(writer, messages)
+        writer.add_metadata("cassie_experiment", {"file": experiment})
+    events = [(event.kind, round(event.t0, 2)) for event in events_of_bag(summarize(path))]
+    assert events == [("push", 1.0), ("fall", 1.5), ("push", 3.0)]
+    for source in (path, bag):
+        done = command("plot", source, "state.q.yaw", "-o", tmp_path / f"{source.stem}.svg")
+        assert done.returncode == 0, done.stderr
+    drawn, without = ((tmp_path / f"{name}.svg").read_text() for name in ("two", "bag"))
+    assert drawn.count(EVENT_COLOURS["push"]) > 3
+    assert EVENT_COLOURS["push"] not in without
 
 
 @pytest.mark.parametrize("verb", VERBS)

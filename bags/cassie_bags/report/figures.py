@@ -137,6 +137,14 @@ def mark(axes: Any, events: Iterable[Event]) -> None:
         axes.axvline(event.t0, color=colour, linewidth=0.8, linestyle="--")
 
 
+def event_legend(events: Iterable[Event]) -> tuple[list[Line2D], list[str]]:
+    """Lines and names for the legend of marked events, one of each kind."""
+    kinds = list(dict.fromkeys(event.kind for event in events))
+    return [
+        Line2D([], [], color=EVENT_COLOURS[kind], linestyle="--", linewidth=0.8) for kind in kinds
+    ], kinds
+
+
 def speed_tracking(view: View) -> Figure:
     """Commanded and achieved velocities and height over time."""
     track = view.track
@@ -180,9 +188,11 @@ def overview(view: View) -> Figure:
     for axes, (name, label) in zip(panels, _PANELS, strict=False):
         _draw_tracked(axes, track, name, label)
     forces, torque = panels[-2:]
-    for leg, colour in enumerate((BLUE, ORANGE)):
-        forces.plot(track.time, track.state["foot_force"][:, leg], color=colour, linewidth=0.5)
-    forces.set_ylabel("force left,\nright (N)")
+    for leg, colour in enumerate((DARK, GREY)):  # blue and orange are achieved and commanded
+        force = track.state["foot_force"][:, leg]
+        forces.plot(track.time, force, color=colour, linewidth=0.5, label=LEGS[leg])
+    forces.set_ylabel("foot force\n(N)")
+    _legend_beside(forces)
     ratio = 100.0 * np.abs(track.sensors["drive_torque"]) / torque_limits()
     torque.plot(track.time, ratio.max(axis=1), color=DARK, linewidth=0.5)
     torque.set(ylabel="largest\ntorque (%)", ylim=(0.0, 108.0))
@@ -311,7 +321,7 @@ def estimate(view: View) -> Figure | None:
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         axes.set_ylim(*_limits(*curves, least_margin=0.002))
         axes.set_ylabel(label)
-        axes.legend(loc="upper left", ncols=3, fontsize=7, borderaxespad=0.1)
+        _legend_beside(axes)
     return _titled(figure, panels, view, "Estimate less truth", legend=False)
 
 
@@ -401,14 +411,18 @@ def _titled(
     figure: Figure, panels: Sequence[Any], view: View, title: str, *, legend: bool = True
 ) -> Figure:
     handles, labels = panels[1].get_legend_handles_labels() if legend else ([], [])
-    for kind in dict.fromkeys(event.kind for event in view.events):
-        handles.append(Line2D([], [], color=EVENT_COLOURS[kind], linestyle="--", linewidth=0.8))
-        labels.append(kind)
+    lines, kinds = event_legend(view.events)
+    handles, labels = [*handles, *lines], [*labels, *kinds]
     panels[-1].set_xlabel("robot time (s)")
     if handles:
         figure.legend(handles, labels, loc="upper right", ncols=len(handles))
     figure.suptitle(f"{title}: {view.title}", x=0.01, ha="left", fontsize=10)
     return figure
+
+
+def _legend_beside(axes: Any) -> None:
+    """A legend to the right of a panel, where it covers no curve."""
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
 
 
 def _pushed(time: FloatArray, events: Iterable[Event]) -> npt.NDArray[np.bool_]:

@@ -12,8 +12,19 @@ from matplotlib.figure import Figure
 
 from cassie_bags.bag.summary import Interval
 from cassie_bags.bag.tables import Curve
-from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_modes, overview
+from cassie_bags.report.figures import (
+    BLUE,
+    DARK,
+    GREY,
+    ORANGE,
+    STYLE,
+    draw_modes,
+    event_legend,
+    mark,
+    overview,
+)
 from cassie_bags.report.view import View
+from cassie_bags.signals.events import Event
 from cassie_bags.signals.metrics import UNITS
 from cassie_msgs.experiment.expectation import TRACKED
 
@@ -27,12 +38,19 @@ def save_overview(view: View, path: Path) -> None:
         overview(view).savefig(path)
 
 
-def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, path: Path) -> None:
+def save_curves(
+    curves: Sequence[Curve],
+    modes: Sequence[Interval],
+    events: Sequence[Event],
+    title: str,
+    path: Path,
+) -> None:
     """Draw fields over time, one panel each, below the modes.
 
     Args:
         curves: Curves of the fields.
         modes: Modes of the robot; empty if they are not known.
+        events: Events that are marked in each panel, in the time of the curves.
         title: Name of the bag.
         path: Picture; the ending decides its format.
     """
@@ -47,6 +65,12 @@ def save_curves(curves: Sequence[Curve], modes: Sequence[Interval], title: str, 
             panels[0].set(yticks=[], ylim=(0.0, 1.0))
         for axes, curve in zip(panels[-len(curves) :], curves, strict=True):
             _draw(axes, curve)
+        end = max((float(curve.time[-1]) for curve in curves if len(curve.time)), default=0.0)
+        shown = [event for event in events if event.t0 <= end]
+        for axes in panels:
+            mark(axes, shown)
+        if shown:
+            figure.legend(*event_legend(shown), loc="upper right", ncols=5)
         panels[-1].set_xlabel("robot time (s)")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
         figure.savefig(path)

@@ -9,18 +9,18 @@ from pathlib import Path
 
 from cassie_bags.bag.continuity import episodes
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows
+from cassie_bags.bag.rows import Rows, stamps
 from cassie_bags.bag.summary import Interval, Summary, intervals_of_mode, summarize
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.judge import phases_of
 from cassie_bags.signals.events import Event, events_of
-from cassie_bags.signals.falls import fall_time
+from cassie_bags.signals.falls import fall_time, falls
 from cassie_bags.signals.track import Track, make_track, with_estimate_as_truth
 from cassie_msgs.experiment.expectation import Phase
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Scenario
-from cassie_msgs.layout import ControllerStatus
+from cassie_msgs.layout import ControllerStatus, Sensors
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,27 @@ def view_of_bag(bag: Path, title: str) -> View:
     if experiment is not None:
         title = f"{experiment.name}, seed {experiment.seed}"
     return view_of(summary.recording, title, experiment, summary)
+
+
+def events_of_bag(summary: Summary) -> list[Event]:
+    """Events of all episodes of a bag, in robot time that continues over episodes."""
+    experiment = recorded_experiment(summary.recording)
+    scenario = Scenario() if experiment is None else experiment.scenario
+    fallen = falls(summary.recording) or {}
+    sensors = summary.recording.rows(Sensors)
+    events = [Event("fault", fault.t0, fault.t1, fault.name) for fault in summary.faults]
+    events += [Event("node", node.t0, node.t1, node.name) for node in summary.nodes]
+    for episode in summary.episodes:
+        number = int(episode.name)
+        time = stamps(sensors[sensors["episode"] == number])
+        if not len(time):
+            continue
+        own = [*events_of(scenario, float(time[-1]))]
+        if number in fallen:
+            own.append(Event("fall", fallen[number], fallen[number], "fall"))
+        begun = episode.t0 - float(time[0])  # of the episode's own time
+        events += [dataclasses.replace(e, t0=e.t0 + begun, t1=e.t1 + begun) for e in own]
+    return sorted(events, key=lambda event: event.t0)
 
 
 def recorded_experiment(recording: Recording) -> Experiment | None:
