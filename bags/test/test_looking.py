@@ -28,7 +28,7 @@ from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.node_events import EVENTS_TOPIC
-from cassie_bags.bag.reader import read_messages
+from cassie_bags.bag.reader import read_messages, unknown_topic
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.summary import SENSOR_CHANNELS, STATUS_TOPIC, summarize
@@ -618,6 +618,31 @@ def test_compare_tells_a_difference_by_its_exit_code_and_draws_both(tmp_path: Pa
     )
     assert re.search(r"vx_mean +0.5 +0.4 +-0.1", done.stdout)
     assert picture.stat().st_size > 10_000
+
+
+def test_without_a_true_pose_runs_are_compared_by_the_estimate(tmp_path: Path, bag: Path, messages):
+    blind = tmp_path / "blind.mcap"
+    write_bag(blind, {t: raw for t, raw in messages.items() if t != GROUND_TRUTH_TOPIC})
+    for other, holders in ((blind, "A and B hold"), (bag, "A holds")):
+        done = command("compare", blind, other, "-o", tmp_path / f"{other.stem}.png")
+        assert done.returncode == (other is not blind), done.stderr
+        assert f"{holders} no true pose: the figures of both are from the estimate" in done.stdout
+        assert re.search(r"vx_mean +0 +0 +0\n", done.stdout)  # the estimate of this robot rests
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("/nosuch", "known: /cassie/sensors, /diagnostics"),
+        ("/cassie/foo", "known: /cassie/sensors, /diagnostics"),
+        ("/sensors", "did you mean /cassie/sensors?"),
+        ("/cassie/sensor", "did you mean /cassie/sensors?"),
+        ("/diagnostic", "did you mean /diagnostics?"),
+    ],
+)
+def test_only_a_similar_topic_is_suggested(name: str, answer: str):
+    topics = ["/cassie/sensors", "/diagnostics"]
+    assert unknown_topic(name, topics) == f"unknown topic {name}: {answer}"
 
 
 def test_a_field_is_found_by_its_short_name(bag: Path):

@@ -695,6 +695,8 @@ def test_a_type_that_is_none_is_refused(kind: str):
     ("words", "reason"),
     [
         (["--wait", "nan"], "nan is not 0 s or more"),
+        (["--duration", "0"], "0 is not more than 0 s"),
+        (["--duration", "-1"], "-1 is not more than 0 s"),
         (["--rate", "fast"], "fast is not a rate of 0.01 .. 1000"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -110,6 +111,15 @@ def _messages_of(
             index.lost_bytes += reader.lost_bytes
     except OSError as error:
         raise BagError(f"cannot read bag {path}: {error.strerror}") from None
+
+
+def unknown_topic(name: str, topics: Collection[str]) -> str:
+    """Error message for a topic that a bag does not have: a topic of similar last word, or all."""
+    topic_of = {topic.rpartition("/")[2]: topic for topic in topics}
+    near = get_close_matches(name.rpartition("/")[2], topic_of, n=1)
+    if near:
+        return f"unknown topic {name}: did you mean {topic_of[near[0]]}?"
+    return f"unknown topic {name}: known: {', '.join(sorted(topics))}"
 
 
 def read_attachment(bag: Path | str, name: str) -> bytes | None:

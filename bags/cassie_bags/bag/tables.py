@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
-from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
 from cassie_bags.bag.recording import TYPES, rows_of
 from cassie_bags.bag.rows import Rows
 from cassie_bags.errors import BagError
@@ -110,7 +110,7 @@ def read_tables(
         messages.setdefault(topic, []).append((log_time, wall_time, data))
     for topic in topics or ():
         if topic not in index.types:
-            raise BagError(f"{bag}: {unknown_name(topic, index.types, 'topic')}")
+            raise BagError(f"{bag}: {unknown_topic(topic, index.types)}")
     if not messages:
         raise BagError(f"{bag} holds no message of {', '.join(topics or ('any topic',))}")
     tables = {}
@@ -173,7 +173,7 @@ def _topic_of(name: str, topics: Collection[str]) -> tuple[str, str]:
                 return topic, name[len(alias) + 1 :]
             if name == alias:
                 raise BagError(f"{name} is a topic: name a field of it, {name}.FIELD")
-    raise BagError(unknown_name(name.partition(".")[0], topics, "topic"))
+    raise BagError(unknown_topic(name.partition(".")[0], topics))
 
 
 def _curve(table: Table, name: str) -> Curve:

@@ -20,6 +20,7 @@ from cassie_bags.cli.frame import (
 from cassie_bags.errors import BagError
 
 if TYPE_CHECKING:
+    from cassie_bags.bag.recording import Recording
     from cassie_bags.bag.summary import Summary
 
 
@@ -54,20 +55,23 @@ def _run(arguments: argparse.Namespace) -> int:
     summaries = summarize(arguments.a), summarize(arguments.b)
     one, other = summaries
     topics = compare_recordings(one.recording, other.recording)
+    recordings, note = _with_poses(one, other)
     metrics: tuple[dict[str, float], dict[str, float]] | str
     try:
-        metrics = _metrics_of(one), _metrics_of(other)
+        metrics = _metrics_of(recordings[0]), _metrics_of(recordings[1])
     except BagError as error:
         metrics = str(error)
-    print(comparison_text(summaries, topics, metrics))
+    print(comparison_text(summaries, topics, metrics, note))
     if path is not None:
         from cassie_bags.output import new_files
         from cassie_bags.report.plots import save_overlay
         from cassie_bags.report.view import view_of
 
         a, b = (
-            view_of(summary.recording, name, None, summary)
-            for summary, name in zip(summaries, labels((arguments.a, arguments.b)), strict=True)
+            view_of(recording, name, None, summary)
+            for recording, name, summary in zip(
+                recordings, labels((arguments.a, arguments.b)), summaries, strict=True
+            )
         )
         with new_files([path]) as (part,):
             save_overlay(a, b, part)
@@ -76,7 +80,23 @@ def _run(arguments: argparse.Namespace) -> int:
     return OK if same else NOT_AS_EXPECTED
 
 
-def _metrics_of(summary: Summary) -> dict[str, float]:
+def _with_poses(one: Summary, other: Summary) -> tuple[tuple[Recording, Recording], str]:
+    """Recordings with a pose of one kind, and a note if it is the estimated one.
+
+    If a bag has no true pose, the estimated pose replaces the true one in both.
+    """
+    from cassie_bags.signals.track import with_estimate_as_truth
+
+    recordings = one.recording, other.recording
+    blind = [name for name, each in zip("AB", recordings, strict=True) if not len(each.truth)]
+    if not blind:
+        return recordings, ""
+    holders = "A and B hold" if len(blind) == 2 else f"{blind[0]} holds"
+    note = f"{holders} no true pose: the figures of both are from the estimate"
+    return (with_estimate_as_truth(recordings[0]), with_estimate_as_truth(recordings[1])), note
+
+
+def _metrics_of(recording: Recording) -> dict[str, float]:
     """Metrics of a run by name.
 
     Raises:
@@ -85,7 +105,7 @@ def _metrics_of(summary: Summary) -> dict[str, float]:
     from cassie_bags.signals.metrics import measure
     from cassie_bags.signals.track import make_track
 
-    return measure(summary.recording, make_track(summary.recording), ()).run
+    return measure(recording, make_track(recording), ()).run
 
 
 if __name__ == "__main__":

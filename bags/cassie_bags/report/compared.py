@@ -15,6 +15,7 @@ def comparison_text(
     summaries: tuple[Summary, Summary],
     topics: Sequence[TopicComparison],
     metrics: tuple[Mapping[str, float], Mapping[str, float]] | str,
+    note: str = "",
 ) -> str:
     """Samples by topic, the first differences, and the metrics of both runs side by side.
 
@@ -22,6 +23,7 @@ def comparison_text(
         summaries: Summaries of the bags A and B.
         topics: Comparison of each topic.
         metrics: Metrics of A and B by name; or the reason why they cannot be measured.
+        note: What to know of the metrics; empty if there is nothing.
 
     Raises:
         BagError: if neither bag holds any of the compared topics.
@@ -46,8 +48,11 @@ def comparison_text(
         lines.append("the control lane is the same to the last bit")
     if only := in_one_bag(summaries):
         lines.append(f"in one bag only: {', '.join(only)}")
-    measured = [f"no figures: {metrics}"] if isinstance(metrics, str) else _metrics_table(*metrics)
-    lines += ["", *measured]
+    lines.append("")
+    if isinstance(metrics, str):
+        lines.append(f"no figures: {metrics}")
+    else:
+        lines += [*([note] if note else []), *_metrics_table(*metrics)]
     return "\n".join(lines)
 
 

@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.clock import CLOCK_TOPIC
 from cassie_bags.bag.playback import RATES, Playback
-from cassie_bags.bag.reader import BagIndex, read_messages
+from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
 from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import in_range
 from cassie_bags.errors import BagError
@@ -34,7 +34,6 @@ from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
 from cassie_msgs.ros.process import Stop, own_arguments, run
-from cassie_msgs.tunables import unknown_name
 from cassie_teleop.terminal import Terminal
 
 CLOCK_PERIOD = 10_000_000
@@ -147,7 +146,7 @@ class Replay(Node):
         names = sorted({topic for topic, *_ in recorded} - {CLOCK_TOPIC} - OWN_TOPICS)
         for topic in topics:
             if topic not in index.types:
-                raise BagError(f"{path}: {unknown_name(topic, index.types, 'topic')}")
+                raise BagError(f"{path}: {unknown_topic(topic, index.types)}")
             if topic not in names:
                 raise BagError(f"{path} has no message on {topic}")
         if not commands:
@@ -429,7 +428,7 @@ def _arguments(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--duration",
         "--playback-duration",
-        type=seconds,
+        type=in_range(1e-9, 1e6, "more than 0 s"),
         default=None,
         metavar="SECONDS",
         help="length of the played part",
