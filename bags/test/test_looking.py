@@ -31,7 +31,13 @@ from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.reader import read_messages, unknown_topic
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.rosbag2 import QOS_LANE
-from cassie_bags.bag.summary import SENSOR_CHANNELS, STATUS_TOPIC, summarize
+from cassie_bags.bag.summary import (
+    DIAGNOSTICS_TOPIC,
+    SENSOR_CHANNELS,
+    STATUS_TOPIC,
+    TopicSummary,
+    summarize,
+)
 from cassie_bags.bag.tables import Table, read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import report
@@ -391,6 +397,8 @@ def test_log_times_of_64_bits_are_read_as_they_are(tmp_path: Path, log_time: int
         assert [int(row["log_time"]) for row in csv.DictReader(stream)][1] == log_time
     done = command("plot", path, "count.data", "-o", tmp_path / "count.png")
     assert done.returncode == 0, done.stderr
+
+
 def write_mixed_bag(path: Path, encodings: dict[str, str]) -> None:
     """A bag with one message for each topic, in the given encoding; only "cdr" can be read."""
     with path.open("wb") as stream:
@@ -433,6 +441,76 @@ def test_a_bag_of_which_no_topic_can_be_read_is_not_exported(tmp_path: Path):
     assert not out.exists()
     with pytest.raises(BagError, match="/json cannot be read: its messages are encoded as json"):
         read_tables(path)
+
+
+def foreign(path: Path, topics: list[tuple[str, str, bytes]]) -> None:
+    """A bag of another program, with three messages on each topic of a type (none if empty)."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros2")
+        for topic, kind, data in topics:
+            text = b"uint32 data\n" if kind.endswith("UInt32") else b"string data\n"
+            schema = writer.register_schema(kind, "ros2msg", text) if kind else 0
+            channel = writer.register_channel(topic, "cdr", schema)
+            for time in range(3):
+                writer.add_message(channel, time, data, time)
+        writer.finish()
+
+
+COUNT = ("/count", "std_msgs/msg/UInt32", b"\0\1\0\0\7\0\0\0")
+WORD = ("/word", "std_msgs/msg/String", b"\0\1\0\0\2\0\0\0a\0")
+
+
+@pytest.mark.parametrize(
+    ("topics", "types", "reason"),
+    [
+        ([("/json", "", b"{}")], "(no schema)", "the bag names no message type"),
+        (
+            [COUNT, ("/count", *WORD[1:])],
+            "std_msgs/msg/UInt32, std_msgs/msg/String",
+            "the bag names two message types, std_msgs/msg/UInt32 and std_msgs/msg/String",
+        ),
+    ],
+    ids=["no schema", "two types"],
+)
+def test_a_topic_without_one_type_is_told_and_left_out(tmp_path: Path, topics, types, reason):
+    path = tmp_path / "foreign.mcap"
+    foreign(path, [*topics, WORD])
+    done = command("info", path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(rf"{topics[0][0]} +{re.escape(types)} +{3 * len(topics)} ", done.stdout)
+    assert "whole" in done.stdout
+    done = command("export", path, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert f"{topics[0][0]} is left out: {reason}" in done.stderr
+    names = {file.name for file in (tmp_path / "out").iterdir()}
+    assert names == {"word.csv", "fields.csv"}
+    for words, code in ((["--topics", topics[0][0], "/word"], 0), (["--topics", topics[0][0]], 2)):
+        done = command("export", path, "-o", tmp_path / f"named{code}", *words)
+        assert done.returncode == code
+        assert reason in done.stderr and "Traceback" not in done.stderr
+    with pytest.raises(BagError, match=re.escape(reason)):
+        read_curves(path, [f"{topics[0][0]}.data"])
+
+
+@pytest.mark.parametrize("topic", [STATUS_TOPIC, DIAGNOSTICS_TOPIC])
+def test_a_summary_reads_no_reports_of_another_type(tmp_path: Path, topic: str):
+    path = tmp_path / "foreign.mcap"
+    foreign(path, [(topic, *WORD[1:])])
+    summary = summarize(path)
+    assert summary.topics == [TopicSummary(topic, WORD[1], 3, pytest.approx(1e9))]
+    assert summary.problems == summary.faults == []
+
+
+def test_a_file_that_metadata_names_twice_is_not_read_twice(tmp_path: Path):
+    foreign(tmp_path / "a.mcap", [COUNT])
+    (tmp_path / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n"
+        "  storage_identifier: mcap\n"
+        "  relative_file_paths: [a.mcap, ./a.mcap]\n"
+    )
+    with pytest.raises(BagError, match=r"metadata\.yaml names a\.mcap twice"):
+        summarize(tmp_path)
 
 
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, bag: Path):

@@ -66,7 +66,11 @@ def _named_files(folder: Path) -> list[Path] | None:
     section = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(section, Mapping):
         return None
-    return [folder / Path(name).name for name in _names(section, folder)]  # never elsewhere
+    names = [Path(name).name for name in _names(section, folder)]  # never elsewhere
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise BagError(f"{folder}: {_METADATA} names {twice} twice: give the file itself")
+    return [folder / name for name in names]
 
 
 def _names(section: Mapping[str, Any], folder: Path) -> list[str]:

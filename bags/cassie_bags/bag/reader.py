@@ -22,7 +22,9 @@ class BagIndex:
     """Index of a bag, filled while the bag is read.
 
     Attributes:
-        types: Message type by topic.
+        types: Message type by topic; the first one of a topic with several types, and empty for a
+            topic without a schema.
+        other_types: Further message types of the topics that have several.
         definitions: Text of the definition, by message type.
         definition_encodings: Language of the definition, by message type.
         unreadable: By topic, why its messages are not ROS 2 messages of one type.
@@ -32,12 +34,17 @@ class BagIndex:
     """
 
     types: dict[str, str] = field(default_factory=dict)
+    other_types: dict[str, list[str]] = field(default_factory=dict)
     definitions: dict[str, str] = field(default_factory=dict)
     definition_encodings: dict[str, str] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
+
+    def all_types(self, topic: str) -> list[str]:
+        """All message types of a topic, the first one first."""
+        return [self.types[topic], *self.other_types.get(topic, [])]
 
     def add_channel(self, channel: Channel, schema: Schema) -> None:
         """Note the type of a channel's topic, and why the topic cannot be read, if it cannot."""
@@ -53,7 +60,10 @@ class BagIndex:
             reason = ""
         if reason:
             self.unreadable[channel.topic] = reason
-        self.types[channel.topic] = kind
+        self.types.setdefault(channel.topic, kind)
+        others = self.other_types.get(channel.topic, [])
+        if kind not in (before, *others):
+            self.other_types[channel.topic] = [*others, kind]
         self.definitions[kind] = schema.data.decode("utf-8", "replace")
         self.definition_encodings[kind] = schema.encoding
 

@@ -27,6 +27,10 @@ from cassie_msgs.layout import Mode, RobotMode, RobotState, Sensors
 STATUS_TOPIC = "/cassie/supervisor_status"
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
+_KINDS = {
+    STATUS_TOPIC: "cassie_msgs/msg/SupervisorStatus",
+    DIAGNOSTICS_TOPIC: "diagnostic_msgs/msg/DiagnosticArray",
+}
 _IMU = ("IMU x", "IMU y", "IMU z")
 SENSOR_CHANNELS = (
     "orientation (IMU)",
@@ -52,7 +56,10 @@ _OK = 0
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """Type of a topic, number of messages, and mean rate of the run's (Hz, robot time)."""
+    """Type of a topic, number of messages, and mean rate of the run's (Hz, robot time).
+
+    The type is empty for a topic without a schema; several types are separated by commas.
+    """
 
     topic: str
     type: str
@@ -170,7 +177,8 @@ def summarize(bag: Path | str) -> Summary:
         duration=(last - first) * 1e-9,
         wall_time=wall if walls else (last_wall - first_wall) * 1e-9,
         topics=[
-            _topic(t, index.types[t], times.get(t, []), of_run.get(t)) for t in sorted(index.types)
+            _topic(t, ", ".join(index.all_types(t)), times.get(t, []), of_run.get(t))
+            for t in sorted(index.types)
         ],
         gaps=gaps(recording, from_start=False),
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
@@ -221,9 +229,12 @@ def _decoded(
     times: Mapping[str, list[int]],
     index: BagIndex,
 ) -> Iterator[tuple[int, Any]]:
-    """Log time (ns) and decoded message of each message of a topic without fixed layout."""
-    if raw := messages.get(topic):
-        kind = index.types[topic]
+    """Log time (ns) and decoded message of each message of a topic without fixed layout.
+
+    Messages of another type than that of `_KINDS` are left out, with all of their topic.
+    """
+    kind = _KINDS[topic]
+    if (raw := messages.get(topic)) and index.all_types(topic) == [kind]:
         yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
 
 

@@ -53,7 +53,9 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield f"duration     {summary.duration:.2f} s of robot time{_speed(summary)}"
     yield ""
     rows: list[Sequence[str]] = [("topic", "type", "count", "Hz")]
-    rows += [(t.topic, t.type, str(t.count), f"{t.rate:.1f}") for t in summary.topics]
+    rows += [
+        (t.topic, t.type or "(no schema)", str(t.count), f"{t.rate:.1f}") for t in summary.topics
+    ]
     yield from aligned(rows, left=2)
     yield ""
     yield from _section("missing", summary.gaps or ["nothing: seq has no gap"])
