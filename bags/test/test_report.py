@@ -131,6 +131,7 @@ def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():
         gaps=(), strays=(), episodes=[Interval("1", 0.0, 10.0), Interval("2", 10.0, 12.0)],
         modes=[Interval("walk", 0.02, 10.0, "before"), Interval("walk", 10.02, 12.0, "it asked")],
         faults=[Interval("old", 1.0, 2.0), Interval("late", 9.0, 11.0)],
+        has_status=True,
         nodes=[Interval("stack began anew", 11.5, 11.5)], problems=(), metadata={},
         recording=recording,
     )  # fmt: skip
