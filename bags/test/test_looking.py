@@ -28,6 +28,7 @@ from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.node_events import EVENTS_TOPIC
+from cassie_bags.bag.output import new_files
 from cassie_bags.bag.reader import read_messages, unknown_topic
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
 from cassie_bags.bag.rosbag2 import QOS_LANE
@@ -42,7 +43,6 @@ from cassie_bags.bag.tables import Table, read_curves, read_tables
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import report
 from cassie_bags.errors import BagError
-from cassie_bags.output import new_files
 from cassie_bags.report.figures import EVENT_COLOURS
 from cassie_bags.report.view import events_of_bag
 from cassie_bags.signals.falls import falls

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from cassie_bags.bag.output import new_files
 from cassie_bags.bag.tables import TIMES, Table
 from cassie_bags.errors import BagError
-from cassie_bags.output import new_files
 
 UNITS = "fields.csv"
 """Name of the file with topic, column, unit and meaning of every column."""

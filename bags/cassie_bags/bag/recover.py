@@ -14,6 +14,7 @@ from mcap.writer import Writer
 
 from cassie_bags.bag.framing import RecordReader, parse_message
 from cassie_bags.bag.location import bag_files
+from cassie_bags.bag.output import new_files
 from cassie_bags.bag.rosbag2 import (
     QOS_KEY,
     RECORD,
@@ -25,7 +26,6 @@ from cassie_bags.bag.rosbag2 import (
 )
 from cassie_bags.bag.writer import PROFILE
 from cassie_bags.errors import BagError
-from cassie_bags.output import new_files
 
 
 @dataclass(frozen=True)

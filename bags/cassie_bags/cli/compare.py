@@ -63,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
         metrics = str(error)
     print(comparison_text(summaries, topics, metrics, note))
     if path is not None:
-        from cassie_bags.output import new_files
+        from cassie_bags.bag.output import new_files
         from cassie_bags.report.plots import save_overlay
         from cassie_bags.report.view import view_of
 

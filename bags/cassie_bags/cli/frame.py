@@ -71,15 +71,6 @@ def run_command(
         return WRONG_INPUT
 
 
-def words_of(command: str) -> list[str]:
-    """Words of this process's command line, without those of ROS; ROS is loaded for these alone."""
-    if "--ros-args" not in sys.argv:
-        return sys.argv[1:]
-    from cassie_msgs.ros.process import own_arguments
-
-    return own_arguments(command)
-
-
 def bag_argument(word: str) -> Path:
     """A bag from a command line, checked before slow modules are loaded.
 

@@ -36,9 +36,9 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     name = stem(arguments.bag)
     path = new_file(arguments.output or Path(f"{name}.png"))
+    from cassie_bags.bag.output import new_files
     from cassie_bags.bag.summary import modes_of, summarize
     from cassie_bags.bag.tables import read_curves
-    from cassie_bags.output import new_files
     from cassie_bags.report.plots import save_curves, save_overview
     from cassie_bags.report.view import events_of_bag, view_of_bag
 

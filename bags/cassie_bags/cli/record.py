@@ -9,17 +9,26 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import count, in_range, one_of
-from cassie_bags.cli.frame import exit_codes, words_of
+from cassie_bags.cli.frame import exit_codes
 
 _MIB = 1 << 20
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Entry point of `ros2 run cassie_bags record`."""
-    arguments = parse(words_of("record") if argv is None else argv)
+    arguments = parse(_words() if argv is None else argv)
     from cassie_bags.ros.record import run_recorder  # loading ROS takes half a second
 
     run_recorder(arguments)
+
+
+def _words() -> list[str]:
+    """Words of this process's command line, without those of ROS; ROS is loaded for these alone."""
+    if "--ros-args" not in sys.argv:
+        return sys.argv[1:]
+    from cassie_bags.ros.record import words
+
+    return words()
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:

@@ -44,7 +44,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     path = new_file(arguments.output)
-    from cassie_bags.output import new_files
+    from cassie_bags.bag.output import new_files
     from cassie_bags.report.page import page
     from cassie_bags.report.recorded import recorded_entry
     from cassie_bags.run.provenance import versions

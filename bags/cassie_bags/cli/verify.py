@@ -33,7 +33,7 @@ def _run(arguments: argparse.Namespace) -> int:
         new_file(plot, "--plot")
     from tqdm import tqdm  # these imports are slow
 
-    from cassie_bags.output import new_files
+    from cassie_bags.bag.output import new_files
     from cassie_bags.run.verify import START, TOLERANCE, verify
     from cassie_bags.run.yaml_file import consistent
 

@@ -453,6 +453,11 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
     }
 
 
+def words() -> list[str]:
+    """Words of this process's command line, without those of ROS."""
+    return own_arguments("record")
+
+
 def run_recorder(arguments: argparse.Namespace) -> None:
     """Run the node until Ctrl-C."""
     # It has no low priority: messages that it cannot take in time are lost.
