@@ -34,7 +34,7 @@ from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
-from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.process import Stop, own_arguments, run
 
 DEFAULT_TOPICS = (
     *TYPES,
