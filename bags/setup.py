@@ -40,7 +40,11 @@ setup(
         "tqdm",
         "zstandard",
     ],
-    extras_require={"parquet": ["pyarrow==26.0.1"], "test": ["pytest", "pytest-timeout"]},
+    extras_require={
+        "lz4": ["lz4==4.4.5"],
+        "parquet": ["pyarrow==26.0.1"],
+        "test": ["pytest", "pytest-timeout"],
+    },
     entry_points={
         "console_scripts": [
             "cassie_bags = cassie_bags.__main__:main",

@@ -45,6 +45,7 @@ SUPPLIERS = {
     "imageio": Supplier("python3-imageio", "imageio"),
     "jinja2": Supplier("python3-jinja2", "jinja2"),
     "llvmlite": Supplier("python3-numba", "llvmlite"),
+    "lz4": Supplier("", ""),  # the extra `lz4`
     "matplotlib": Supplier("python3-matplotlib", "matplotlib"),
     "mcap": Supplier("", "mcap"),
     "mpl_toolkits": Supplier("python3-matplotlib", "matplotlib"),

@@ -433,7 +433,7 @@ def _decompress_lz4(data: bytes, size: int) -> bytes:
     except ImportError:
         raise CompressionError(
             "its chunks are compressed by lz4, for which the Python package lz4 is not installed: "
-            "pip install lz4"
+            "pip install lz4==4.4.5"
         ) from None
     frame = lz4.frame.LZ4FrameDecompressor()
     try:
