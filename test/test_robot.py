@@ -131,6 +131,7 @@ def test_it_starts_the_robot_and_one_ctrl_c_ends_all(tmp_path: Path, domain: int
 
 CTRL_C_AS_IT_BEGINS_TO_WAIT = """
 import signal, sys, threading
+from cassie_bags.cli.robot import main
 from cassie_bags.ros import robot
 
 def trace(frame, event, _):
@@ -144,7 +145,7 @@ def said_and_traced(text):
         said.append(text)
         sys.settrace(trace)
 robot._say = said_and_traced
-sys.exit(robot.main())
+sys.exit(main())
 """
 
 

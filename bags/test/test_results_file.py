@@ -28,7 +28,21 @@ def without_runs(text: str) -> str:
     return before + title + "\n".join(words).rstrip() + "\n" + next_title + after
 
 
-UNNOTED = without_runs(RESULTS)
+def without_others(text: str) -> str:
+    """Results without the columns of robots other than the first ones."""
+    lines, dropped = [], slice(0)
+    for line in text.splitlines():
+        cells = line.split("|")
+        if not line.startswith("|"):
+            dropped = slice(0)
+        elif (place := next((k for k, x in enumerate(cells) if x.startswith(" robots 1")), 0)) > 0:
+            dropped = slice(place, place + 3)
+        del cells[dropped]
+        lines.append("|".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+UNNOTED = without_runs(without_others(RESULTS))
 ORDER = [row.title for row in all_rows()]
 STORED = read_rows(HERE / "sweeps_of_two_robots.json")
 """Rows that `sweep` kept, measured with robots 1 and 2; the file holds the command."""
