@@ -12,7 +12,8 @@ from pathlib import Path
 from cassie_bags.cli.arguments import count, in_range, one_of
 from cassie_bags.cli.frame import exit_codes
 
-_MIB = 1 << 20
+MIB = 1 << 20
+"""Bytes of a MiB."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -92,7 +93,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--min-free-space",
         type=_mebibytes,
-        default=100 * _MIB,
+        default=100 * MIB,
         metavar="MIB",
         help="end when less space is free on the disk (default: 100)",
     )
@@ -125,7 +126,7 @@ def _topic(word: str) -> str:
 
 
 def _mebibytes(word: str) -> int:
-    return int(in_range(0.0, 1e9, "0 MiB or more")(word) * _MIB)
+    return int(in_range(0.0, 1e9, "0 MiB or more")(word) * MIB)
 
 
 def is_file(output: Path) -> bool:

@@ -26,7 +26,7 @@ from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
 from cassie_bags.bag.writer import BagWriter, FolderWriter
-from cassie_bags.cli.record import is_file
+from cassie_bags.cli.record import MIB, is_file
 from cassie_bags.errors import BagError
 from cassie_bags.ros.node_parameters import RECORD, NodeParameters, record_of
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
@@ -71,8 +71,7 @@ _WITHOUT_ROBOT = (
     5_000_000_000  # ns of wall time after which messages are written without robot time
 )
 _ANSWER = 10.0  # s, time-out of a service that waits for the loop
-_MIB = 1 << 20
-_LARGEST_FILE = 16 * _MIB  # bytes of a file that is attached to the bag
+_LARGEST_FILE = 16 * MIB  # bytes of a file that is attached to the bag
 _Message = tuple[int | None, RecordedTopic, bytes, int]
 """Log time if known, topic, content and time of receipt of a message."""
 
@@ -373,8 +372,8 @@ class Session:
         free = shutil.disk_usage(place).free
         if free < self._min_free_space:
             raise BagError(
-                f"only {free / _MIB:.0f} MiB are free in {place}, less than "
-                f"{self._min_free_space / _MIB:.0f} MiB (--min-free-space): recording ends"
+                f"only {free / MIB:.0f} MiB are free in {place}, less than "
+                f"{self._min_free_space / MIB:.0f} MiB (--min-free-space): recording ends"
             )
 
     def _attach_files_of(self, raw: bytes) -> None:
