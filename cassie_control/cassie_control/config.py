@@ -13,38 +13,16 @@ class TransitionConfig:
 
     lean_time: float = tunable(0.5, "s", 0.1, 2.0, "Duration of the lean before the first step")
     lean_roll: float = tunable(0.18, "rad", 0.0, 0.2, "Roll to the left before the first step")
-    stop_spread: float = tunable(
-        0.03, "m", 0.0, 0.1, "How much farther out each foot lands before walking ends"
-    )
-    stop_first: float = tunable(2.0, "", 0.0, 10.0, "Steps with wider feet before walking may end")
-    stop_vx: float = tunable(
-        0.2, "m/s", 0.05, 1.0, "Largest CoM velocity fore or aft at the touchdown that ends walking"
-    )
-    stop_vy: float = tunable(
-        0.35, "m/s", 0.05, 1.0, "Largest CoM velocity sideways at the touchdown that ends walking"
-    )
-    stop_steps: float = tunable(10.0, "", 1.0, 100.0, "Touchdowns after which walking ends anyway")
     recovery_step: bool = tunable(
         True, description="Step without a command when standing cannot hold a push"
     )
-    recovery_x: float = tunable(
+    recovery_margin: float = tunable(
         0.035,
         "m",
         0.01,
         0.3,
-        "Distance of the capture point beyond toes or heels that triggers a recovery step",
+        "Distance of the capture point beyond the feet that triggers a recovery step",
     )
-    recovery_y: float = tunable(
-        0.03, "m", 0.01, 0.3, "Capture point beside the feet that triggers a recovery step"
-    )
-    recovery_height: float = tunable(
-        0.8, "m", 0.4, 1.05, "Pelvis height below which there is no recovery step"
-    )
-    recovery_lift: float = tunable(
-        0.05, "m", 0.0, 0.15, "How much more the foot is lifted at the first recovery step"
-    )
-    recovery_steps: float = tunable(3.0, "", 1.0, 20.0, "Recovery steps before standing again")
-    blend_time: float = tunable(0.12, "s", 0.0, 2.0, "Blend of torques and gains at a new mode")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,60 +31,53 @@ class StandConfig:
 
     kp_hip_roll: float = tunable(400.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(200.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")
-    kp_hip_pitch: float = tunable(150.0, "Nm/rad", 0.0, 2000.0, "Torso pitch through the hips")
+    kp_hip_pitch: float = tunable(
+        150.0,
+        "Nm/rad",
+        0.0,
+        2000.0,
+        "Stiffness of torso pitch by both hips, and of a leg in the air",
+    )
     kp_knee: float = tunable(350.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kd_hip_roll: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(5.0, "Nms/rad", 0.0, 100.0, "Torso pitch damping")
+    kd_hip_pitch: float = tunable(5.0, "Nms/rad", 0.0, 100.0, "Damping of torso pitch by both hips")
     kd_knee: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_leg_pitch: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping under load")
     kp_com_x: float = tunable(
-        600.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, besides the weight's own"
+        600.0, "N/m", 0.0, 2000.0, "Forward force by CoM x error, in addition to gravity's"
     )
-    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
+    kd_com_x: float = tunable(300.0, "Ns/m", 0.0, 1000.0, "Forward force by CoM x velocity")
     settled_kd_com_x: float = tunable(
         500.0,
         "Ns/m",
         0.0,
         1000.0,
-        "Force fore and aft by CoM x velocity after settling, to react to a push at once",
+        "Forward force by CoM x velocity after settling, to react to a push at once",
     )
     kp_com_y: float = tunable(
-        250.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, besides the weight's own"
+        250.0, "N/m", 0.0, 2000.0, "Sideways force by CoM y error, in addition to gravity's"
     )
-    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
+    kd_com_y: float = tunable(400.0, "Ns/m", 0.0, 1000.0, "Sideways force by CoM y velocity")
     settled_kd_com_y: float = tunable(
-        700.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity after settling"
+        700.0, "Ns/m", 0.0, 1000.0, "Sideways force by CoM y velocity after settling"
     )
     settled_kp_hip_roll: float = tunable(
         700.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness after settling"
     )
-    toe_torque: float = tunable(30.0, "Nm", 0.0, 45.0, "Bound of the toe torque of one foot")
     kp_toe: float = tunable(30.0, "Nm/rad", 0.0, 500.0, "Toe stiffness of a foot in the air")
     kd_toe: float = tunable(2.0, "Nms/rad", 0.0, 50.0, "Toe damping")
     roll_length: float = tunable(
         1.0, "m/rad", 0.0, 10.0, "Leg length difference by torso roll error"
     )
     roll_rate_length: float = tunable(
-        0.03, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
-    )
-    give: float = tunable(
-        0.03, "m", 0.001, 1.0, "Excess of the centre of pressure that ends torso regulation"
+        0.03, "m/(rad/s)", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
     bend_gain: float = tunable(
         8.0, "", 0.0, 50.0, "Torque that bends the torso, per weight and excess of pressure"
     )
-    bend_torque: float = tunable(40.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
-    bend_limit: float = tunable(0.55, "rad", 0.05, 1.0, "Bend at which the bending torque is 0")
-    roll_gain: float = tunable(
-        2.0, "", 0.0, 20.0, "Sideways force by excess of pressure, ratio to the pendulum's"
-    )
-    roll_torque: float = tunable(
-        120.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
-    )
-    roll_limit: float = tunable(
-        0.35, "rad", 0.02, 0.5, "Sideways bend of zero torque, well before the hip's stop"
-    )
+    bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
+    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend at which the bending torque is 0")
     velocity_bandwidth: float = tunable(
         80.0, "1/s", 5.0, 1000.0, "Low-pass of the CoM velocity, below the springs' frequency"
     )
@@ -158,24 +129,19 @@ class SegwayConfig:
     """Riding a Segway: gains that differ from standing, and control of speed and heading."""
 
     kp_com_x: float = tunable(
-        200.0, "N/m", 0.0, 2000.0, "Force fore and aft by CoM x error, besides the weight's own"
+        200.0, "N/m", 0.0, 2000.0, "Forward force by CoM x error, in addition to gravity's"
     )
-    kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "Force fore and aft by CoM x velocity")
+    kd_com_x: float = tunable(80.0, "Ns/m", 0.0, 1000.0, "Forward force by CoM x velocity")
     kp_com_y: float = tunable(
-        125.0, "N/m", 0.0, 2000.0, "Force sideways by CoM y error, besides the weight's own"
+        125.0, "N/m", 0.0, 2000.0, "Sideways force by CoM y error, in addition to gravity's"
     )
-    kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "Force sideways by CoM y velocity")
-    bend_torque: float = tunable(80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso")
-    bend_limit: float = tunable(0.35, "rad", 0.05, 1.0, "Bend at which the bending torque is 0")
+    kd_com_y: float = tunable(200.0, "Ns/m", 0.0, 1000.0, "Sideways force by CoM y velocity")
     kd_hip_roll: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
-    roll_torque: float = tunable(
-        80.0, "Nm", 0.0, 200.0, "Bound of the torque that bends the torso to the side"
-    )
     roll_give: float = tunable(
         0.3, "", 0.0, 1.0, "Least factor on hip roll stiffness at an excess of pressure"
     )
     roll_rate_length: float = tunable(
-        0.1, "ms/rad", 0.0, 2.0, "Leg length difference by torso roll rate"
+        0.1, "m/(rad/s)", 0.0, 2.0, "Leg length difference by torso roll rate"
     )
     lean_length: float = tunable(
         0.3, "m/rad", 0.0, 1.0, "Leg length difference by the desired roll"
@@ -278,7 +244,7 @@ class LateGains:
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
     roll_rate_length: float = tunable(
-        0.06, "ms/rad", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
+        0.06, "m/(rad/s)", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
     )
 
     def walking_share(self, latency: float) -> float:
@@ -407,7 +373,11 @@ class WalkConfig:
         "Disturbance observer: saturation of the speed error as the offset grows",
     )
     slope_time: float = tunable(
-        0.3, "s", 0.0, 5.0, "Time constant of the slope ahead, by the stance foot; 0: level"
+        0.3,
+        "s",
+        0.0,
+        5.0,
+        "Time constant of the slope ahead, by the stance foot; 0: no model of the ground",
     )
     slope_rise_time: float = tunable(
         1.0, "s", 0.1, 5.0, "`slope_time` where the foot shows more of a rise than estimated"
@@ -420,7 +390,7 @@ class WalkConfig:
         "",
         0.0,
         1.0,
-        "Share of a foothold's height off the slope that is its own, not the ground's around it",
+        "Share of a foothold's deviation from the slope that is the foothold's own",
     )
     hold_gain: float = tunable(
         0.4, "1/s", 0.0, 2.0, "Stepping in place: speed back to the place by distance; 0: drift"

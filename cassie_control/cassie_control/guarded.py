@@ -15,6 +15,7 @@ import numpy as np
 from cassie_control.errors import ControlError, SensorError
 from cassie_control.estimator.channels import no_estimate
 from cassie_control.supervisor.status import SupervisorStatus, damped
+from cassie_gaits.drive_limits import DAMPING
 from cassie_gaits.errors import CassieError
 from cassie_msgs.layout import (
     ControllerStatus,
@@ -135,9 +136,6 @@ class GuardedController:
     """
 
     def __init__(self, core: Controller) -> None:
-        # Imported here, as it loads the compiler, which the supervisor does not need.
-        from cassie_control.control.gait_controller import DAMPING
-
         self.core = core
         self.problem = ""
         self._blank = ControllerStatus()

@@ -6,13 +6,14 @@ import math
 from dataclasses import replace
 
 import pytest
+from placements import StepAhead, make_placement, swing_target
 from robot_states import leg_joints, put, put_ankle, readings_of, state_of
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import HIP_TO_PELVIS, HIP_X, HIP_Y
-from cassie_control.planner.footstep import PendulumPlacement, make_placement
+from cassie_control.control.robot import HIP_DOWN, HIP_X, HIP_Y
+from cassie_control.planner.footstep import PendulumPlacement
 from cassie_control.planner.pendulum import ahead_of_pendulum
-from cassie_control.planner.placement import Commanded, GaitStep
+from cassie_control.planner.placement import Commanded
 from cassie_gaits.robot import GRAVITY
 
 CONFIG = WalkConfig(
@@ -36,7 +37,7 @@ def pose():
 def foot_from_com(readings, swing, end):
     """Where a swing leg puts the toe joint, from the CoM, with a level torso. (2,), in m."""
     x = HIP_X + end.length * math.sin(end.pitch) - readings.com[0]
-    below = end.length * math.cos(end.pitch) + HIP_TO_PELVIS
+    below = end.length * math.cos(end.pitch) + HIP_DOWN
     y = swing.hip_y + below * math.sin(end.roll) - readings.com[1]
     return x, y
 
@@ -80,8 +81,8 @@ class Pendulum:
         moving(readings, *self.velocity)
         ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
         put_ankle(readings, self.stance, (ankle[0], ankle[1], stance.ankle[2]))
-        ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
-        end = self.law.swing_target(readings, stance, swing, self.commanded, ahead)
+        ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+        end = swing_target(self.law, readings, self.stance, self.commanded, ahead)
         foot = foot_from_com(readings, swing, end)
         self.position = [ahead_of_pendulum(self.commanded.vx) - foot[0], -foot[1]]
         self.stance = 1 - self.stance
@@ -169,11 +170,11 @@ def test_the_shipped_ratio_is_that_of_the_identified_map(speed, ratios):
 def test_the_map_asks_for_less_of_an_error_the_faster_the_touchdown():
     config = replace(CONFIG, map_loss_x=0.5, map_loss_y=0.2, least_foot_distance=0.05)
     readings = pose()
-    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
     def out(config, vx, error):
         moving(readings, vx, -0.3 - error)
-        end = make_placement(config).swing_target(readings, *readings.legs, Commanded(), ahead)
+        end = swing_target(make_placement(config), readings, LEFT, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)[1]
 
     for vx in (0.0, 0.4, -0.4):
@@ -185,14 +186,11 @@ def test_the_foot_leads_the_end_of_a_fast_step_by_more():
     readings = pose()
 
     def lead(speed):
-        ahead = GaitStep(
+        ahead = StepAhead(
             0.1, 0.3, velocity=(speed, 0.0), step_time=GAIT_TIME, landing_length=LENGTH
         )
-        return (
-            make_placement(CONFIG)
-            .swing_target(readings, *readings.legs, Commanded(), ahead)
-            .contact_lead
-        )
+        law = make_placement(CONFIG)
+        return swing_target(law, readings, LEFT, Commanded(), ahead).contact_lead
 
     assert lead(0.0) == CONFIG.contact_lead
     assert lead(-1.0) == lead(1.0) == pytest.approx(CONFIG.contact_lead + CONFIG.contact_lead_speed)
@@ -221,9 +219,9 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
     stance_leg, swing_leg = readings.legs[1 - swing], readings.legs[swing]
     moving(readings, 0.0, vy)
     config = replace(CONFIG, law=law)
-    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), landing_length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, velocity=(1.0, vy), landing_length=LENGTH)
     commanded = Commanded(roll_trim=trim)
-    end = make_placement(config).swing_target(readings, stance_leg, swing_leg, commanded, ahead)
+    end = swing_target(make_placement(config), readings, 1 - swing, commanded, ahead)
     foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
     apart = swing_leg.side * (foot - stance_leg.ankle[1])
     clamped = abs(end.roll) > 0.399
@@ -232,11 +230,11 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
 
 def test_the_observer_takes_the_mean_error_for_a_disturbance_within_its_bound():
     law, readings, commanded = PendulumPlacement(CONFIG), pose(), Commanded(vx=0.3)
-    stance, swing = readings.legs
-    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+    swing = readings.legs[RIGHT]
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
     def foothold():
-        end = law.swing_target(readings, stance, swing, commanded, ahead)
+        end = swing_target(law, readings, LEFT, commanded, ahead)
         return foot_from_com(readings, swing, end)[0]
 
     start = foothold()
@@ -252,10 +250,10 @@ def test_the_observer_takes_the_mean_error_for_a_disturbance_within_its_bound():
 def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
     """A pillar that gives way must not find the robot leaning against it."""
     law, readings, commanded = PendulumPlacement(CONFIG), pose(), Commanded(vx=0.3)
-    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
     def foothold():
-        end = law.swing_target(readings, *readings.legs, commanded, ahead)
+        end = swing_target(law, readings, LEFT, commanded, ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)[0]
 
     start = foothold()
@@ -279,10 +277,10 @@ def test_what_holds_the_robot_back_is_hardly_taken_for_a_disturbance():
 def test_a_robot_that_keeps_up_with_a_changing_command_shows_no_disturbance():
     """A foot acts one step later, and the mean is of two steps: it follows a ramp by two steps."""
     law, readings = PendulumPlacement(CONFIG), pose()
-    ahead = GaitStep(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
+    ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
 
     def foothold():
-        end = law.swing_target(readings, *readings.legs, Commanded(), ahead)
+        end = swing_target(law, readings, LEFT, Commanded(), ahead)
         return foot_from_com(readings, readings.legs[RIGHT], end)
 
     start = foothold()

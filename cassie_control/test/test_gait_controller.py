@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, mode_of, random_state, state_of
 
-from cassie_control.config import ControllerConfig, TransitionConfig
-from cassie_control.control.gait_controller import DAMPING, Activity, GaitController
+from cassie_control.config import ControllerConfig
+from cassie_control.control.gait_controller import Activity, GaitController
 from cassie_control.control.limits import stops
 from cassie_control.errors import ControlError
+from cassie_gaits.drive_limits import DAMPING
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_msgs.layout import MotorCommand, RobotMode
 from cassie_msgs.tunables import replace_checked
 
 LIBRARY = load_certified(default_library_path())
-CONFIG = ControllerConfig(transition=TransitionConfig(stop_first=0.0))
+CONFIG = ControllerConfig()
 PERIOD = 0.002
 OFF, DAMP, STAND, WALK = RobotMode.OFF, RobotMode.DAMP, RobotMode.STAND, RobotMode.WALK
 
@@ -87,31 +88,17 @@ def test_walking_ends_only_at_a_touchdown():
     assert float(core.status.stance_leg) == -1.0
 
 
-@pytest.mark.parametrize("velocity", [(0.3, 0.0), (0.0, -0.45)])
-def test_walking_ends_only_with_a_slow_com_or_after_many_steps(velocity):
-    core, steps = walking(0.3), 0
-    while core.activity is Activity.WALKING:
-        steps += 1
+@pytest.mark.parametrize("velocity", [(0.3, 0.0), (0.0, -0.6)])
+def test_walking_goes_on_while_standing_would_not_bring_it_to_rest(velocity):
+    core = walking(0.3)
+    for speed in (*[velocity] * 12, (0.0, 0.0)):
+        assert core.activity is Activity.WALKING
         for swing_force in (300.0, 0.0):
             left = core.walking.timing.stance == 0
             state = stepping(330.0, swing_force) if left else stepping(swing_force, 330.0)
-            state.com_velocity[:2] = velocity
+            state.com_velocity[:2] = speed
             run(core, state, STAND, PERIOD if swing_force else 0.25)
-    assert steps == CONFIG.transition.stop_steps
-
-
-def test_walking_ends_after_some_steps_with_wider_feet():
-    first = TransitionConfig().stop_first
-    assert first >= 2.0
-    core, steps = walking(0.3), 0
-    core.configure(ControllerConfig())
-    while core.activity is Activity.WALKING:
-        steps += 1
-        for swing_force in (300.0, 0.0):
-            left = core.walking.timing.stance == 0
-            state = stepping(330.0, swing_force) if left else stepping(swing_force, 330.0)
-            run(core, state, STAND, PERIOD if swing_force else 0.25)
-    assert steps == first + 1
+    assert core.activity is Activity.STANDING
 
 
 def test_walking_goes_on_from_touchdown_to_touchdown():
@@ -129,24 +116,6 @@ def test_off_and_damping_take_effect_at_once(mode):
     assert (command.kp == 0.0).all()
     assert command.kd == pytest.approx(DAMPING if mode is DAMP else np.zeros(10))
     assert (command.velocity == 0.0).all() or mode is OFF
-
-
-def test_after_damping_it_stands_with_a_blend():
-    core = controller()
-    run(core, standing(), DAMP)
-    first = run(core, standing(), STAND).kp.copy()
-    full = run(core, standing(), STAND, 1.0).kp
-    assert (first <= 0.02 * full + 1e-12).all()
-    assert full[3] == pytest.approx(CONFIG.stand.kp_knee)
-
-
-def test_after_walking_it_stands_with_a_blend():
-    core = walking(0.25)
-    first = run(core, stepping(right=300.0), STAND).kp[[3, 8]].copy()
-    assert core.activity is Activity.STANDING
-    assert first == pytest.approx(CONFIG.walk.joints.kp_knee, rel=0.02)
-    last = run(core, standing(), STAND, 2.0 * CONFIG.transition.blend_time).kp[[3, 8]]
-    assert last == pytest.approx(CONFIG.stand.kp_knee)
 
 
 @pytest.mark.parametrize("name", ["q", "com_velocity", "foot_force", "angular_velocity"])
@@ -176,7 +145,7 @@ def test_an_unknown_mode_is_refused():
 def test_a_law_that_breaks_sends_nothing_and_starts_afresh(monkeypatch):
     core = walking()
 
-    def broken(readings, mode, command, spread=0.0):
+    def broken(readings, mode, command):
         command.torque[2] = np.nan
         return False
 
@@ -258,15 +227,3 @@ def test_the_command_answers_its_state():
     command = run(controller(), state, STAND)
     assert isinstance(command, MotorCommand)
     assert (int(command.seq), int(command.episode), command.stamp_ns) == (12, 5, 24_000_000)
-
-
-@pytest.mark.parametrize("blend_time", [0.0, 0.05])
-def test_a_shorter_blend_set_during_one_holds_from_the_next_on(blend_time):
-    core = GaitController(
-        replace(CONFIG, transition=replace(CONFIG.transition, blend_time=2.0)), LIBRARY, PERIOD
-    )
-    run(core, standing(), STAND)
-    before = run(core, standing(), STAND, 0.2).torque.copy()
-    transition = replace(CONFIG.transition, blend_time=blend_time)
-    core.configure(replace(CONFIG, transition=transition))
-    assert np.abs(run(core, standing(), STAND).torque - before).max() < 1.0

@@ -7,17 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from cassie_control.control.limits import KD_LIMIT, KP_LIMIT, MARGIN, limit, stops
+from cassie_control.control.limits import MARGIN, limit, stops
 from cassie_control.errors import ControlError
+from cassie_gaits.drive_limits import KD_LIMIT, KP_LIMIT
 from cassie_gaits.names import DRIVES
 from cassie_msgs.layout import MotorCommand
-from cassie_sim.drives import LIMITS
 from cassie_sim.scenes import scene_spec
-
-
-def test_gain_limits_are_those_of_the_drives():
-    assert LIMITS["kp"] == (0.0, KP_LIMIT)
-    assert LIMITS["kd"] == (0.0, KD_LIMIT)
 
 
 def test_stops_are_those_of_the_simulated_robot():

@@ -10,6 +10,7 @@ from robot_states import leg_joints, random_state, readings_of, state_of
 
 from cassie_control.control.outputs import (
     FOOT_SW,
+    LEAST_ACCELERATION,
     LENGTH_ST,
     LENGTH_SW,
     PITCH_SW,
@@ -18,6 +19,7 @@ from cassie_control.control.outputs import (
     measure,
 )
 from cassie_control.control.robot import HIP_X, HIP_Y, HIP_Z
+from cassie_gaits import bezier
 from cassie_gaits.gait_library import OUTPUTS
 
 
@@ -90,3 +92,10 @@ def test_rates_are_the_derivatives_of_the_outputs(stance):
     state.q[:] += dt * state.v
     after, _ = outputs_of(state, stance)
     assert (after - before) / dt == pytest.approx(rates, abs=1e-5)
+
+
+def test_least_acceleration_is_the_least_squares_solution():
+    """Of the second derivative at 41 phases, for given first and last two coefficients."""
+    bends = np.array([bezier.basis(phase)[:, 2] for phase in np.linspace(0.0, 1.0, 41)])
+    solution = -np.linalg.lstsq(bends[:, 2:4], bends[:, [0, 1, 4, 5]], rcond=None)[0]
+    assert pytest.approx(solution, abs=1e-14) == LEAST_ACCELERATION

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from robot_states import leg_joints, readings_of, state_of
 
-from cassie_control.config import StandConfig, TransitionConfig
+from cassie_control.config import StandConfig
 from cassie_control.control.recovery import ShorteningLimit, comes_to_rest
 from cassie_gaits import virtual_leg
+from cassie_gaits.robot import GRAVITY
 from cassie_msgs.layout import MotorCommand
 
 PERIOD = 0.002
@@ -18,7 +19,7 @@ def rested(vertical=0.0, ahead=0.0, aside=0.0, **state):
     still = state_of(leg_joints(hip_roll=0.03), leg_joints(hip_roll=-0.03), **state)
     still.v[2] = vertical
     still.com_velocity[:2] = ahead, aside
-    return comes_to_rest(readings_of(still), TransitionConfig())
+    return comes_to_rest(readings_of(still))
 
 
 def test_at_rest_on_both_feet_they_end():
@@ -28,11 +29,22 @@ def test_at_rest_on_both_feet_they_end():
 
 @pytest.mark.parametrize(
     "state",
-    [{"vertical": 0.3}, {"vertical": -0.3}, {"ahead": 0.25}, {"aside": 0.5}, {"roll": 0.2}],
+    [{"vertical": 0.3}, {"vertical": -0.3}, {"ahead": 0.35}, {"aside": 0.7}, {"roll": 0.2}],
 )
 def test_who_bounces_runs_or_leans_steps_on(state):
     """Taken over while it rises, a foot leaves the ground and it tips over the other."""
     assert not rested(**state)
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "ahead"), (1, "aside")])
+def test_they_end_as_soon_as_the_capture_point_is_over_the_feet(axis, name):
+    still = readings_of(state_of(leg_joints(hip_roll=0.03), leg_joints(hip_roll=-0.03)))
+    time = np.sqrt(still.com_from_feet[2] / GRAVITY)
+    width = still.legs[0].foot[1] - still.legs[1].foot[1]
+    edge = (0.06, 0.5 * width)[axis]
+    speed = (edge - still.com_from_feet[axis]) / time
+    assert rested(**{name: 0.98 * speed})
+    assert not rested(**{name: 1.02 * speed})
 
 
 def limited(wanted):

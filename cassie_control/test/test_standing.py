@@ -18,10 +18,10 @@ from robot_states import (
 )
 
 from cassie_control.config import StandConfig
-from cassie_control.control.robot import ANKLE_HEIGHT, HIP_TO_PELVIS
+from cassie_control.control.robot import ANKLE_HEIGHT, HIP_DOWN
 from cassie_control.control.standing import StandingController
 from cassie_gaits import virtual_leg
-from cassie_gaits.robot import WEIGHT
+from cassie_gaits.robot import DRIVES, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 CONFIG = StandConfig()
@@ -75,7 +75,7 @@ def test_toe_torque_puts_the_centre_of_pressure_under_the_com():
 @pytest.mark.parametrize("com_x", [-1.0, 1.0])
 def test_toe_torque_is_bounded(com_x):
     torque = stood(both_feet(com_x=com_x, velocity=(com_x, 0.0))).torque[TOES]
-    assert (np.abs(torque) <= CONFIG.toe_torque).all()
+    assert (np.abs(torque) <= DRIVES["toe"].torque_limit).all()
     assert (torque * com_x < 0.0).all()
 
 
@@ -126,7 +126,7 @@ def test_the_leg_that_gets_more_weight_is_told_to_be_longer():
 @pytest.mark.parametrize(("height", "sign"), [(0.5, 1.0), (1.2, -1.0)])
 def test_the_sum_of_the_height_error_is_bounded(height, sign):
     mode = mode_of(height=0.8)
-    level = 0.8 - HIP_TO_PELVIS - ANKLE_HEIGHT
+    level = 0.8 - HIP_DOWN - ANKLE_HEIGHT
     much_later = np.mean(lengths(stood(both_feet(height=height), mode, ticks=20000)))
     assert much_later == pytest.approx(level + sign * 0.08, abs=2e-3)
 
@@ -167,7 +167,7 @@ def test_the_legs_move_smoothly_to_whatever_height(height):
     rate = np.diff(found) / PERIOD
     assert np.abs(rate).max() <= CONFIG.height_rate * 1.01
     assert np.abs(np.diff(rate)).max() <= CONFIG.height_acceleration * PERIOD * 1.5
-    assert found[-1] == pytest.approx(height - HIP_TO_PELVIS - ANKLE_HEIGHT, abs=1e-6)
+    assert found[-1] == pytest.approx(height - HIP_DOWN - ANKLE_HEIGHT, abs=1e-6)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cassie_control.control.drives import inertia_torques
-from cassie_control.control.gains import INERTIA
 from cassie_gaits import virtual_leg
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 
@@ -45,7 +44,7 @@ def test_torques_are_those_of_the_full_dynamics(time, rolls):
     roll, _, pitch, knee, toe = force[6:11]
     wanted = derivatives(outputs)
     bend = virtual_leg.knee_angle(outputs[1][2])
-    found = inertia_torques(tuple(wanted[0]), tuple(wanted[1]), bend, INERTIA)
+    found = inertia_torques(tuple(wanted[0]), tuple(wanted[1]), bend)
     # The toe, which keeps the foot level, leans on the hip.
     assert found[1:] == pytest.approx((pitch - toe, knee), abs=0.15)
     assert found[0] == pytest.approx(roll, abs=0.6)

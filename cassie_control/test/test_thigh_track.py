@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.drives import filtered_hip, track_thighs
+from cassie_control.control.drives import PITCH_AXIS, filtered_hip, track_thighs
 from cassie_control.control.gains import make_gains
 from cassie_control.control.outputs import Step
 from cassie_control.control.robot import Robot
 
 PERIOD = 0.002
-LEFT, PITCH = 0, 1
+LEFT = 0
 TORSO_PITCH, TORSO_RATE = 0.05, 0.1
 
 
@@ -26,7 +26,7 @@ def hips_of(angles, rates, config=CONFIG):
     for angle, rate in zip(angles, rates, strict=True):
         robot.joints[LEFT, 2], robot.rates[LEFT, 2] = angle, rate
         track_thighs(gain, here, steps)
-        taken.append(filtered_hip(gain, here, LEFT, PITCH, steps))
+        taken.append(filtered_hip(gain, here, LEFT, PITCH_AXIS, steps))
     return np.array(taken)
 
 

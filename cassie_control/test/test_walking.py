@@ -33,11 +33,18 @@ from cassie_control.control.outputs import (
     ROLL_SW,
     YAW_ST,
     YAW_SW,
+    adjust_outputs,
+    evaluate_gait,
 )
-from cassie_control.control.walking import WalkingController
-from cassie_control.planner.placement import SwingTarget
+from cassie_control.control.walking import WalkingController, advance_step
+from cassie_control.planner.placement import Commanded, SwingTarget
 from cassie_control.planner.terrain import update_at_touchdown
-from cassie_control.planner.timing import LEFT, RIGHT
+from cassie_control.planner.timing import (
+    LEFT,
+    RIGHT,
+    adapt_phase_rate,
+    time_to_planned_touchdown,
+)
 from cassie_gaits import virtual_leg
 from cassie_gaits.gait_library import Gait
 from cassie_msgs.layout import MotorCommand, RobotState
@@ -81,9 +88,24 @@ def on_a_fixed_foot(stance: int, seed: int) -> RobotState:
     return state
 
 
+def step_towards(core, readings, mode, landing, lead):
+    """One tick up to the desired outputs, with an answer of leg-angle adjustment.
+
+    The answer is pitch, roll and length of the swing leg, at the gait's own touchdown.
+    """
+    timings, slopes, steps = core.timing.records, core._slope.records, core._step.records
+    gains, robots, table = core._gains.records, readings.records, core.library.table
+    advance_step(robots, mode.record, timings, steps, Commanded().records)
+    evaluate_gait(gains, robots, timings, slopes, *table, float(mode.yaw_rate), steps)
+    target = SwingTarget(*landing, time_to_planned_touchdown(timings[0]), lead)
+    adapt_phase_rate(timings[0], target.remaining)
+    now = (each[0] for each in (gains, robots, mode.record, timings, slopes))
+    adjust_outputs(*now, target, steps[0])
+
+
 @pytest.mark.parametrize("law", ["pendulum", "paper"])
 @pytest.mark.parametrize("lead", [0.0, 0.03])
-@pytest.mark.parametrize("level", [0.0, 1.0])
+@pytest.mark.parametrize("level", [False, True])
 @pytest.mark.parametrize("phase", [0.05, 0.15, 0.3, 0.55, 0.65, 0.9])
 @STANCES
 def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, lead, law):
@@ -93,20 +115,17 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     "Rate of the level hip" in DECISIONS.md.
     """
     period = 1e-6
-    config = replace(CONFIG, law=law, slope_time=0.0)
+    config = replace(CONFIG, law=law, slope_time=0.0, level_back=1.0 if level else 0.0)
     state = on_a_fixed_foot(stance, seed=7)
     state.v[3] = 0.3  # as commanded
     library = replace(LIBRARY, gaits=(LIBRARY.gaits[4],))
-    core, command = WalkingController(config, library, period), MotorCommand()
-    core._gains.level *= level
+    core = WalkingController(config, library, period)
     core.start(readings_of(on_a_fixed_foot(stance, seed=8)), stance)
     core.timing.phase = phase
-    core._placement.swing_target = lambda *given: SwingTarget(
-        0.3, -0.05, 0.8, given[-1].remaining, lead
-    )
+    core.timing.velocity = (-1.0, 0.0)
     found = []
     for _ in range(3):
-        core.step(readings_of(state), mode_of(yaw_rate=0.3), command)
+        step_towards(core, readings_of(state), mode_of(yaw_rate=0.3), (0.3, -0.05, 0.8), lead)
         accelerations = core._step.accelerations
         found.append(np.array([core.desired, core.desired_rates, accelerations]))
         state.q[:] += period * state.v
@@ -279,7 +298,7 @@ def test_a_foot_that_landed_turned_in_turns_the_body_at_an_even_rate(stance):
     turn = 0.5 * 0.8 * 0.4
     state = state_of(*[leg_joints(hip_yaw=turn, knee=-1.3)] * 2, forces=(330.0, 0.0))
     state.foot_force[:] = (330.0, 0.0) if stance == LEFT else (0.0, 330.0)
-    core, command = walking(stance, state=state, without="level"), MotorCommand()
+    core, command = walking(stance, state=state), MotorCommand()
     readings = readings_of(state)
     while core.timing.phase < 0.98:
         core.step(readings, mode_of(yaw_rate=0.8), command)

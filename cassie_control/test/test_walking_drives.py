@@ -12,7 +12,7 @@ from robot_states import (
     random_state,
     readings_of,
 )
-from walkers import CONFIG, swinging, walking
+from walkers import CONFIG, swinging, walking, weight_torques
 
 from cassie_control.control.outputs import FOOT_SW, LENGTH_SW, PITCH_SW, ROLL_SW, YAW_SW
 from cassie_control.planner.timing import LEFT, RIGHT
@@ -166,24 +166,29 @@ def test_a_swing_foot_that_is_still_pressed_down_is_drawn_up(stance):
 
 @STANCES
 def test_the_stance_hip_takes_to_the_ground_what_swinging_does_to_the_torso(stance):
-    state = swinging(stance)
-    commands = []
-    for without in ("swing_inertia", ""):
-        core = walking(stance, state=random_state(3), without=without)
-        core.timing.phase = 0.15
-        command = MotorCommand()
-        core.step(readings_of(state), mode_of(), command)
-        commands.append(command.torque.copy())
-    added = (commands[1] - commands[0]).reshape(2, 5)
+    core, command = walking(stance, state=random_state(3)), MotorCommand()
+    core.timing.phase = 0.15
+    readings = readings_of(swinging(stance))
+    core.step(readings, mode_of(), command)
+    added = (command.torque - weight_torques(core, readings)).reshape(2, 5)
     assert np.abs(added[1 - stance, 2]) > 1.0  # Nm
     for joint in (0, 2):
         assert added[stance, joint] == pytest.approx(-added[1 - stance, joint])
+    assert added[stance, [1, 3, 4]] == pytest.approx(0.0)
+
+
+def test_under_the_papers_law_the_torques_carry_the_weight_alone():
+    core, command = walking(config=replace(CONFIG, law="paper")), MotorCommand()
+    core.timing.phase = 0.15
+    readings = readings_of(swinging(LEFT))
+    core.step(readings, mode_of(), command)
+    assert (command.torque == weight_torques(core, readings)).all()
 
 
 def test_weight_is_fed_forward_to_the_leg_that_carries_it():
-    core, command = walking(without="swing_inertia"), MotorCommand()
-    core.step(readings_of(swinging(LEFT)), mode_of(), command)
-    stance, swing = command.torque.reshape(2, 5)
+    core, readings = walking(), readings_of(swinging(LEFT))
+    core.step(readings, mode_of(), MotorCommand())
+    stance, swing = weight_torques(core, readings).reshape(2, 5)
     assert stance[3] > 50.0  # Nm, the knee is pushed straight
     assert np.abs(swing).max() == 0.0
 
@@ -191,17 +196,17 @@ def test_weight_is_fed_forward_to_the_leg_that_carries_it():
 @pytest.mark.parametrize(("law", "rise"), [("pendulum", 0.2), ("pendulum", -0.3), ("paper", 0.2)])
 def test_the_stance_leg_presses_less_while_the_com_rises_but_not_under_the_papers_law(law, rise):
     config = replace(CONFIG, law=law, slope_time=0.0)
-    core, command, state = (
-        walking(config=config, without="swing_inertia"),
-        MotorCommand(),
-        swinging(LEFT),
-    )
-    core.step(readings_of(state), mode_of(), command)
-    still = command.torque[:4].copy()
+    core, state = walking(config=config), swinging(LEFT)
+
+    def stance_torques():
+        readings = readings_of(state)
+        core.step(readings, mode_of(), MotorCommand())
+        return weight_torques(core, readings)[:4]
+
+    still = stance_torques()
     state.com_velocity[2] = rise
-    core.step(readings_of(state), mode_of(), command)
     damping = config.bounce_damping if law == "pendulum" else 0.0
-    assert command.torque[:4] == pytest.approx(still * (1.0 - damping * rise / WEIGHT), abs=0.5)
+    assert stance_torques() == pytest.approx(still * (1.0 - damping * rise / WEIGHT), abs=0.5)
 
 
 @pytest.mark.parametrize("law", ["pendulum", "paper"])
@@ -210,9 +215,9 @@ def test_weight_goes_over_with_the_forces_of_the_feet_but_by_loads_under_the_pap
     config = replace(CONFIG, law=law)
 
     def knee(force):
-        core, command = walking(config=config, without="swing_inertia"), MotorCommand()
-        core.step(readings_of(swinging(LEFT, swing_force=force)), mode_of(), command)
-        return command.torque[8]
+        core, readings = walking(config=config), readings_of(swinging(LEFT, swing_force=force))
+        core.step(readings, mode_of(), MotorCommand())
+        return weight_torques(core, readings)[8]
 
     by_law = {"pendulum": (0.0, 50.0 / 330.0, 100.0 / 380.0), "paper": (0.0, 0.0, 0.5 / 1.5)}
     half = knee(330.0)
@@ -223,11 +228,11 @@ def test_weight_goes_over_with_the_forces_of_the_feet_but_by_loads_under_the_pap
 @STANCES
 def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
     """Virtual work: turning a hip moves the foot against that force."""
-    core, command = walking(stance, without="swing_inertia"), MotorCommand()
-    state = swinging(stance)
+    core, state = walking(stance), swinging(stance)
     state.com_velocity[:2] = (0.3, 0.2)
     readings = readings_of(state)
-    core.step(readings, mode_of(), command)
+    core.step(readings, mode_of(), MotorCommand())
+    torques = weight_torques(core, readings)
     foot = np.array(readings.legs[stance].ankle)
     line = np.array(readings.com) - foot
     force = WEIGHT * line / line[2]
@@ -235,4 +240,4 @@ def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
         state.q[6 + 7 * stance + joint] += 1e-6
         moved = (np.array(readings_of(state).legs[stance].ankle) - foot) / 1e-6
         state.q[6 + 7 * stance + joint] -= 1e-6
-        assert command.torque[5 * stance + joint] == pytest.approx(-moved @ force, abs=1e-3)
+        assert torques[5 * stance + joint] == pytest.approx(-moved @ force, abs=1e-3)

@@ -7,12 +7,15 @@ from dataclasses import replace
 from robot_states import leg_joints, readings_of, state_of
 
 from cassie_control.config import WalkConfig
+from cassie_control.control.forces import carry_weight
 from cassie_control.control.outputs import PITCH, ROLL
+from cassie_control.control.robot import Readings
 from cassie_control.control.walking import WalkingController
 from cassie_control.planner.timing import LEFT
 from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
-from cassie_msgs.layout import RobotState
+from cassie_gaits.records import FloatArray
+from cassie_msgs.layout import MotorCommand, RobotState
 
 
 def _upright(library: GaitLibrary) -> GaitLibrary:
@@ -34,17 +37,21 @@ def walking(
     period: float = 0.002,
     config: WalkConfig = CONFIG,
     state: RobotState | None = None,
-    without: str = "",
 ) -> WalkingController:
-    """A walking controller that begins a step, from standing unless a state is given.
-
-    `without` names a part of the law that is switched off.
-    """
+    """A walking controller that begins a step, from standing unless a state is given."""
     core = WalkingController(config, LIBRARY, period)
-    if without:
-        setattr(core._gains, without, 0.0)
     core.start(readings_of(state or state_of(leg_joints(), leg_joints())), stance)
     return core
+
+
+def weight_torques(core: WalkingController, readings: Readings) -> FloatArray:
+    """The part of the last command's torques that carries the weight. Shape (10,), in Nm."""
+    command = MotorCommand()
+    now = (core._gains, core._slope, core.timing)
+    gain, slope, timing = (each.records[0] for each in now)
+    robot, pairs = readings.records[0], readings.pair
+    carry_weight(gain, robot, pairs, timing, slope, command.record[0])
+    return command.torque
 
 
 def swinging(stance: int, swing_force: float = 0.0) -> RobotState:

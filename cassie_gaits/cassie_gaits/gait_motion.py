@@ -13,9 +13,10 @@ from cassie_gaits.certificate.certify import mirror_image, motion_that_may_break
 from cassie_gaits.certificate.rollout import Step, integrate
 from cassie_gaits.certificate.table import foot_places
 from cassie_gaits.certificate.walker import Walker, rigid_velocity, walker
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
-from cassie_gaits.names import LEG_DRIVES, LEGS
+from cassie_gaits.names import LEGS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class Motion:
     @property
     def torque_shares(self) -> FloatArray:
         """Ratio of each drive's largest torque in this step to its limit. (2, 5), stance, swing."""
-        peaks: FloatArray = np.abs(self.step.torques).max(axis=0).reshape(2, 5) / torque_limits()
+        peaks: FloatArray = np.abs(self.step.torques).max(axis=0).reshape(2, 5) / TORQUE_LIMITS[:5]
         result: FloatArray = peaks[::-1]  # the right leg is the stance leg
         return result
 
@@ -67,11 +68,6 @@ class Motion:
         if self.distance < 1e-6:
             return float("inf")
         return work / (robot.total_mass() * GRAVITY * self.distance)
-
-
-def torque_limits() -> FloatArray:
-    """Torque limits of the drives of a leg. Shape (5,), in Nm."""
-    return np.array([robot.DRIVES[name].torque_limit for name in LEG_DRIVES])
 
 
 def motion(gait: Gait) -> Motion:

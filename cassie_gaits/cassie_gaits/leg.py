@@ -167,17 +167,17 @@ def leg_kinematics(
     _store(moment, state.com_moment)
     _store(rate, state.com_rate)
     _place_foot(motion, leg, state)
+    axes, _, velocity, omega = motion
+    _store(plus(velocity, cross(omega, into(axes, leg.sole))), state.foot_velocity)
     _deflect_springs(joints, loop, state)
     _hang_lower_leg(shin, tarsus, swing, leg, state)
 
 
 @compiled
 def _place_foot(motion: Motion, leg: Leg, state: LegState) -> None:
-    axes, origin, velocity, omega = motion
-    arm = into(axes, leg.sole)
+    axes, origin, _, _ = motion
     _store(origin, state.ankle)
-    _store(plus(origin, arm), state.foot)
-    _store(plus(velocity, cross(omega, arm)), state.foot_velocity)
+    _store(plus(origin, into(axes, leg.sole)), state.foot)
     for k in range(3):
         _store(axes[k], state.foot_rotation[:, k])
     for i in range(7):
@@ -273,6 +273,24 @@ def both_legs(
         leg, state = pair.legs[i], pair.states[i]
         leg_kinematics(joints[i], rates[i], leg, pair.loop, state)
         pair.forces[i] = dot(up, spring_force(leg, state, toe_torques[i], up))
+
+
+@compiled
+def place_legs(joints: FloatArray, pair: LegPair) -> None:
+    """Compute the pose of both legs alone, without velocities, masses and springs.
+
+    Args:
+        joints: Joint angles. Shape (2, 7), in rad.
+        pair: Both legs; gets `axes`, `origins`, `foot`, `foot_rotation`, `ankle` and its Jacobian.
+    """
+    for i in range(2):
+        leg, state = pair.legs[i], pair.states[i]
+        motion = (UPRIGHT, ZERO, ZERO, ZERO)
+        for k in range(7):
+            motion = next_link(motion, leg, k, joints[i, k], 0.0)
+            _store(motion[0][2], state.axes[k])
+            _store(motion[1], state.origins[k])
+        _place_foot(motion, leg, state)
 
 
 @compiled

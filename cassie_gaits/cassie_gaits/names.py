@@ -8,6 +8,15 @@ from __future__ import annotations
 LEGS = ("left", "right")
 LEG_JOINTS = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "shin", "tarsus", "toe")
 LEG_DRIVES = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "toe")
+HIP_ROLL, HIP_YAW, HIP_PITCH, KNEE, SHIN, TARSUS, TOE = range(7)
+"""Places in `LEG_JOINTS`; the first four are places in `LEG_DRIVES`, too."""
+
+TOE_DRIVE = LEG_DRIVES.index("toe")
+"""Place of the toe in `LEG_DRIVES`."""
+
+LEG_DRIVE_COUNT = len(LEG_DRIVES)
+"""Drives of a leg: in arrays over drives those of leg `i` begin at `LEG_DRIVE_COUNT * i`."""
+
 LEG_SENSED_JOINTS = ("shin", "tarsus", "toe")
 
 BASE_COORDINATES = ("x", "y", "z", "yaw", "pitch", "roll")

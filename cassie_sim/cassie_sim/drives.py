@@ -8,6 +8,7 @@ import numpy as np
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.drive_limits import DAMPING, KD_LIMIT, KP_LIMIT
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, Records, array, whole
 from cassie_msgs.layout import MotorCommand
@@ -122,17 +123,14 @@ LIMITS = {
     "torque": (-1e6, 1e6),
     "position": (-1e6, 1e6),
     "velocity": (-1e6, 1e6),
-    "kp": (0.0, 5000.0),
-    "kd": (0.0, 500.0),
+    "kp": (0.0, KP_LIMIT),
+    "kd": (0.0, KD_LIMIT),
 }
 """Range of each field of a command: Nm, rad, rad/s, Nm/rad, Nms/rad.
 
 For the first three that is any number whose sum does not overflow: the motor bounds the torque.
 The order is that of `MotorCommand`.
 """
-
-DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
-"""Damping that the drives apply by themselves when they get no valid command. In Nms/rad."""
 
 _LOW, _HIGH = (np.array(ends) for ends in zip(*LIMITS.values(), strict=True))
 

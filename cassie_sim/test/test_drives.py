@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cassie_gaits import robot
+from cassie_gaits.drive_limits import DAMPING
 from cassie_gaits.names import DRIVES, LEG_DRIVES
 from cassie_msgs.layout import MotorCommand
-from cassie_sim.drives import DAMPING, Drives
+from cassie_sim.drives import Drives
 from cassie_sim.errors import CommandError
 
 PERIOD = 0.0005

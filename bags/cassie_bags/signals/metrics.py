@@ -16,8 +16,8 @@ from cassie_bags.bag.recording import Recording
 from cassie_bags.signals.falls import fall_time
 from cassie_bags.signals.riding import gate_miss
 from cassie_bags.signals.track import Track
-from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
-from cassie_gaits.robot import DRIVES as DRIVE_TABLE
+from cassie_gaits.drive_limits import TORQUE_LIMITS
+from cassie_gaits.names import DRIVES
 from cassie_msgs.experiment.expectation import PHASE_METRICS, TRACKED, Phase
 from cassie_msgs.experiment.script import RiderScript
 from cassie_msgs.layout import ControllerStatus
@@ -87,7 +87,7 @@ def measure(
     peak = np.abs(track.sensors["drive_torque"]).max(axis=0)
     run = _tracking(track) | _journey(track)
     run["fall_time"] = math.nan if fell_at is None else fell_at
-    run["peak_torque_ratio"] = float((peak / torque_limits()).max())
+    run["peak_torque_ratio"] = float((peak / TORQUE_LIMITS).max())
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else math.nan
     run["gate_miss"] = gate_miss(recording, rider)
@@ -174,11 +174,6 @@ def _speed_peak(position: FloatArray, tick: float) -> float:
         return math.nan
     moved = position[second:] - position[:-second]
     return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
-
-
-def torque_limits() -> FloatArray:
-    """Largest torque of each drive. Shape (10,), in Nm."""
-    return np.array([DRIVE_TABLE[drive].torque_limit for _ in LEGS for drive in LEG_DRIVES])
 
 
 def _rms(values: FloatArray) -> float:

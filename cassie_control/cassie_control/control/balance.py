@@ -10,8 +10,13 @@ from cassie_control.control.robot import Readings
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode
 
+BOTH_FEET = 0.7
+"""Contact probability of the less loaded foot above which both feet carry the robot."""
+
+MIN_COM_HEIGHT = 0.3
+"""Least height of the CoM above the feet as the length of a pendulum. In m."""
+
 _SOLE_REACH = 0.079  # m, largest centre of pressure from the middle of the sole
-_BOTH_FEET = 0.7  # contact of the less loaded foot with which the CoM's error is estimated
 _SETTLE_CONTACT = 0.9  # contact of the less loaded foot from which the robot settles
 _SETTLE_SPEED = 0.1  # m/s, speed of the pelvis up to which the robot settles
 _UNSETTLE_CONTACT = 0.3  # contact of the more loaded foot below which settling starts anew
@@ -25,7 +30,6 @@ _MAX_COM_ERROR = 0.08  # m, saturation of the CoM's error: 8 kg may hang 0.05 m 
 _MAX_INNOVATION = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
 _INITIAL_BIAS_TIME = 0.7  # s, time constant of the CoM's error before settling
 _MAX_SIDE_FORCE = 0.5  # of the sideways force over the weight: less than a dry floor's friction
-_MIN_COM_HEIGHT = 0.3  # m above the feet
 _MIN_FOOT_DISTANCE = 0.1  # m
 
 
@@ -36,7 +40,8 @@ class Balance:
     the weight:
 
         p        = c + (kp (c - c*) + kd v) / W, saturated at the edges of each sole and both feet,
-        residual = p before saturation - p.
+        residual = p before saturation - p,
+        bending  = bend_gain W residual, up to `bend_torque`.
 
     - CoM: at rest it is above the centre of pressure, whatever the error of the IMU's tilt and
       whatever the robot carries. So the feet's forces correct the estimate, with the time constant
@@ -48,9 +53,9 @@ class Balance:
       `Readings` adds the correction to every CoM, for all laws.
     - The ground's force points from p towards the CoM, so that it turns the torso by no more than
       the torso's regulation commands.
-    - Residual: the torso bends towards the fall, which pushes the CoM back (hip strategy); the
-      torso's regulation is reduced meanwhile. The torso does not bend while the capture point is
-      well inside: to straighten up again costs what bending has gained.
+    - Residual: the torso bends towards the fall, which pushes the CoM back (hip strategy), and is
+      held upright the less, the larger that torque is. The torso does not bend while the capture
+      point is well inside: to straighten up again costs what bending has gained.
     - Gains that react to a push at once, and the bending, increase as the robot settles. Ground
       contact bounces at first, and with late commands these gains would excite that.
 
@@ -121,37 +126,33 @@ class Balance:
             contact: Contact of each foot, 0..1.
             leans: Whether the robot leans onto one foot; it then unsettles, and `com_error` stays.
         """
-        c, both = self.config, min(contact)
+        both = min(contact)
         if leans:
             self.settled = max(0.0, self.settled - self._period / _UNSETTLE_TIME)
         settled = self._update_settled(readings, contact)
-        self._update_velocity(readings, settled, learns=both > _BOTH_FEET and not leans)
+        self._update_velocity(readings, settled, learns=both > BOTH_FEET and not leans)
         # The robot stands on the foot that carries it, wherever a lifted foot swings.
         x = readings.com[0] - self._support_x(readings, contact)
         y = readings.com_from_feet[1]
-        height = max(_MIN_COM_HEIGHT, readings.com_from_feet[2])
+        height = max(MIN_COM_HEIGHT, readings.com_from_feet[2])
         width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
         width = max(_MIN_FOOT_DISTANCE, width)
         self._update_capture_point(x, y, math.sqrt(height / GRAVITY), 0.5 * width)
         residual_x = self._update_cop_x(x - float(mode.com_x), x, settled)
         residual_y = self._update_left_share(y - com_y, y, width, settled)
         cop_y = (self.left_share - 0.5) * width
-        roll_error = readings.roll - float(mode.roll)
-        torque_y = self._hip_strategy(
-            c.roll_gain, residual_y, roll_error, c.roll_torque, c.roll_limit
-        )
-        ratio_y = (y - cop_y - torque_y / WEIGHT) / height
+        bending_y, roll_regulation = self._bending(residual_y, readings.roll - float(mode.roll))
+        ratio_y = (y - cop_y - bending_y / WEIGHT) / height
         self.force_ratio = (
             both * (x - self.cop_x) / height,
             max(-_MAX_SIDE_FORCE, min(_MAX_SIDE_FORCE, ratio_y)),
         )
-        self.torso_regulation = (
-            max(0.0, 1.0 - abs(residual_x) / c.give),
-            max(self._min_roll_regulation(), 1.0 - abs(residual_y) / c.give),
+        self.bending_torque, pitch_regulation = self._bending(
+            residual_x, float(mode.pitch) - readings.pitch
         )
-        pitch_error = float(mode.pitch) - readings.pitch
-        self.bending_torque = self._hip_strategy(
-            c.bend_gain, residual_x, pitch_error, c.bend_torque, c.bend_limit
+        self.torso_regulation = (
+            pitch_regulation,
+            max(self._min_roll_regulation(), roll_regulation),
         )
 
     def _update_settled(self, readings: Readings, contact: Sequence[float]) -> float:
@@ -280,24 +281,20 @@ class Balance:
         """
         return bending_ramp(abs(self.capture_point[axis]) / reach, _BENDING_FROM)
 
-    @staticmethod
-    def _hip_strategy(
-        gain: float, residual: float, angle_error: float, max_torque: float, max_angle: float
-    ) -> float:
-        """Torque that bends the torso, in Nm.
+    def _bending(self, residual: float, angle_error: float) -> tuple[float, float]:
+        """Torque that bends the torso, in Nm, and the factor on its regulation meanwhile, 0..1.
 
         Args:
-            gain: Torque over weight and residual.
             residual: Residual of the centre of pressure's saturation. In m.
             angle_error: How far the torso is bent; its sign differs from the residual's when the
                 torso is bent as the torque bends it. In rad.
-            max_torque: Saturation of the torque. In Nm.
-            max_angle: Angle error at which the torque is 0. In rad.
         """
-        torque = max(-max_torque, min(max_torque, gain * WEIGHT * residual))
+        c = self.config
+        torque = max(-c.bend_torque, min(c.bend_torque, c.bend_gain * WEIGHT * residual))
+        regulation = 1.0 - abs(torque) / c.bend_torque if torque else 1.0
         if angle_error * residual < 0.0:
-            return torque * max(0.0, 1.0 - abs(angle_error) / max_angle)
-        return torque
+            torque *= max(0.0, 1.0 - abs(angle_error) / c.bend_limit)
+        return torque, regulation
 
 
 def bending_ramp(ratio: float, start: float) -> float:

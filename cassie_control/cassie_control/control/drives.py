@@ -3,13 +3,17 @@
 The hip. The stance hip regulates the torso: the hip drive's set-point is the measured hip angle
 plus the torso's error. If set-points are late by D, the drive's damping torque is
 kd (v(t - D) - v(t)). This is 0 at the frequency 1 / D, which for 20 ms is near the 42 Hz of the
-oscillation of hip and leaf springs. So a share of the hip's motion is replaced by a low-passed
-track of the leg in space, hip angle less torso angle. The track follows a steady swing without lag,
+oscillation of hip and leaf springs. So a share of the hip's motion q is replaced by a low-passed
+track of the leg in space. With theta the leg's angle in space (hip roll plus torso roll, hip pitch
+less torso pitch) and w = 2 pi thigh_track,
 
-    x' = r + 2 w (thigh - x),   r' = w^2 (thigh - x),
+    phi' = rho + 2 w (theta - phi),   rho' = w^2 (theta - phi),
+    q_f  = q + thigh_angle (phi - theta),   q_f' = q' + thigh_rate (rho - theta'),
 
-and the drive damps motion relative to it at 2 kHz, late or not. Only a share is replaced: with all
-of it, damping torques that the drive applies 3 ms late would cause oscillation at that frequency.
+and q_f takes the place of q in the set-point. The track follows a steady swing without lag. The
+drive damps motion relative to it at 2 kHz, late or not. `thigh_angle` and `thigh_rate` are below 1
+without latency: with all of the motion replaced, damping torques that the drive applies 3 ms late
+would cause oscillation at that frequency. With late drives both become 1 (`gains`).
 
 The swing leg. Torques accelerate the swing leg as its desired outputs require. In its plane the leg
 is a double pendulum of hip pitch p and knee k, with relaxed springs (the tarsus turns against the
@@ -33,7 +37,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cassie_control.control.forces import carried_share, damped_weight, holding_torques
+from cassie_control.control.forces import load_share, swing_foot_load
 from cassie_control.control.gains import Gains
 from cassie_control.control.outputs import (
     FOOT_SW,
@@ -46,25 +50,32 @@ from cassie_control.control.outputs import (
     YAW_ST,
     YAW_SW,
     Step,
-    adjust_outputs,
 )
 from cassie_control.control.robot import Robot
-from cassie_control.planner.terrain import GroundSlope
-from cassie_control.planner.timing import StepTiming, adapt_phase_rate
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg import LegPair
-from cassie_gaits.records import FloatArray, RecordArray, Records
+from cassie_gaits.names import (
+    HIP_PITCH,
+    HIP_ROLL,
+    HIP_YAW,
+    KNEE,
+    LEG_DRIVE_COUNT,
+    TOE,
+    TOE_DRIVE,
+)
 from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angle
 from cassie_msgs.layout import MotorCommand
+
+ROLL_AXIS, PITCH_AXIS = 0, 1
+"""Axes of the track of a leg in space, `Step.thigh_track`."""
 
 
 @compiled
 def _thigh_motion(robot: Robot, i: int, axis: int) -> tuple[float, float]:
-    """Angle and rate of leg `i` in space, by roll (`axis` 0) or pitch (1). In rad and rad/s."""
-    if axis == 0:
-        return robot.joints[i, 0] + robot.roll, robot.rates[i, 0] + robot.roll_rate
-    return robot.joints[i, 2] - robot.pitch, robot.rates[i, 2] - robot.pitch_rate
+    """Angle and rate of leg `i` in space, by roll or pitch (`axis`). In rad and rad/s."""
+    if axis == ROLL_AXIS:
+        return robot.joints[i, HIP_ROLL] + robot.roll, robot.rates[i, HIP_ROLL] + robot.roll_rate
+    return robot.joints[i, HIP_PITCH] - robot.pitch, robot.rates[i, HIP_PITCH] - robot.pitch_rate
 
 
 @compiled
@@ -85,9 +96,9 @@ def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
 
 @compiled
 def filtered_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
-    """Hip roll (`axis` 0) or pitch (1) of leg `i`, with the track's share. In rad and rad/s."""
+    """Hip roll or pitch (`axis`) of leg `i`, with the track's share. In rad and rad/s."""
     angle, rate = _thigh_motion(robot, i, axis)
-    joint = 2 * axis
+    joint = HIP_ROLL if axis == ROLL_AXIS else HIP_PITCH
     return (
         robot.joints[i, joint] + gain.thigh_angle * (step.thigh_track[i, axis] - angle),
         robot.rates[i, joint] + gain.thigh_rate * (step.thigh_track_rates[i, axis] - rate),
@@ -103,139 +114,101 @@ class DriveLaw(NamedTuple):
     velocity: float
 
 
+# A, B, C and R by rising power of the knee angle, in kg m^2.
+_A = (1.0411, -0.1591, -0.3106, -0.0599)
+_B = (0.5699, -0.0817, -0.1565, -0.0302)
+_C = (0.4899, -0.0042, -0.0024, -0.0004)
+_R = (1.3723, -0.1943, -0.4381, -0.0809)
+
+_MAX_SWING_LAG = 0.03  # m
 _MIN_LENGTH, _MAX_LENGTH = 0.4, 0.97  # m, range of the commanded leg length
 _MIN_SWING_LENGTH, _MAX_SWING_LENGTH = 0.45, 0.95  # m, range of the leg length for the inertia
-_MIN_COM_HEIGHT = 0.4  # m above the toe joint
-_LOADED_FORCE = 30.0  # N, foot force from which the swing hip also regulates the torso
-_LOADED_FORCE_SPAN = 100.0  # N, further force at which it only regulates the torso
 
 
 @compiled
-def set_drives(
-    gains: Records[Gains],
-    robots: Records[Robot],
-    pairs: Records[LegPair],
-    timings: Records[StepTiming],
-    slopes: Records[GroundSlope],
-    modes: RecordArray,
-    steps: Records[Step],
-    commands: RecordArray,
-    landing_pitch: float,
-    landing_roll: float,
-    landing_length: float,
-    remaining: float,
-    contact_lead: float,
-) -> None:
-    """Compute set-points of the drives from the adjusted desired outputs.
-
-    Args:
-        gains, robots, slopes: Constants of the law, the robot and the ground. Shape (1,).
-        pairs: Kinematics of both legs. Shape (1,).
-        timings: Phase, whose rate follows `remaining`. Shape (1,).
-        modes: `Mode.record`, with the torso's angles. Shape (1,).
-        steps: The step; changed in place. Shape (1,).
-        commands: Result, `MotorCommand.record`. Shape (1,).
-        landing_pitch, landing_roll, landing_length, remaining, contact_lead: Result of leg-angle
-            adjustment, see `placement.SwingTarget`.
-
-    Source:
-        eq:IK and eq:hdtilde (README of cassie_gaits, Errata).
-    """
-    gain, robot, step, command = gains[0], robots[0], steps[0], commands[0]
-    timing, slope, mode = timings[0], slopes[0], modes[0]
-    adapt_phase_rate(timing, remaining)
-    step.adjusted_rate, step.vx = timing.rate, timing.velocity[0]
-    step.landing_pitch, step.landing_roll = landing_pitch, landing_roll
-    step.landing_length, step.contact_lead = landing_length, contact_lead
-    step.torso_roll, step.torso_pitch = mode.roll + mode.trims[3], mode.pitch + mode.trims[2]
-    step.slope_ahead, step.slope_left = slope.ahead, slope.left
-    step.foothold_height = slope.foothold_height
-    adjust_outputs(gain, robot, step)
-    stance = step.stance
-    track_thighs(gain, robot, step)
-    _drive_stance(gain, robot, stance, step, command)
-    _drive_swing(gain, robot, 1 - stance, step, command)
-    weight = damped_weight(gain, robot, step)
-    for i in range(2):
-        share = carried_share(gain, robot, step, i)
-        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
-    _add_swing_inertia(gain, robot, 1 - stance, step, command)
-
-
-@compiled
-def _drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
+def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Set-points of the stance leg, whose hip regulates torso roll and pitch.
 
     The hip's set-point is q_hip + load (desired - measured torso angle), with q_hip of
     `filtered_hip` and the load on the leg, 0..1; for roll the sign of the second term is -. The toe
     gives no torque.
     """
-    q, v, load, base = robot.joints[i], robot.rates[i], robot.load[i], 5 * i
-    hip_roll, roll_rate = filtered_hip(gain, robot, i, 0, step)
-    hip_pitch, pitch_rate = filtered_hip(gain, robot, i, 1, step)
+    q, v, load, base = robot.joints[i], robot.rates[i], robot.load[i], LEG_DRIVE_COUNT * i
+    hip_roll, roll_rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
+    hip_pitch, pitch_rate = filtered_hip(gain, robot, i, PITCH_AXIS, step)
     desired, rates = step.desired, step.desired_rates
     knee, knee_rate = _knee_motion(desired[LENGTH_ST], rates[LENGTH_ST])
-    command.position[base] = hip_roll - load * (desired[ROLL] - robot.roll)
-    command.position[base + 1] = desired[YAW_ST]
-    command.position[base + 2] = hip_pitch + load * (desired[PITCH] - robot.pitch)
-    command.position[base + 3] = knee
-    command.position[base + 4] = q[6]
+    command.position[base + HIP_ROLL] = hip_roll - load * (desired[ROLL] - robot.roll)
+    command.position[base + HIP_YAW] = desired[YAW_ST]
+    command.position[base + HIP_PITCH] = hip_pitch + load * (desired[PITCH] - robot.pitch)
+    command.position[base + KNEE] = knee
+    command.position[base + TOE_DRIVE] = q[TOE]
     # An unloaded stance leg holds its joints until it carries the torso.
     hold = load if load < 1.0 else 1.0
-    command.velocity[base] = (roll_rate + load * robot.roll_rate) * hold
-    command.velocity[base + 1] = rates[YAW_ST]
-    command.velocity[base + 2] = (pitch_rate - load * robot.pitch_rate) * hold
-    command.velocity[base + 3] = knee_rate
-    command.velocity[base + 4] = v[6]
-    for k in range(4):
+    command.velocity[base + HIP_ROLL] = (roll_rate + load * robot.roll_rate) * hold
+    command.velocity[base + HIP_YAW] = rates[YAW_ST]
+    command.velocity[base + HIP_PITCH] = (pitch_rate - load * robot.pitch_rate) * hold
+    command.velocity[base + KNEE] = knee_rate
+    command.velocity[base + TOE_DRIVE] = v[TOE]
+    for k in range(TOE_DRIVE):
         command.kp[base + k], command.kd[base + k] = gain.kp[k], gain.kd[k]
-    command.kp[base], command.kd[base] = gain.kp_torso_roll, gain.kd_torso_roll
-    command.kp[base + 2], command.kd[base + 2] = gain.kp_torso_pitch, gain.kd_torso_pitch
-    command.kp[base + 4] = command.kd[base + 4] = 0.0
+    command.kp[base + HIP_ROLL] = gain.kp_torso_roll
+    command.kd[base + HIP_ROLL] = gain.kd_torso_roll
+    command.kp[base + HIP_PITCH] = gain.kp_torso_pitch
+    command.kd[base + HIP_PITCH] = gain.kd_torso_pitch
+    command.kp[base + TOE_DRIVE] = command.kd[base + TOE_DRIVE] = 0.0
 
 
 @compiled
-def _drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
+def drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Set-points of the swing leg: every joint tracks, the toe as far as the foot is unloaded.
 
     As far as the foot still carries weight, its hip regulates the torso, as the stance hip does: a
     leg that swings against the ground would tip the torso over.
 
-    The commanded leg length leads the measured one by at most `swing_lag` while the leg shortens. A
-    toe that slides up the face of a riser is held back by up to 240 N. With a larger error, knee
-    and springs would throw the foot up by 0.4 m as it comes free, and it would land far too short.
+    The commanded leg length leads the measured one by at most `_MAX_SWING_LAG` while the leg
+    shortens, not so under the paper's law: a foot that is held back, as by the edge of a riser,
+    must not load the springs.
+
+    With F the foot's force, the hip's roll and pitch get
+
+        u = (1 - sat((F - 30 N) / 100 N)) u_swing + load / max(1, sum of loads) u_stance.
     """
-    q, v, base = robot.joints[i], robot.rates[i], 5 * i
+    q, v, base = robot.joints[i], robot.rates[i], LEG_DRIVE_COUNT * i
     desired, rates = step.desired, step.desired_rates
-    length = max(desired[LENGTH_SW], virtual_leg.length(q[3]) - gain.swing_lag)
+    length = desired[LENGTH_SW]
+    if not gain.as_in_paper:
+        length = max(length, virtual_leg.length(q[KNEE]) - _MAX_SWING_LAG)
     knee, knee_rate = _knee_motion(length, rates[LENGTH_SW])
     hip_pitch = desired[PITCH_SW] + robot.pitch + virtual_leg.lean(knee) - virtual_leg.HIP_OFFSET
-    command.position[base] = desired[ROLL_SW] - robot.roll
-    command.position[base + 1] = desired[YAW_SW]
-    command.position[base + 2] = hip_pitch
-    command.position[base + 3] = knee
-    command.position[base + 4] = virtual_leg.toe_angle(desired[FOOT_SW], robot.pitch, q[2])
-    command.velocity[base] = rates[ROLL_SW] - robot.roll_rate
-    command.velocity[base + 1] = rates[YAW_SW]
-    command.velocity[base + 2] = virtual_leg.hip_pitch_rate(
+    command.position[base + HIP_ROLL] = desired[ROLL_SW] - robot.roll
+    command.position[base + HIP_YAW] = desired[YAW_SW]
+    command.position[base + HIP_PITCH] = hip_pitch
+    command.position[base + KNEE] = knee
+    command.position[base + TOE_DRIVE] = virtual_leg.toe_angle(
+        desired[FOOT_SW], robot.pitch, q[HIP_PITCH]
+    )
+    command.velocity[base + HIP_ROLL] = rates[ROLL_SW] - robot.roll_rate
+    command.velocity[base + HIP_YAW] = rates[YAW_SW]
+    command.velocity[base + HIP_PITCH] = virtual_leg.hip_pitch_rate(
         knee, rates[PITCH_SW], robot.pitch_rate, knee_rate
     )
-    command.velocity[base + 3] = knee_rate
-    command.velocity[base + 4] = rates[FOOT_SW] + robot.pitch_rate - v[2]
-    for k in range(5):
+    command.velocity[base + KNEE] = knee_rate
+    command.velocity[base + TOE_DRIVE] = rates[FOOT_SW] + robot.pitch_rate - v[HIP_PITCH]
+    for k in range(LEG_DRIVE_COUNT):
         command.kp[base + k], command.kd[base + k] = gain.kp[k], gain.kd[k]
-    command.kp[base + 4] *= 1.0 - robot.load[i]
-    command.kd[base + 4] *= 1.0 - robot.load[i]
-    own_weight = 1.0 - min(1.0, max(0.0, (robot.force[i] - _LOADED_FORCE) / _LOADED_FORCE_SPAN))
-    torso_weight = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
-    hip, rate = filtered_hip(gain, robot, i, 0, step)
+    command.kp[base + TOE_DRIVE] *= 1.0 - robot.load[i]
+    command.kd[base + TOE_DRIVE] *= 1.0 - robot.load[i]
+    own_weight = 1.0 - swing_foot_load(robot.force[i])
+    torso_weight = load_share(robot, i)
+    hip, rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
     position, velocity = hip - desired[ROLL] + robot.roll, rate + robot.roll_rate
     torso = DriveLaw(gain.kp_torso_roll, gain.kd_torso_roll, position, velocity)
-    _blend_laws(command, base, own_weight, torso_weight, torso)
-    hip, rate = filtered_hip(gain, robot, i, 1, step)
+    _blend_laws(command, base + HIP_ROLL, own_weight, torso_weight, torso)
+    hip, rate = filtered_hip(gain, robot, i, PITCH_AXIS, step)
     position, velocity = hip + desired[PITCH] - robot.pitch, rate - robot.pitch_rate
     torso = DriveLaw(gain.kp_torso_pitch, gain.kd_torso_pitch, position, velocity)
-    _blend_laws(command, base + 2, own_weight, torso_weight, torso)
+    _blend_laws(command, base + HIP_PITCH, own_weight, torso_weight, torso)
 
 
 @compiled
@@ -268,42 +241,27 @@ def _knee_motion(length: float, length_rate: float) -> tuple[float, float]:
 
 
 @compiled
-def _set_weight_torques(
-    robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
-) -> None:
-    """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
-    x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
-    z = max(_MIN_COM_HEIGHT, robot.com[2] - robot.ankle[i, 2])
-    torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
-    for k in range(4):
-        command.torque[5 * i + k] = torques[k]
-    command.torque[5 * i + 4] = 0.0
-
-
-@compiled
-def _add_swing_inertia(
-    gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand
-) -> None:
+def add_swing_inertia(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Add the torques that accelerate the swing leg, as far as it is off the ground.
 
-    The stance hip transmits their reaction on the torso to the ground.
+    The stance hip transmits their reaction on the torso to the ground. Under the paper's law the
+    torques are 0.
     """
-    weight = gain.swing_inertia * (1.0 - robot.load[i])
+    weight = 0.0 if gain.as_in_paper else 1.0 - robot.load[i]
     length = min(_MAX_SWING_LENGTH, max(_MIN_SWING_LENGTH, step.desired[LENGTH_SW]))
     v, a = step.desired_rates, step.accelerations
     roll, pitch, knee = inertia_torques(
         (v[ROLL_SW], v[PITCH_SW], v[LENGTH_SW]),
         (a[ROLL_SW], a[PITCH_SW], a[LENGTH_SW]),
         nearest_knee_angle(length),
-        gain.inertia,
     )
-    swing, stance = 5 * i, 5 - 5 * i
-    command.torque[swing] += weight * roll
-    command.torque[swing + 2] += weight * pitch
-    command.torque[swing + 3] += weight * knee
+    swing, stance = LEG_DRIVE_COUNT * i, LEG_DRIVE_COUNT * (1 - i)
+    command.torque[swing + HIP_ROLL] += weight * roll
+    command.torque[swing + HIP_PITCH] += weight * pitch
+    command.torque[swing + KNEE] += weight * knee
     reaction = weight * robot.load[1 - i]
-    command.torque[stance] -= reaction * roll
-    command.torque[stance + 2] -= reaction * pitch
+    command.torque[stance + HIP_ROLL] -= reaction * roll
+    command.torque[stance + HIP_PITCH] -= reaction * pitch
 
 
 @compiled
@@ -311,7 +269,6 @@ def inertia_torques(
     rates: tuple[float, float, float],
     accelerations: tuple[float, float, float],
     knee: float,
-    inertia: FloatArray,
 ) -> tuple[float, float, float]:
     """Torques of hip roll, hip pitch and knee that accelerate a swinging leg.
 
@@ -320,7 +277,6 @@ def inertia_torques(
         accelerations: Desired accelerations of leg roll, leg pitch and leg length. In rad/s^2 and
             m/s^2.
         knee: Knee angle that gives the desired leg length. In rad.
-        inertia: See `gains.INERTIA`. Shape (4, 4), in kg m^2.
 
     Returns:
         Torques. In Nm.
@@ -340,10 +296,10 @@ def inertia_torques(
     pitch_rate = leg_pitch_rate - d_lean * knee_rate
     pitch_acceleration = leg_pitch_acceleration - d_lean * knee_acceleration
     pitch_acceleration -= d2_lean * knee_rate * knee_rate
-    a, d_a = _cubic(inertia, 0, knee), _cubic_derivative(inertia, 0, knee)
-    b, d_b = _cubic(inertia, 1, knee), _cubic_derivative(inertia, 1, knee)
-    c = _cubic(inertia, 2, knee)
-    r, d_r = _cubic(inertia, 3, knee), _cubic_derivative(inertia, 3, knee)
+    a, d_a = _cubic(_A, knee), _cubic_derivative(_A, knee)
+    b, d_b = _cubic(_B, knee), _cubic_derivative(_B, knee)
+    c = _cubic(_C, knee)
+    r, d_r = _cubic(_R, knee), _cubic_derivative(_R, knee)
     roll_torque = r * roll_acceleration + d_r * roll_rate * knee_rate
     pitch_torque = a * pitch_acceleration + b * knee_acceleration
     pitch_torque += d_a * pitch_rate * knee_rate + d_b * knee_rate * knee_rate
@@ -352,12 +308,10 @@ def inertia_torques(
 
 
 @compiled
-def _cubic(table: FloatArray, row: int, x: float) -> float:
-    value: float = table[row, 0] + x * (table[row, 1] + x * (table[row, 2] + x * table[row, 3]))
-    return value
+def _cubic(c: tuple[float, float, float, float], x: float) -> float:
+    return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
 
 @compiled
-def _cubic_derivative(table: FloatArray, row: int, x: float) -> float:
-    value: float = table[row, 1] + x * (2.0 * table[row, 2] + x * 3.0 * table[row, 3])
-    return value
+def _cubic_derivative(c: tuple[float, float, float, float], x: float) -> float:
+    return c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])

@@ -1,9 +1,9 @@
 """Feed-forward of the weight, compiled: how much each leg carries, with what torques.
 
-While the drives act at once, a leg's share of the weight follows its foot's force. With a latency D
-of the drives, the leg that lifts would push for a time D after the other leg has landed. Then the
-weight shifts by the phase, for the moment at which the drives will act. Over a time T from
-touchdown on, the stance leg's share is
+While the drives act at once, a leg's share of the weight follows its foot's force, or its load
+under the paper's law. With a latency D of the drives, the leg that lifts would push for a time D
+after the other leg has landed. Then the weight shifts by the phase, for the moment at which the
+drives will act. Over a time T from touchdown on, the stance leg's share is
 
     s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)
 
@@ -14,60 +14,134 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
-from cassie_gaits.records import FloatArray
-from cassie_gaits.robot import GRAVITY, WEIGHT
+from cassie_gaits.leg import LegPair
+from cassie_gaits.names import (
+    HIP_PITCH,
+    HIP_ROLL,
+    HIP_YAW,
+    KNEE,
+    LEG_DRIVE_COUNT,
+    TARSUS,
+    TOE_DRIVE,
+)
+from cassie_gaits.records import FloatArray, Records
 
 if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
     from cassie_control.control.gains import Gains
-    from cassie_control.control.outputs import Step
     from cassie_control.control.robot import Robot
+    from cassie_control.planner.terrain import GroundSlope
+    from cassie_control.planner.timing import StepTiming
+    from cassie_msgs.layout import MotorCommand
 
+_MASS = model.total_mass()  # kg
 _FORCE_DEAD_BAND = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
 
+_MIN_COM_HEIGHT = 0.4  # m above the toe joint
+_LOADED_FORCE = 30.0  # N, force from which a swing foot counts as loaded
+_LOADED_FORCE_SPAN = 100.0  # N, further force at which it counts as loaded in full
+
+
 @compiled
-def damped_weight(gain: Gains, robot: Robot, step: Step) -> float:
+def swing_foot_load(force: float) -> float:
+    """How far a swing foot that carries a force (N) still stands on the ground, 0..1."""
+    return min(1.0, max(0.0, (force - _LOADED_FORCE) / _LOADED_FORCE_SPAN))
+
+
+@compiled
+def load_share(robot: Robot, i: int) -> float:
+    """A leg's share of both legs' loads. 0..1; where both are light, the sum is below 1."""
+    share: float = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
+    return share
+
+
+@compiled
+def carry_weight(
+    gain: Gains,
+    robot: Robot,
+    pairs: Records[LegPair],
+    timing: StepTiming,
+    slope: GroundSlope,
+    command: MotorCommand,
+) -> None:
+    """Set the torques with which both legs carry the weight; the toes get none.
+
+    Args:
+        gain: Constants of the law.
+        robot, slope: The robot and the ground now.
+        pairs: Kinematics of both legs. Shape (1,).
+        timing: Phase, at its rate before leg-angle adjustment.
+        command: Changed in place.
+    """
+    weight = damped_weight(gain, robot, slope)
+    for i in range(2):
+        share = carried_share(gain, robot, timing, i)
+        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
+
+
+@compiled
+def damped_weight(gain: Gains, robot: Robot, slope: GroundSlope) -> float:
     """Force of the legs, in N: the weight, less a damping by the CoM's speed off the slope.
 
+        F = max(0, W - bounce_damping (v_z - slope . v + D a)),    a = sum of foot forces / m - g.
+
     The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
-    the legs. Where the drives act late, the feet's force predicts the CoM's speed at that time.
+    the legs. D is the latency of late drives, else 0: D a predicts the speed at that time.
     """
-    rise = step.slope_ahead * robot.com_velocity[0] + step.slope_left * robot.com_velocity[1]
-    acceleration = (robot.force[0] + robot.force[1]) / gain.mass - GRAVITY
+    rise = slope.ahead * robot.com_velocity[0] + slope.left * robot.com_velocity[1]
+    acceleration = (robot.force[0] + robot.force[1]) / _MASS - model.GRAVITY
     speed = robot.com_velocity[2] - rise + gain.latency * acceleration
-    weight: float = WEIGHT - gain.bounce_damping * speed
+    weight: float = model.WEIGHT - gain.bounce_damping * speed
     return max(0.0, weight)
 
 
 @compiled
-def carried_share(gain: Gains, robot: Robot, step: Step, i: int) -> float:
-    """Share of the weight that is fed forward to a leg."""
+def carried_share(gain: Gains, robot: Robot, timing: StepTiming, i: int) -> float:
+    """Share of the weight that is fed forward to a leg.
+
+    By the feet's forces F_i less 50 N, which is f_i: f_i / max(W / 2, f_0 + f_1). With late drives
+    the phase gives the share. The paper's law uses load_i / max(1, load_0 + load_1).
+    """
     share: float
     if gain.latency > 0.0:
-        share = _predicted_stance_share(gain, step)
-        return share if i == step.stance else 1.0 - share
-    if gain.share_force > 0.0:
-        force = max(0.0, robot.force[i] - _FORCE_DEAD_BAND)
-        other = max(0.0, robot.force[1 - i] - _FORCE_DEAD_BAND)
-        share = force / max(0.5 * WEIGHT, force + other)
-    else:
-        share = robot.load[i] / max(1.0, robot.load[0] + robot.load[1])
+        share = _predicted_stance_share(gain, timing)
+        return share if i == timing.stance else 1.0 - share
+    if gain.as_in_paper:
+        return load_share(robot, i)
+    force = max(0.0, robot.force[i] - _FORCE_DEAD_BAND)
+    other = max(0.0, robot.force[1 - i] - _FORCE_DEAD_BAND)
+    share = force / max(0.5 * model.WEIGHT, force + other)
     return share
 
 
 @compiled
-def _predicted_stance_share(gain: Gains, step: Step) -> float:
+def _predicted_stance_share(gain: Gains, timing: StepTiming) -> float:
     """Share that the stance leg will carry when the drives act on this command.
 
     The next touchdown is assumed at the planned end of the step, even if it is late.
     """
-    elapsed = step.phase / step.phase_rate + gain.latency
-    remaining = (1.0 - step.phase) / step.phase_rate - gain.latency
+    elapsed = timing.phase / timing.rate + gain.latency
+    remaining = (1.0 - timing.phase) / timing.rate - gain.latency
     loading = min(1.0, max(0.0, elapsed / gain.handover))
     unloading = min(1.0, max(0.0, 1.0 + remaining / gain.handover))
     share: float = loading * unloading
     return share
+
+
+@compiled
+def _set_weight_torques(
+    robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
+) -> None:
+    """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
+    x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
+    z = max(_MIN_COM_HEIGHT, robot.com[2] - robot.ankle[i, 2])
+    torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
+    base = LEG_DRIVE_COUNT * i
+    for k in range(len(torques)):
+        command.torque[base + k] = torques[k]
+    command.torque[base + TOE_DRIVE] = 0.0
 
 
 @compiled
@@ -78,9 +152,9 @@ def holding_torques(
     x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
     y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
     z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
-    roll = jacobian[0, 0] * x + jacobian[1, 0] * y + jacobian[2, 0] * z
-    yaw = jacobian[0, 1] * x + jacobian[1, 1] * y + jacobian[2, 1] * z
-    pitch = jacobian[0, 2] * x + jacobian[1, 2] * y + jacobian[2, 2] * z
-    knee = jacobian[0, 3] * x + jacobian[1, 3] * y + jacobian[2, 3] * z
-    tarsus = jacobian[0, 5] * x + jacobian[1, 5] * y + jacobian[2, 5] * z
+    roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
+    yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
+    pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z
+    knee = jacobian[0, KNEE] * x + jacobian[1, KNEE] * y + jacobian[2, KNEE] * z
+    tarsus = jacobian[0, TARSUS] * x + jacobian[1, TARSUS] * y + jacobian[2, TARSUS] * z
     return -roll, -yaw, -pitch, tarsus - knee

@@ -1,10 +1,8 @@
-"""The controller: one of standing, walking, damping or nothing, and the changes between them."""
+"""The controller: standing, walking, riding, damping or no torque, and the changes between."""
 
 from __future__ import annotations
 
 import enum
-
-import numpy as np
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.latency import CommandLatency
@@ -16,7 +14,6 @@ from cassie_control.control.recovery import (
     ShorteningLimit,
     add_braking_toe_torque,
     comes_to_rest,
-    lift_swing_foot,
 )
 from cassie_control.control.riding import RidingController
 from cassie_control.control.robot import Readings
@@ -27,10 +24,11 @@ from cassie_control.finite import LARGEST, check
 from cassie_control.learning.torque_learning import TorqueLearning
 from cassie_control.learning.torque_table import LearnedTorques
 from cassie_control.planner.timing import LEFT, StepTiming
-from cassie_gaits import robot, virtual_leg
+from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
+from cassie_gaits.drive_limits import DAMPING, TORQUE_LIMITS
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.names import KNEE, LEG_DRIVE_COUNT
 from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.vectors import is_within
 from cassie_msgs.layout import (
@@ -46,9 +44,6 @@ from cassie_msgs.schedule import GAIT_TICKS
 
 _OFF, _DAMP, _STAND, _WALK, _SEGWAY = map(int, RobotMode)
 """Modes as plain numbers: to find a member of an Enum takes Python 0.3 us."""
-
-DAMPING = np.tile([4.0, 4.0, 8.0, 8.0, 2.0], 2)
-"""Damping of the drives in mode DAMP. In Nms/rad."""
 
 
 @compiled
@@ -109,11 +104,10 @@ class GaitController:
     """Computes drive set-points from state and mode.
 
     From standing, walking begins with a lean to the left and a step of the right leg. From
-    walking, standing begins at the next touchdown with a slow CoM, or at the last of `stop_steps`;
-    the supervisor asks for standing when Cassie steps in place. A push that standing cannot hold
-    makes the robot step by itself (`recovery`) until it is slow again. Riding a Segway is standing
-    with gains of its own. After a change to standing, leaning or riding, torques and gains are
-    blended over `blend_time`.
+    walking, standing begins at the next touchdown from which it comes to rest; the supervisor asks
+    for standing when Cassie steps in place. A push that standing cannot hold makes the robot step
+    by itself (`recovery`), until it comes to rest. Riding a Segway is standing with gains of its
+    own.
 
     Args:
         config: Gains.
@@ -131,8 +125,6 @@ class GaitController:
     ) -> None:
         self._period = period
         self._library, self._learned = library, learned
-        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
-        self._torque_limit = np.array(limits)
         self.config = config
         self.reset()
 
@@ -160,13 +152,10 @@ class GaitController:
         self._state = RobotState()
         self._mode = Mode()
         self._command = MotorCommand()
-        self._blend_from = MotorCommand()
         self.activity = Activity.IDLE
         self._time_in_activity = 0.0
-        self._stop_steps = 0
         self._recovering = False
         self._set_latency(0.0)
-        self._blend_left = self._blend_time = 0.0
 
     def _set_latency(self, latency: float) -> None:
         """Use gains for a latency (s) of the drives."""
@@ -199,8 +188,6 @@ class GaitController:
         self._time_in_activity += self._period
         self._select_activity(wanted)
         self._run_activity(mode)
-        if self._blend_left > 0.0:
-            self._blend()
         try:
             limit(command)
         except ControlError:
@@ -222,13 +209,14 @@ class GaitController:
         elif mode == _SEGWAY and self.activity is not Activity.RIDING:
             self._enter(Activity.RIDING)
             self.riding.start(self.readings, self.standing.com_error)
-        elif mode == _WALK and self.activity is not Activity.WALKING:
+        elif mode == _WALK:
             if self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
                     self.standing.start(self.readings)
                 self._enter(Activity.LEANING)
             elif self._time_in_activity >= self.config.transition.lean_time:
                 self._enter(Activity.WALKING)
+                self._recovering = False
                 self.walking.start(self.readings, LEFT)
                 self.learning.start()
 
@@ -237,8 +225,6 @@ class GaitController:
             return
         self.activity = activity
         self._time_in_activity = 0.0
-        self._blend_left = self._blend_time = self.config.transition.blend_time
-        self._blend_from.copy_from(self._command)
 
     def _run_activity(self, mode: Mode) -> None:
         command = self._command
@@ -268,57 +254,28 @@ class GaitController:
         if stance is None:
             return
         self._enter(Activity.WALKING)
-        self._stop_steps, self._recovering = 0, True
-        knee = float(self._command.position[5 * stance + 3])
+        self._recovering = True
+        knee = float(self._command.position[LEG_DRIVE_COUNT * stance + KNEE])
         self.shortening.start(virtual_leg.length(knee))
         self.walking.start(self.readings, stance)
         self.learning.start()
         self._step_walking(mode)
 
     def _step_walking(self, mode: Mode) -> bool:
-        """One tick of walking, with the feet wider before a stop; True if a step ended."""
-        stops = int(mode.mode) == _STAND
-        spread = self.config.transition.stop_spread if stops else 0.0
+        """One tick of walking; True if a step ended."""
         walking = self.walking
-        ended = walking.step(self.readings, mode, self._command, spread)
+        ended = walking.step(self.readings, mode, self._command)
         speed = walking.gait_speed
         self.learning.step(walking.timing, speed, self.readings, mode, self._command)
         if self._recovering and walking.timing.steps < 1:
-            stance, phase = walking.timing.stance, walking.timing.phase
-            add_braking_toe_torque(
-                self.readings, stance, self._command, self.config.stand.toe_torque
-            )
-            lift_swing_foot(1 - stance, phase, self._command, self.config.transition.recovery_lift)
+            stance = walking.timing.stance
+            add_braking_toe_torque(self.readings, stance, self._command)
             self.shortening.apply(stance, self._command, self.config.stand)
         return ended
 
     def _may_stop(self, mode: Mode) -> bool:
-        """Whether walking ends at this touchdown: some steps after the command, with a slow CoM."""
-        if int(mode.mode) != _STAND:
-            self._stop_steps, self._recovering = 0, False
-            return False
-        self._stop_steps += 1
-        vx, vy, _ = self.readings.com_velocity
-        transition = self.config.transition
-        slow = abs(vx) <= transition.stop_vx and abs(vy) <= transition.stop_vy
-        if self._recovering:
-            return self._stop_steps >= transition.recovery_steps and comes_to_rest(
-                self.readings, transition
-            )
-        if self._stop_steps <= transition.stop_first:
-            return False
-        return slow or self._stop_steps >= transition.stop_steps
-
-    def _blend(self) -> None:
-        """Blend torques and gains from the last ones to the new ones."""
-        if self.activity not in (Activity.STANDING, Activity.LEANING, Activity.RIDING):
-            return
-        self._blend_left -= self._period
-        share = max(0.0, self._blend_left / self._blend_time)
-        for field in ("torque", "kp", "kd"):
-            now, before = getattr(self._command, field), getattr(self._blend_from, field)
-            now *= 1.0 - share
-            now += share * before
+        """Whether walking ends at this touchdown."""
+        return int(mode.mode) == _STAND and comes_to_rest(self.readings)
 
     def offer(self, gait: Gait) -> None:
         """Use a gait from the next touchdown of walking on, see `WalkingController.offer`."""
@@ -357,7 +314,7 @@ class GaitController:
             self._command.record,
             walking.timing.records,
             walking.step_record,
-            self._torque_limit,
+            TORQUE_LIMITS,
             walks,
             walking.gait_speed,
             self.latency.latency,

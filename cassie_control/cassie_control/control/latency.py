@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -162,11 +161,10 @@ class CommandLatency:
         self._commands = np.zeros((rows, 50))
         self._joint_history = np.zeros((ticks + 1, 2, 10))
         self._residuals = np.zeros(rows + 1)
-        limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2
         self._search = Search(
             interpolation=ticks - REPORT_DELAY / period,
             low_pass_weight=1.0 - math.exp(-period / _LOW_PASS_TIME),
-            scale=1.0 / np.array(limits),
+            scale=1.0 / TORQUE_LIMITS,
         )
         self.reset()
         # The first calls load the compiled functions, or compile them.

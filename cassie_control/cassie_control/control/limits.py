@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cassie_control.errors import ControlError
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.drive_limits import KD_LIMIT, KP_LIMIT
 from cassie_gaits.names import LEG_DRIVES, LEGS
 from cassie_msgs.layout import MotorCommand
 
@@ -29,12 +30,6 @@ def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
         values[i] = max(low[i], min(high[i], values[i]))
     return -1
 
-
-KP_LIMIT = 5000.0
-"""Largest position gain that a drive accepts. In Nm/rad."""
-
-KD_LIMIT = 500.0
-"""Largest velocity gain that a drive accepts. In Nms/rad."""
 
 MARGIN = math.radians(0.5)
 """Least distance of a set-point from its joint's stops. In rad."""

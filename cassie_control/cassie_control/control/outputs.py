@@ -10,45 +10,38 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cassie_control.control.forces import swing_foot_load
 from cassie_control.control.gains import Gains
-from cassie_control.control.robot import Robot
+from cassie_control.control.robot import Robot, hip_pitch_ahead
+from cassie_control.planner.placement import TORSO_PITCH_TRIM, TORSO_ROLL_TRIM, SwingTarget
+from cassie_control.planner.terrain import GroundSlope, step_up_height
 from cassie_control.planner.timing import StepTiming
 from cassie_gaits import virtual_leg
+from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
-from cassie_gaits.records import FloatArray, Record, Records, array, whole
+from cassie_gaits.gait_library import gait_in_stance
+from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, TOE
+from cassie_gaits.records import FloatArray, Record, Records, array
+from cassie_msgs.layout import Mode
 
 IntArray = npt.NDArray[np.int64]
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 """Rows of eq:h0; `cassie_gaits.gait_library.OUTPUTS` names them."""
 
+AT_END = COEFFICIENTS - 1
+"""Place of the Bezier coefficient that is the polynomial's value at the end of the step."""
+
 
 class Step(Record):
     """A step of walking. Arrays over outputs have the order of eq:h0 and are in rad and m.
 
     Attributes:
-        stance: Number of the stance leg.
-        phase: The paper's tau.
-        phase_rate: Rate of the phase before leg-angle adjustment. In 1/s.
-        adjusted_rate: Rate of the phase after leg-angle adjustment. In 1/s.
-        step_time: Step duration of the gait. In s.
         heading: Desired heading. In rad.
         mean_vy: Mean velocity to the left of the last two steps. In m/s.
-        yaw_rate: Commanded yaw rate. In rad/s.
         half_turn: Half of the turn of this step. In rad.
-        stance_extension: Remaining growth of the gait's stance leg. In m.
-        gait_landing_pitch, gait_landing_roll, gait_landing_length: The gait's swing leg at
-            touchdown. In rad and m.
-        landing_pitch, landing_roll, landing_length: Swing leg at touchdown by leg-angle adjustment.
-            In rad and m.
         landing_yaw: Swing hip yaw at touchdown. In rad.
-        contact_lead: Time from the foot's first contact to the end of the step. In s.
-        vx: Low-passed forward velocity. In m/s.
-        torso_roll, torso_pitch: Commanded torso angles. In rad.
-        slope_ahead, slope_left: Slope of the ground forward and to the left, rise over distance.
-        foothold_height: Height of the stance foot over the ground around it. In m.
-        clearance: Height added to the gait's swing foot in mid-step. In m.
         initial, initial_rates: Outputs and their rates at the beginning of this step.
         gait: Bezier coefficients of this step.
         desired, desired_rates, accelerations: Desired outputs and their time derivatives.
@@ -58,31 +51,10 @@ class Step(Record):
             see `track_thighs`. In rad and rad/s.
     """
 
-    stance: int = whole()
-    phase: float
-    phase_rate: float
-    adjusted_rate: float
-    step_time: float
     heading: float
     mean_vy: float
-    yaw_rate: float
     half_turn: float
-    stance_extension: float
-    gait_landing_pitch: float
-    gait_landing_roll: float
-    gait_landing_length: float
-    landing_pitch: float
-    landing_roll: float
-    landing_length: float
     landing_yaw: float
-    contact_lead: float
-    vx: float
-    torso_roll: float
-    torso_pitch: float
-    slope_ahead: float
-    slope_left: float
-    foothold_height: float
-    clearance: float
     initial: FloatArray = array(9)
     initial_rates: FloatArray = array(9)
     gait: FloatArray = array(9, 6)
@@ -107,30 +79,35 @@ def measure(robots: Records[Robot], stance: int, steps: Records[Step]) -> None:
     st, sw = robot.joints[stance], robot.joints[1 - stance]
     st_rate, sw_rate = robot.rates[stance], robot.rates[1 - stance]
     h[ROLL] = robot.roll
-    h[YAW_ST] = st[1]
+    h[YAW_ST] = st[HIP_YAW]
     h[PITCH] = robot.pitch
-    h[LENGTH_ST] = virtual_leg.length(st[3])
-    h[ROLL_SW] = virtual_leg.roll(robot.roll, sw[0])
-    h[YAW_SW] = sw[1]
-    h[PITCH_SW] = virtual_leg.pitch(robot.pitch, sw[2], sw[3])
-    h[LENGTH_SW] = virtual_leg.length(sw[3])
-    h[FOOT_SW] = virtual_leg.foot_pitch(robot.pitch, sw[2], sw[6])
+    h[LENGTH_ST] = virtual_leg.length(st[KNEE])
+    h[ROLL_SW] = virtual_leg.roll(robot.roll, sw[HIP_ROLL])
+    h[YAW_SW] = sw[HIP_YAW]
+    h[PITCH_SW] = virtual_leg.pitch(robot.pitch, sw[HIP_PITCH], sw[KNEE])
+    h[LENGTH_SW] = virtual_leg.length(sw[KNEE])
+    h[FOOT_SW] = virtual_leg.foot_pitch(robot.pitch, sw[HIP_PITCH], sw[TOE])
     rates[ROLL] = robot.roll_rate
-    rates[YAW_ST] = st_rate[1]
+    rates[YAW_ST] = st_rate[HIP_YAW]
     rates[PITCH] = robot.pitch_rate
-    rates[LENGTH_ST] = virtual_leg.length_rate(st[3], st_rate[3])
-    rates[ROLL_SW] = robot.roll_rate + sw_rate[0]
-    rates[YAW_SW] = sw_rate[1]
-    rates[PITCH_SW] = virtual_leg.pitch_rate(sw[3], robot.pitch_rate, sw_rate[2], sw_rate[3])
-    rates[LENGTH_SW] = virtual_leg.length_rate(sw[3], sw_rate[3])
-    rates[FOOT_SW] = -robot.pitch_rate + sw_rate[2] + sw_rate[6]
+    rates[LENGTH_ST] = virtual_leg.length_rate(st[KNEE], st_rate[KNEE])
+    rates[ROLL_SW] = robot.roll_rate + sw_rate[HIP_ROLL]
+    rates[YAW_SW] = sw_rate[HIP_YAW]
+    rates[PITCH_SW] = virtual_leg.pitch_rate(
+        sw[KNEE], robot.pitch_rate, sw_rate[HIP_PITCH], sw_rate[KNEE]
+    )
+    rates[LENGTH_SW] = virtual_leg.length_rate(sw[KNEE], sw_rate[KNEE])
+    rates[FOOT_SW] = -robot.pitch_rate + sw_rate[HIP_PITCH] + sw_rate[TOE]
 
 
 @compiled
 def begin_step(
     robots: Records[Robot], stance: int, keeps_lengths: bool, steps: Records[Step]
 ) -> None:
-    """Start the outputs of the new step at the measured ones (eq. of continuity).
+    """Start the outputs of the new step at the measured ones.
+
+    The swing leg's roll and pitch continue at the measured rates, all other outputs of the legs at
+    rate 0. The torso's outputs are the gait's.
 
     Args:
         robots: The robot now. Shape (1,).
@@ -153,11 +130,18 @@ def begin_step(
     step.initial_rates[YAW_SW] = step.initial_rates[LENGTH_SW] = step.initial_rates[FOOT_SW] = 0.0
 
 
+LEAST_ACCELERATION = np.array(
+    [
+        [-0.39820556608601937, 1.1447992929495692, 0.41183065863182233, -0.15842438549537166],
+        [-0.15842438549537183, 0.4118306586318224, 1.1447992929495692, -0.3982055660860199],
+    ]
+)
+"""Matrix from a polynomial's first and last two coefficients to the two between that give the least
+squared second derivative at 41 even phases (a test holds that)."""
+
 _MAX_LENGTH = 0.95  # m, of a stance leg that keeps its hip level
 _FULL_LEVEL_BACK = 3.0  # 1/(m/s): from 1/3 m/s backward `level_back` counts in full
-_LOADED_FORCE = 30.0  # N, force on the swing foot from which its leg shortens
-_LOADED_FORCE_SPAN = 100.0  # N, further force at which it shortens by `_MAX_SHORTENING`
-_MAX_SHORTENING = 0.05  # m
+_MAX_SHORTENING = 0.05  # m, of a swing leg whose foot is loaded
 
 
 @compiled
@@ -165,17 +149,18 @@ def evaluate_gait(
     gains: Records[Gains],
     robots: Records[Robot],
     timings: Records[StepTiming],
+    slopes: Records[GroundSlope],
     axes: FloatArray,
     lengths: IntArray,
     rows: FloatArray,
     yaw_rate: float,
     steps: Records[Step],
 ) -> None:
-    """Desired outputs by the gait, and the inputs of leg-angle adjustment.
+    """Desired outputs by the gait, and the turn of this step.
 
     Args:
         gains: Constants of the law. Shape (1,).
-        robots: The robot now. Shape (1,).
+        robots, slopes: The robot and the ground now. Shape (1,).
         timings: Phase; gets the gait's step time. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
         yaw_rate: Commanded yaw rate, at which the gait is read. In rad/s.
@@ -184,14 +169,12 @@ def evaluate_gait(
     gain, robot, timing, step = gains[0], robots[0], timings[0], steps[0]
     row = np.empty(rows.shape[1])
     read_row(axes, lengths, rows, timing.velocity[0], step.mean_vy, yaw_rate, row)
-    step.stance, step.phase, step.phase_rate = timing.stance, timing.phase, timing.rate
-    timing.step_time = step.step_time = 1.0 / row[-1]
-    step.yaw_rate = yaw_rate
-    gait, stance = step.gait, step.stance
-    # The row has the gait in right stance, then that in left stance.
-    _start_gait(gain, row[54 * (1 - stance) : 54 * (2 - stance)].reshape(9, 6), step)
+    timing.step_time = 1.0 / row[-1]
+    gait, stance = step.gait, timing.stance
+    clearance = gain.clearance + step_up_height(slopes[0])
+    _start_gait(gain, gait_in_stance(row, stance), timing.step_time, clearance, step)
     basis = np.empty((6, 3))
-    _basis(min(1.0, step.phase), basis)
+    _basis(min(1.0, timing.phase), basis)
     for i in range(9):
         value = rate = acceleration = 0.0
         for k in range(6):
@@ -199,71 +182,90 @@ def evaluate_gait(
             rate += gait[i, k] * basis[k, 1]
             acceleration += gait[i, k] * basis[k, 2]
         step.desired[i] = value
-        step.desired_rates[i] = rate * step.phase_rate
-        step.accelerations[i] = acceleration * step.phase_rate**2
-    step.half_turn = 0.5 * step.yaw_rate * step.step_time
+        step.desired_rates[i] = rate * timing.rate
+        step.accelerations[i] = acceleration * timing.rate**2
+    step.half_turn = 0.5 * yaw_rate * timing.step_time
     yaw = step.half_turn + gain.heading_gain * (step.heading - robot.yaw)
     step.landing_yaw = max(-gain.yaw_limit, min(gain.yaw_limit, yaw))
-    step.stance_extension = gait[LENGTH_ST, 5] - step.desired[LENGTH_ST]
-    step.gait_landing_pitch, step.gait_landing_roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
-    step.gait_landing_length = gait[LENGTH_SW, 5]
 
 
 @compiled
-def _start_gait(gain: Gains, library_gait: FloatArray, step: Step) -> None:
-    """Copy the gait and start it where the legs were at touchdown; the torso's is continuous."""
+def _start_gait(
+    gain: Gains, library_gait: FloatArray, step_time: float, clearance: float, step: Step
+) -> None:
+    """Copy the gait and start it where the legs were at touchdown; the torso's is continuous.
+
+    Args:
+        gain: Constants of the law.
+        library_gait: Coefficients of the gait. Shape (9, 6).
+        step_time: Duration of the step by the gait. In s.
+        clearance: Height added to the swing foot in mid-step. In m.
+        step: The step; changed in place.
+    """
     gait = step.gait
     for i in range(9):
         for k in range(6):
             gait[i, k] = library_gait[i, k]
         if i not in (ROLL, PITCH):
             gait[i, 0] = step.initial[i]
-            gait[i, 1] = step.initial[i] + step.initial_rates[i] * (step.step_time / 5.0)
+            gait[i, 1] = step.initial[i] + step.initial_rates[i] * (step_time / 5.0)
     # These two have the weight 10 s^2 (1 - s)^2: 5/8 in the middle of a step, 0 at its ends.
     for k in (2, 3):
-        gait[LENGTH_SW, k] -= 1.6 * step.clearance
-    if gain.least_acceleration > 0.0:
+        gait[LENGTH_SW, k] -= 1.6 * clearance
+    if not gain.as_in_paper:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):
-                a, b = gain.least_acceleration_map[k, 0], gain.least_acceleration_map[k, 1]
-                c, d = gain.least_acceleration_map[k, 2], gain.least_acceleration_map[k, 3]
+                a, b = LEAST_ACCELERATION[k, 0], LEAST_ACCELERATION[k, 1]
+                c, d = LEAST_ACCELERATION[k, 2], LEAST_ACCELERATION[k, 3]
                 gait[i, 2 + k] = a * gait[i, 0] + b * gait[i, 1] + c * gait[i, 4] + d * gait[i, 5]
 
 
 @compiled
-def adjust_outputs(gain: Gains, robot: Robot, step: Step) -> None:
+def adjust_outputs(
+    gain: Gains,
+    robot: Robot,
+    mode: Mode,
+    timing: StepTiming,
+    slope: GroundSlope,
+    target: SwingTarget,
+    step: Step,
+) -> None:
     """Add leg-angle adjustment and turning, smoothly over the step; called after `evaluate_gait`.
 
     Args:
         gain: Constants of the law.
-        robot: The robot now.
-        step: The step, with the result of leg-angle adjustment; changed in place.
+        robot, slope: The robot and the ground now.
+        mode: `Mode.record[0]`, with the torso's angles.
+        timing: Phase, at its rate after leg-angle adjustment.
+        target: Result of leg-angle adjustment.
+        step: The step; changed in place.
     """
-    gait, rate = step.gait, step.adjusted_rate
-    phase = min(1.0, step.phase)
-    contact_pitch, contact_roll = _contact_angles(step, rate)
-    _level_hip_path(gain, robot, step, phase)
-    _add_correction(step, PITCH_SW, step.landing_pitch - contact_pitch, phase, rate)
-    _add_correction(step, ROLL_SW, step.landing_roll - contact_roll, phase, rate)
-    _add_correction(step, LENGTH_SW, step.landing_length - gait[LENGTH_SW, 5], phase, rate)
-    _add_correction(step, YAW_SW, step.landing_yaw - gait[YAW_SW, 5], phase, rate)
-    _add_correction(step, FOOT_SW, math.atan(step.slope_ahead), phase, rate)
+    gait, rate = step.gait, timing.rate
+    phase = min(1.0, timing.phase)
+    contact_pitch, contact_roll = _contact_angles(step, target.contact_lead, rate)
+    if not gain.as_in_paper:
+        _level_hip_path(gain, robot, timing, slope, phase, step)
+    _add_correction(step, PITCH_SW, target.pitch - contact_pitch, phase, rate)
+    _add_correction(step, ROLL_SW, target.roll - contact_roll, phase, rate)
+    _add_correction(step, LENGTH_SW, target.length - gait[LENGTH_SW, AT_END], phase, rate)
+    _add_correction(step, YAW_SW, step.landing_yaw - gait[YAW_SW, AT_END], phase, rate)
+    _add_correction(step, FOOT_SW, math.atan(slope.ahead), phase, rate)
     _turn_stance_hip(step, phase, rate)
-    _shorten_loaded_swing_leg(robot, step, phase)
-    if step.phase > 1.0:
-        _extend_late_swing_leg(gain, step, rate)
-    step.desired[ROLL] += step.torso_roll
-    step.desired[PITCH] += step.torso_pitch
+    _shorten_loaded_swing_leg(robot.force[1 - timing.stance], phase, step)
+    if timing.phase > 1.0:
+        _extend_late_swing_leg(gain, timing, step)
+    step.desired[ROLL] += mode.roll + mode.trims[TORSO_ROLL_TRIM]
+    step.desired[PITCH] += mode.pitch + mode.trims[TORSO_PITCH_TRIM]
 
 
 @compiled
-def _contact_angles(step: Step, rate: float) -> tuple[float, float]:
-    """Pitch and roll of the gait's swing leg at the foot's first contact. In rad."""
+def _contact_angles(step: Step, contact_lead: float, rate: float) -> tuple[float, float]:
+    """Pitch and roll of the gait's swing leg, in rad, `contact_lead` (s) before its end."""
     gait = step.gait
-    pitch, roll = gait[PITCH_SW, 5], gait[ROLL_SW, 5]
-    if step.contact_lead > 0.0:
+    pitch, roll = gait[PITCH_SW, AT_END], gait[ROLL_SW, AT_END]
+    if contact_lead > 0.0:
         basis = np.empty((6, 3))
-        _basis(1.0 - step.contact_lead * rate, basis)
+        _basis(1.0 - contact_lead * rate, basis)
         pitch = roll = 0.0
         for k in range(6):
             pitch += gait[PITCH_SW, k] * basis[k, 0]
@@ -288,50 +290,65 @@ def _turn_stance_hip(step: Step, phase: float, rate: float) -> None:
     contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
     """
     r = 1.0 - phase
-    _add_correction(step, YAW_ST, -step.gait[YAW_ST, 5], phase, rate)
+    _add_correction(step, YAW_ST, -step.gait[YAW_ST, AT_END], phase, rate)
     step.desired[YAW_ST] += step.half_turn * (fade(phase) - 2.0 * phase)
     step.desired_rates[YAW_ST] += step.half_turn * rate * (20.0 * r * r * r * phase - 2.0)
     step.accelerations[YAW_ST] += step.half_turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
 
 
 @compiled
-def _level_hip_path(gain: Gains, robot: Robot, step: Step, phase: float) -> None:
-    """Change the stance leg's length so that its hip travels level, with the weight `gain.level`.
+def _level_hip_path(
+    gain: Gains, robot: Robot, timing: StepTiming, slope: GroundSlope, phase: float, step: Step
+) -> None:
+    """Change the stance leg's length so that its hip travels level.
 
-    On a slope the hip travels parallel to the slope, at the height that it has with the CoM above
-    the foot. It keeps its height over the ground around the foot, whatever the foot stands on.
+    With x the hip ahead of the toe joint, y the CoM left of it, and H_gait the height of the gait's
+    swing hip at touchdown:
+
+        H       = H_gait + slope_ahead x + slope_left y - foothold_height,
+        length += weight fade(phase) (sqrt(H^2 + x^2) - length).
+
+    The weight is 1 forward, and changes to `level_back` from 0 to 1/3 m/s backward. So the hip
+    travels parallel to the slope, and keeps its height over the ground around the foot. The rate
+    leaves out that of the fade (DECISIONS.md, Walking).
     """
-    backward = max(0.0, min(1.0, -_FULL_LEVEL_BACK * step.vx))
-    weight = gain.level * fade(phase)
+    backward = max(0.0, min(1.0, -_FULL_LEVEL_BACK * timing.velocity[0]))
+    weight = fade(phase)
     weight *= 1.0 + backward * (gain.level_back - 1.0)
-    hip_height = step.gait[LENGTH_SW, 5] * math.cos(step.gait[PITCH_SW, 5])
-    hip_x = robot.tilt[0, 0] * gain.hip_x + robot.tilt[0, 2] * gain.hip_z
-    i = step.stance
-    hip_x -= robot.ankle[i, 0]
+    hip_height = step.gait[LENGTH_SW, AT_END] * math.cos(step.gait[PITCH_SW, AT_END])
+    i = timing.stance
+    hip_x = hip_pitch_ahead(robot) - robot.ankle[i, 0]
     com_y = robot.com[1] - robot.ankle[i, 1]
-    hip_height += step.slope_ahead * hip_x - step.foothold_height + step.slope_left * com_y
+    hip_height += slope.ahead * hip_x - slope.foothold_height + slope.left * com_y
     length = min(_MAX_LENGTH, math.hypot(hip_height, hip_x))
     step.desired[LENGTH_ST] += weight * (length - step.desired[LENGTH_ST])
-    rate = (hip_x + step.slope_ahead * hip_height) * robot.velocity[0] / length
+    rate = (hip_x + slope.ahead * hip_height) * robot.velocity[0] / length
     step.desired_rates[LENGTH_ST] += weight * (rate - step.desired_rates[LENGTH_ST])
 
 
 @compiled
-def _shorten_loaded_swing_leg(robot: Robot, step: Step, phase: float) -> None:
-    """Shorten a swing leg whose foot still carries load, as after a push to its side."""
-    force = robot.force[1 - step.stance]
-    load = min(1.0, max(0.0, (force - _LOADED_FORCE) / _LOADED_FORCE_SPAN))
+def _shorten_loaded_swing_leg(force: float, phase: float, step: Step) -> None:
+    """Shorten a swing leg whose foot still carries a force F (N), as after a push to its side.
+
+    With g(phase) a trapezoid:
+
+        length -= 0.05 m sat((F - 30 N) / 100 N) g(phase).
+    """
+    load = swing_foot_load(force)
     # Trapezoid over the phase: from 0.1 on, full from 0.2 to 0.5, and 0 again from 0.7 on.
     window = min(1.0, max(0.0, 10.0 * (phase - 0.1))) * min(1.0, max(0.0, 5.0 * (0.7 - phase)))
     step.desired[LENGTH_SW] -= _MAX_SHORTENING * load * window
 
 
 @compiled
-def _extend_late_swing_leg(gain: Gains, step: Step, rate: float) -> None:
-    """Extend the swing leg while touchdown is later than planned."""
+def _extend_late_swing_leg(gain: Gains, timing: StepTiming, step: Step) -> None:
+    """Extend the swing leg while touchdown is later than planned; all other rates are 0.
+
+    length += min(late_reach, late_speed (phase - 1) / rate).
+    """
     for i in range(9):
         step.desired_rates[i] = step.accelerations[i] = 0.0
-    extension = gain.late_speed * (step.phase - 1.0) / rate
+    extension = gain.late_speed * (timing.phase - 1.0) / timing.rate
     step.desired[LENGTH_SW] += min(gain.late_reach, extension)
     if extension < gain.late_reach:
         step.desired_rates[LENGTH_SW] = gain.late_speed

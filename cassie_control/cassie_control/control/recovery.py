@@ -5,72 +5,53 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import StandConfig, TransitionConfig
+from cassie_control.control.balance import BOTH_FEET, MIN_COM_HEIGHT
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
+from cassie_gaits.names import KNEE, LEG_DRIVE_COUNT, TOE_DRIVE
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 _STANDING_MEMORY = 1.5  # s after standing on both feet in which a recovery step may begin
 _MIN_STANDING_LOAD = 0.6  # share of the weight on the feet that counts as standing
 _MIN_STEP_LOAD = 0.4  # share of the weight on the feet below which the robot is in the air
-_MIN_CONTACT = 0.7  # probability of contact of each foot that counts as standing
 _REST_X = 0.06  # m, distance of capture point and feet's midpoint from which standing brings rest
 _REST_FOOT_DISTANCE = (0.2, 0.45)  # m, distance of the feet that standing takes over
 _REST_VERTICAL_SPEED = 0.2  # m/s, vertical speed with which both feet stay on the ground
 _REST_TILT = 0.15  # rad
-_MIN_COM_HEIGHT = 0.3  # m above the feet
-_SOLE_REACH = 0.065  # m, from its middle to the edge that carries
+_BRAKING_REACH = 0.065  # m, bound of the centre of pressure from the middle of the sole
 
 
-def comes_to_rest(readings: Readings, config: TransitionConfig) -> bool:
+def comes_to_rest(readings: Readings) -> bool:
     """Whether standing, from this touchdown on, brings the robot to rest."""
     x, y, height = readings.com_from_feet
-    time = math.sqrt(max(_MIN_COM_HEIGHT, height) / GRAVITY)
+    time = math.sqrt(max(MIN_COM_HEIGHT, height) / GRAVITY)
     vx, vy, _ = readings.com_velocity
     width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
     within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * width
-    slow = abs(vx) <= config.stop_vx and abs(vy) <= config.stop_vy
     calm = abs(readings.velocity[2]) < _REST_VERTICAL_SPEED
     upright = max(abs(readings.roll), abs(readings.pitch)) < _REST_TILT
     low, high = _REST_FOOT_DISTANCE
-    return within and slow and calm and upright and low < width < high
+    return within and calm and upright and low < width < high
 
 
-def add_braking_toe_torque(
-    readings: Readings, stance: int, command: MotorCommand, limit: float
-) -> None:
+def add_braking_toe_torque(readings: Readings, stance: int, command: MotorCommand) -> None:
     """Move the stance foot's centre of pressure to the capture point, at most to the sole's edge.
 
     Args:
         readings: The robot now.
         stance: Leg that carries the robot.
         command: Set-points of walking, whose stance toe gives no torque; torque is added.
-        limit: Bound of the torque. In Nm.
     """
     leg = readings.legs[stance]
-    height = max(_MIN_COM_HEIGHT, readings.com_from_feet[2])
+    height = max(MIN_COM_HEIGHT, readings.com_from_feet[2])
     time = math.sqrt(height / GRAVITY)
     capture_x = readings.com[0] + time * readings.com_velocity[0] - leg.foot[0]
-    cop_x = max(-_SOLE_REACH, min(_SOLE_REACH, capture_x)) + leg.foot[0]
+    cop_x = max(-_BRAKING_REACH, min(_BRAKING_REACH, capture_x)) + leg.foot[0]
     torque = -leg.contact * max(0.0, leg.force) * (cop_x - leg.ankle[0])
-    command.torque[5 * stance + 4] += max(-limit, min(limit, torque))
-
-
-def lift_swing_foot(swing: int, phase: float, command: MotorCommand, height: float) -> None:
-    """Lift the swing foot early in the step, as no lean has unloaded it.
-
-    Args:
-        swing: Number of the swing leg.
-        phase: Phase of the step, 0..1.
-        command: Set-points of walking; the knee's is changed.
-        height: Largest lift. In m.
-    """
-    knee = 5 * swing + 3
-    length = virtual_leg.length(float(command.position[knee]))
-    length -= height * math.sin(math.pi * math.sqrt(min(1.0, phase)))
-    command.position[knee] = virtual_leg.knee_angle(virtual_leg.clamp_length(length, 0.4, 0.97))
+    command.torque[LEG_DRIVE_COUNT * stance + TOE_DRIVE] += torque
 
 
 class ShorteningLimit:
@@ -100,7 +81,7 @@ class ShorteningLimit:
             command: Set-points of walking; the knee's is changed.
             config: Bounds of the pelvis height's rate and acceleration.
         """
-        knee = 5 * stance + 3
+        knee = LEG_DRIVE_COUNT * stance + KNEE
         rate = max(-config.height_rate, self._rate - config.height_acceleration * self._period)
         wanted = virtual_leg.length(float(command.position[knee]))
         length = max(wanted, self._length + rate * self._period)
@@ -115,8 +96,7 @@ class RecoveryStep:
 
     The capture point, CoM + velocity sqrt(z / g), is the centre of pressure at which the robot
     would come to rest. Standing holds the capture point inside the soles, and a little beyond by
-    bending the torso. The robot steps when the capture point is outside of an ellipse beyond the
-    edge of the support, with the half-axes `recovery_x` fore and aft and `recovery_y` sideways.
+    bending the torso. The robot steps when the capture point is `recovery_margin` outside.
     The foot with less load swings. A robot that hangs, or has just come down, does not step.
 
     Args:
@@ -143,21 +123,18 @@ class RecoveryStep:
         Args:
             readings: The robot now.
             standing: Controller, after its step at this tick.
-            config: Margins.
+            config: Whether it steps, and from where on.
         """
         left, right = readings.legs
         force = left.force + right.force
         if force < _MIN_STANDING_LOAD * WEIGHT:
             self._standing_timer = max(0.0, self._standing_timer - self._period)
-        elif min(left.contact, right.contact) > _MIN_CONTACT:
+        elif min(left.contact, right.contact) > BOTH_FEET:
             self._standing_timer = _STANDING_MEMORY
         if not config.recovery_step or self._standing_timer <= 0.0:
             return None
         if force < _MIN_STEP_LOAD * WEIGHT:
             return None
-        if readings.height < config.recovery_height:
-            return None
-        x, y = standing.outside_support
-        if math.hypot(x / config.recovery_x, y / config.recovery_y) < 1.0:
+        if math.hypot(*standing.outside_support) < config.recovery_margin:
             return None
         return LEFT if left.force >= right.force else RIGHT

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cassie_control.config import SegwayConfig, StandConfig
-from cassie_control.control.balance import Balance, bending_ramp
+from cassie_control.control.balance import MIN_COM_HEIGHT, Balance, bending_ramp
 from cassie_control.control.robot import Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.control.vehicle import VehicleSpeedFilter, VerticalFilter
@@ -21,7 +21,6 @@ from cassie_msgs.layout import Mode, MotorCommand
 _SLOW_SPEED = 2.0  # m/s, largest speed of the usual gains; 1 m/s faster those for fast bumps hold
 _MAX_ACCELERATION = 2.5  # m/s^2, saturation of the ground's estimated acceleration
 _BENDING_FROM = 0.35  # ratio of capture point to reach: sooner than on fixed ground
-_MIN_COM_HEIGHT = 0.3  # m above the feet
 
 
 class MovingBalance(Balance):
@@ -41,11 +40,9 @@ class MovingBalance(Balance):
     Feedback of c alone would be 4 times as stiff. The error of c is that found while standing
     before: on moving ground it cannot be distinguished from an acceleration.
 
-    When the platform rolls on uneven ground, the steering bar presses against the robot's knees.
-    The Segway then turns by itself, and the robot is thrown to a side until one foot carries it.
-    Hips that yield, as in standing, let the torso swing from side to side until a foot slips. So
-    from 2 to 3 m/s the gains become those for fast riding: stiff hips, and a smaller weight shift
-    by sideways velocity (`fast_kd_com_y`).
+    From 2 to 3 m/s the gains become those for fast riding: stiff hips, and a smaller weight shift
+    by sideways velocity (`fast_kd_com_y`). Both feet then stay loaded while the platform rolls and
+    the steering bar presses against the robot's knees.
 
     Attributes:
         acceleration: Acceleration of the ground, forward and to the left. In m/s^2.
@@ -156,7 +153,7 @@ class MovingBalance(Balance):
 
 def _equilibrium_per_acceleration(readings: Readings) -> float:
     """Distance of the CoM from the centre of pressure over the ground's acceleration. In s^2."""
-    return max(_MIN_COM_HEIGHT, readings.com_from_feet[2]) / GRAVITY
+    return max(MIN_COM_HEIGHT, readings.com_from_feet[2]) / GRAVITY
 
 
 _STEADY_LEAN = 0.01  # m, distance of the CoM from its set-point beyond which a lean is transient
@@ -307,7 +304,7 @@ class RidingController:
         com_x, _, height = readings.com_from_feet
         near_set_point = abs(com_x - float(self._set_points.com_x)) < _STEADY_LEAN
         if self._unloaded_share < _UNLOADED_RAMP[0] and near_set_point:
-            height = max(_MIN_COM_HEIGHT, height)
+            height = max(MIN_COM_HEIGHT, height)
             vehicle.correct_by_lean(balance.acceleration[0], com_x, height)
         constant = vx == self._last_vx
         self._constant_vx_time = self._constant_vx_time + self._period if constant else 0.0

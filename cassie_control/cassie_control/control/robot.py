@@ -11,16 +11,17 @@ import numpy as np
 
 from cassie_control.control.forces import holding_torques
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg import LegPair, both_legs
+from cassie_gaits.leg import LegPair, place_legs
 from cassie_gaits.names import LEGS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
+from cassie_gaits.robot import LEFT_LEG
 from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
 
-HIP_ROLL_X, HIP_Y = 0.021, 0.135
+HIP_ROLL_X, HIP_Y, _ = LEFT_LEG[0].position
 """Left hip roll axis in the pelvis frame; mirrored in y for the right leg. In m."""
 
-HIP_BACK, HIP_DOWN = 0.07, 0.09
+HIP_BACK, HIP_DOWN = -LEFT_LEG[1].position[2], -LEFT_LEG[2].position[2]
 """From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
 
 
@@ -113,12 +114,12 @@ def read_robot(
     Args:
         states: `RobotState.record`. Shape (1,).
         com_error: Offset of the CoM from the estimate, forward and to the left. In m.
-        pairs: Result, kinematics of both legs. Shape (1,).
+        pairs: Result, pose of both legs. Shape (1,).
         robots: Result. Shape (1,).
     """
     estimate, pair, robot = states[0], pairs[0], robots[0]
     q, v = estimate.q, estimate.v
-    both_legs(q[6:].reshape(2, 7), v[6:].reshape(2, 7), (0.0, 0.0), (0.0, 0.0, 1.0), pair)
+    place_legs(q[6:].reshape(2, 7), pair)
     legs = pair.states
     robot.height, robot.yaw, robot.pitch, robot.roll = q[2], q[3], q[4], q[5]
     robot.yaw_rate, robot.pitch_rate, robot.roll_rate = v[3], v[4], v[5]
@@ -174,10 +175,16 @@ HIP_X = HIP_ROLL_X - HIP_BACK
 HIP_Z = -HIP_DOWN
 """Left hip pitch axis in the pelvis frame with hip roll and yaw at zero. In m."""
 
+
+@compiled
+def hip_pitch_ahead(robot: Robot) -> float:
+    """Distance of the hip pitch axes ahead of the pelvis origin, with level hips. In m."""
+    ahead: float = robot.tilt[0, 0] * HIP_X + robot.tilt[0, 2] * HIP_Z
+    return ahead
+
+
 ANKLE_HEIGHT = 0.0570
 """Height of the toe joint above the ground with a level sole. In m."""
-
-HIP_TO_PELVIS = -HIP_Z
 
 
 class LegReadings:
@@ -271,7 +278,7 @@ class Readings:
         state: The state estimate.
         tilt: Rotation from pelvis to heading frame. Shape (3, 3).
         records: `Robot`, for compiled functions. Shape (1,).
-        pair: Kinematics of both legs, `leg.LegPair`. Shape (1,).
+        pair: Pose of both legs, `leg.LegPair`. Shape (1,).
     """
 
     height: float

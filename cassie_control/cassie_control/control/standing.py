@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import StandConfig
-from cassie_control.control.balance import Balance
+from cassie_control.control.balance import BOTH_FEET, Balance
 from cassie_control.control.robot import (
     ANKLE_HEIGHT,
-    HIP_TO_PELVIS,
+    HIP_DOWN,
     HIP_X,
     HIP_Y,
     LegReadings,
     Readings,
 )
 from cassie_gaits import virtual_leg
-from cassie_gaits.robot import GRAVITY, WEIGHT
+from cassie_gaits.robot import DRIVES, GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand
 
 
@@ -129,7 +129,6 @@ _HANGS, _STANDS = 0.3, 0.9  # contact: hangs if the larger is below, stands if t
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
 _MAX_OVERBEND = 0.15  # rad beyond `bend_limit` from which the torso is held again
-_BOTH_FEET = 0.7  # contact of the less loaded foot with which both feet carry
 _AIR_CONTACT = 0.1  # contact up to which a foot is in the air
 _MIN_TORSO_DAMPING = 0.3  # least factor on the damping of the torso's pitch
 _FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
@@ -201,7 +200,7 @@ class StandingController:
         `com_error` is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
-        self._height = (length + HIP_TO_PELVIS + ANKLE_HEIGHT, 0.0)
+        self._height = (length + HIP_DOWN + ANKLE_HEIGHT, 0.0)
         self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
@@ -258,15 +257,15 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        self._rise.step(c, height, self._balance.rise_helps, both > _BOTH_FEET)
+        self._rise.step(c, height, self._balance.rise_helps, both > BOTH_FEET)
         height, rate = height + self._rise.height, rate + self._rise.rate
-        if both > _BOTH_FEET:
+        if both > BOTH_FEET:
             error = height - readings.height
             integral = self._height_integral + c.height_integral * self._period * error
             integral = max(-_MAX_HEIGHT_INTEGRAL, min(_MAX_HEIGHT_INTEGRAL, integral))
             self._height_integral = integral
         bounce = both * c.height_damping * (readings.velocity[2] - rate)
-        return height - HIP_TO_PELVIS - ANKLE_HEIGHT + self._height_integral - bounce
+        return height - HIP_DOWN - ANKLE_HEIGHT + self._height_integral - bounce
 
     def _set_leg(
         self,
@@ -331,7 +330,7 @@ class StandingController:
         """
         other = readings.legs[1 - i]
         below_com = readings.com[0] - _FOOT_MIDDLE - HIP_X
-        next_to_foot = other.ankle[0] - HIP_X + HIP_TO_PELVIS * readings.pitch
+        next_to_foot = other.ankle[0] - HIP_X + HIP_DOWN * readings.pitch
         return below_com + self._contact[1 - i] * (next_to_foot - below_com)
 
     def _toe_torque(self, leg: LegReadings) -> float:
@@ -339,7 +338,7 @@ class StandingController:
 
         Both soles have the same: the edges of feet that stand one ahead of the other differ.
         """
-        balance, limit = self._balance, self.config.toe_torque
+        balance, limit = self._balance, DRIVES["toe"].torque_limit
         arm = leg.foot[0] + balance.cop_x - leg.ankle[0] + ANKLE_HEIGHT * balance.force_ratio[0]
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))

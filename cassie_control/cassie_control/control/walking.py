@@ -8,25 +8,53 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.drives import set_drives
+from cassie_control.control.drives import (
+    add_swing_inertia,
+    drive_stance,
+    drive_swing,
+    track_thighs,
+)
+from cassie_control.control.forces import carry_weight
 from cassie_control.control.gains import Gains, make_gains
-from cassie_control.control.outputs import FOOT_SW, Step, begin_step, evaluate_gait, fade, measure
+from cassie_control.control.outputs import (
+    FOOT_SW,
+    Step,
+    adjust_outputs,
+    begin_step,
+    evaluate_gait,
+    measure,
+)
 from cassie_control.control.robot import Readings, Robot
-from cassie_control.planner.footstep import make_placement
+from cassie_control.planner.footstep import PendulumPlacement
 from cassie_control.planner.hold import PositionHold
-from cassie_control.planner.placement import Commanded, GaitStep, Placement
+from cassie_control.planner.momentum import Masses
+from cassie_control.planner.paper import PaperGains, PaperPlacement, plan_landing_by_paper
+from cassie_control.planner.pendulum import PlacementGains, plan_landing
+from cassie_control.planner.placement import (
+    LEG_PITCH_TRIM,
+    LEG_ROLL_TRIM,
+    Commanded,
+    Placement,
+)
 from cassie_control.planner.terrain import (
     GroundSlope,
     initialize_slope,
-    step_up_height,
     update_at_touchdown,
     update_in_stance,
 )
-from cassie_control.planner.timing import LEFT, StepTiming, advance, end_step
+from cassie_control.planner.timing import (
+    LEFT,
+    RIGHT,
+    StepTiming,
+    adapt_phase_rate,
+    advance,
+    end_step,
+)
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
-from cassie_gaits.gait_library import GaitLibrary
+from cassie_gaits.gait_library import GaitLibrary, gait_in_stance
+from cassie_gaits.leg import LegPair
 from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
 
@@ -38,18 +66,24 @@ _MAX_HEADING_LEAD = 0.5  # rad, saturation of the desired heading's lead over th
 @compiled
 def advance_step(
     robots: Records[Robot],
+    modes: RecordArray,
     timings: Records[StepTiming],
-    yaw_rate: float,
     steps: Records[Step],
+    all_commanded: Records[Commanded],
 ) -> bool:
     """Advance the desired heading and the step's phase by one tick; True if the step ended.
 
     Args:
         robots: The robot now. Shape (1,).
+        modes: `Mode.record`. Shape (1,).
         timings, steps: Changed in place. Shape (1,).
-        yaw_rate: Commanded yaw rate. In rad/s.
+        all_commanded: Result, the mode's commands for the steps. Shape (1,).
     """
-    step, timing = steps[0], timings[0]
+    step, timing, mode, commanded = steps[0], timings[0], modes[0], all_commanded[0]
+    commanded.vx, commanded.vy, commanded.turn_rate = mode.vx, mode.vy, mode.yaw_rate
+    commanded.pitch_trim = mode.trims[LEG_PITCH_TRIM]
+    commanded.roll_trim = mode.trims[LEG_ROLL_TRIM]
+    yaw_rate = mode.yaw_rate
     # The desired heading waits where the robot does not follow.
     lead = step.heading - robots[0].yaw
     if abs(lead) < _MAX_HEADING_LEAD or lead * yaw_rate < 0.0:
@@ -58,44 +92,66 @@ def advance_step(
 
 
 @compiled
-def plan_step(
+def compute_set_points(
     gains: Records[Gains],
     robots: Records[Robot],
+    pairs: Records[LegPair],
     modes: RecordArray,
-    timings: Records[StepTiming],
+    all_commanded: Records[Commanded],
+    pendulums: Records[PlacementGains],
+    papers: Records[PaperGains],
+    all_masses: Records[Masses],
     axes: FloatArray,
     lengths: IntArray,
     rows: FloatArray,
+    timings: Records[StepTiming],
     slopes: Records[GroundSlope],
     steps: Records[Step],
-    gait_steps: Records[GaitStep],
+    commands: RecordArray,
 ) -> None:
-    """Desired outputs at this phase by the gait, and the inputs of leg-angle adjustment.
+    """Set-points of the drives at this tick, after `advance_step`: the whole law, in its order.
+
+    1. `update_in_stance`: the ground's slope, by the sole of the stance foot.
+    2. `evaluate_gait`: desired outputs and their rates, by the gait at this phase.
+    3. `carry_weight`: torques with which both legs carry the weight. Where the drives act late,
+       these need the phase's rate before 5 changes it.
+    4. `plan_landing`, or `plan_landing_by_paper`: where and when the swing foot lands.
+    5. `adapt_phase_rate`: the phase's rate, so that the step ends then.
+    6. `adjust_outputs`: desired outputs with this landing, the turn and a level path of the hip.
+    7. `track_thighs`: low-passed motion of the legs in space, for the hips' set-points.
+    8. `drive_stance`, `drive_swing`: positions, velocities and gains of the drives.
+    9. `add_swing_inertia`: adds the torques that accelerate the swing leg.
+
+    `TorqueLearning` then adds torques, and `limits.limit` bounds the command.
 
     Args:
         gains, robots: Constants of the law and the robot now. Shape (1,).
+        pairs: Kinematics of both legs. Shape (1,).
         modes: `Mode.record`. Shape (1,).
-        timings, slopes, steps: Changed in place. Shape (1,).
+        all_commanded: Commands for the steps. Shape (1,).
+        pendulums, papers: Gains of leg-angle adjustment, of this project's law and of the paper's;
+            `Gains.as_in_paper` says which counts. Shape (1,).
+        all_masses: Masses of the robot. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        gait_steps: Result, inputs of leg-angle adjustment. Shape (1,).
+        timings, slopes, steps: Changed in place. Shape (1,).
+        commands: Result, `MotorCommand.record`. Shape (1,).
     """
-    timing, step, slope, gait_step = timings[0], steps[0], slopes[0], gait_steps[0]
-    update_in_stance(slopes, robots, timing.stance, timing.phase)
-    step.clearance = gains[0].clearance + step_up_height(slope)
-    evaluate_gait(gains, robots, timings, axes, lengths, rows, modes[0].yaw_rate, steps)
-    remaining = max(0.0, 1.0 - timing.phase)
-    gait_step.elapsed, gait_step.step_time = timing.elapsed, timing.step_time
-    gait_step.remaining = remaining * timing.step_time
-    gait_step.earliest = remaining * gains[0].quickest_step
-    gait_step.velocity[0], gait_step.velocity[1] = timing.velocity[0], timing.velocity[1]
-    gait_step.landing_pitch = step.gait_landing_pitch
-    gait_step.landing_roll = step.gait_landing_roll
-    gait_step.landing_length = step.gait_landing_length
-    gait_step.landing_yaw = step.landing_yaw
-    # Part of the foothold's height that the hip has already compensated.
-    compensated = fade(min(1.0, timing.phase)) * slope.foothold_height
-    gait_step.hip_rise = step.stance_extension - slope.sinkage + compensated
-    gait_step.slope[0], gait_step.slope[1] = slope.ahead, slope.left
+    gain, robot, mode, command = gains[0], robots[0], modes[0], commands[0]
+    timing, slope, step = timings[0], slopes[0], steps[0]
+    stance, swing = timing.stance, 1 - timing.stance
+    update_in_stance(slopes, robots, stance, timing.phase)
+    evaluate_gait(gains, robots, timings, slopes, axes, lengths, rows, mode.yaw_rate, steps)
+    carry_weight(gain, robot, pairs, timing, slope, command)
+    if gain.as_in_paper:
+        target = plan_landing_by_paper(papers, robots, timings, steps, all_commanded)
+    else:
+        target = plan_landing(pendulums, robots, all_masses, timings, slopes, steps, all_commanded)
+    adapt_phase_rate(timing, target.remaining)
+    adjust_outputs(gain, robot, mode, timing, slope, target, step)
+    track_thighs(gain, robot, step)
+    drive_stance(gain, robot, stance, step, command)
+    drive_swing(gain, robot, swing, step, command)
+    add_swing_inertia(gain, robot, swing, step, command)
 
 
 class WalkingController:
@@ -107,15 +163,26 @@ class WalkingController:
     position and velocity continue. Leg-angle adjustment (`planner.footstep`) changes pitch, roll
     and length of the swing leg, smoothly over the step; hip yaws turn towards the heading.
 
-    Three additions to the paper are left out under its own law. The swing leg's angles have the
-    least squared acceleration between their ends. Torques accelerate the swing leg
-    (`control.drives`). The stance leg's length lets the hip travel level (`control.outputs`), which
-    removes the bounce of fast walking, or along the estimated slope (`planner.terrain`). While no
-    velocity is commanded, `planner.hold` leads back to the place.
+    Additions to the paper that its own law leaves out (`law`: paper, see `config.WalkConfig`):
+
+    - foot placement by a pendulum, with `contact_lead`, `landing_depth` and changes of the step's
+      time (`planner.footstep`),
+    - the swing leg's angles have the least squared acceleration between their ends,
+    - the swing foot is lifted by `clearance`, and its leg's length leads by at most 3 cm,
+    - torques accelerate the swing leg (`control.drives`), learned torques are added (`learning`),
+    - the stance leg's length lets the hip travel level (`control.outputs`), which removes the
+      bounce of fast walking, or along the estimated slope (`planner.terrain`),
+    - leg lengths continue from the last desired ones at a touchdown,
+    - the weight follows the feet's forces, with `bounce_damping` (`control.forces`),
+    - the hips' set-points use the low-passed thighs, and late drives get gains of their own.
+
+    Additions that stay: the swing leg shortens under load and extends by `late_reach`
+    (`control.outputs`), a loaded swing hip regulates the torso (`control.drives`), the weight is
+    fed forward by load, the hip yaws turn, and `planner.hold` leads back to the place while no
+    velocity is commanded.
 
     At a touchdown the desired leg lengths continue from the last desired ones, not from those
-    measured: the knees press by the difference. The weight is fed forward to both legs in
-    proportion to their forces.
+    measured: the knees press by the difference.
 
     Actuated joints follow eq:IK and eq:hdtilde (`control.drives`). Torso roll and pitch act
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
@@ -140,6 +207,7 @@ class WalkingController:
 
     Source:
         Sections "Virtual Constraints" to "Gait Library and Stabilization by Leg Angle Adjustment".
+        README, Walking, has the equation of each addition.
     """
 
     def __init__(self, config: WalkConfig, library: GaitLibrary, period: float) -> None:
@@ -152,15 +220,15 @@ class WalkingController:
         self._offered_gait, self._gait_is_offered = Gait(), False
         self._shifted_rows = np.zeros_like(library.table[2])
         self._row_shift = np.zeros(self._shifted_rows.shape[1])
+        self._step_shifts = [gait_in_stance(self._row_shift, leg) for leg in (LEFT, RIGHT)]
         self._step = step = Step()
         self.outputs: FloatArray = step.measured
         self.rates: FloatArray = step.measured_rates
         self.desired: FloatArray = step.desired
         self.desired_rates: FloatArray = step.desired_rates
         self._commanded = Commanded()
-        self._gait_step = GaitStep()
         self._latency = 0.0
-        self._placement: Placement = make_placement(config)
+        self._pendulum, self._paper = PendulumPlacement(config), PaperPlacement(config)
         self.config = config
         self.configure(config)
         self._compile_kernels()
@@ -168,7 +236,8 @@ class WalkingController:
     def configure(self, config: WalkConfig) -> None:
         """Use new gains; walking goes on, and so does the observer unless the law changes."""
         if config.as_in_paper != self.config.as_in_paper:
-            self._placement = make_placement(config)
+            self._pendulum.reset()
+            self._paper.reset()
         for part in (self.timing, self._slope):
             part.configure(config)
         self.config = config
@@ -177,8 +246,13 @@ class WalkingController:
     def set_latency(self, latency: float) -> None:
         """Use gains for a latency of the drives beyond their own delay. In s."""
         self._latency = latency
-        self._placement.config = self.config
+        self._pendulum.config = self._paper.config = self.config
         self._gains = make_gains(self.config, self._period, latency)
+
+    @property
+    def _placement(self) -> Placement:
+        """The law of leg-angle adjustment that the configuration names."""
+        return self._paper if self.config.as_in_paper else self._pendulum
 
     def _compile_kernels(self) -> None:
         """Walk for one tick, so that compiled functions are loaded or compiled.
@@ -217,37 +291,36 @@ class WalkingController:
         self._placement.reset()
         begin_step(readings.records, stance, False, self._step.records)
 
-    def step(
-        self, readings: Readings, mode: Mode, command: MotorCommand, spread: float = 0.0
-    ) -> bool:
-        """Fill in the set-points; the feet land `spread` (m) farther out than usual.
+    def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> bool:
+        """Fill in the set-points.
 
         Returns:
             Whether a step ended at this tick.
         """
-        commanded, timing = self._commanded, self.timing.records
-        _, vx, vy, yaw_rate = mode.floats[:4].tolist()
-        if vx == vy == yaw_rate == 0.0:
-            vx, vy = self._position_hold.velocity(self.config, readings)
+        commanded, timings, steps = self._commanded, self.timing.records, self._step.records
+        ended = advance_step(readings.records, mode.record, timings, steps, commanded.records)
+        if commanded.vx == commanded.vy == commanded.turn_rate == 0.0:
+            hold = self._position_hold.velocity(self.config, readings)
+            commanded.vx, commanded.vy = hold
         else:
             self._position_hold.release()
-        commanded.vx, commanded.vy, commanded.turn_rate = vx, vy, yaw_rate
-        ended = advance_step(readings.records, timing, yaw_rate, self._step.records)
-        commanded.spread = spread
-        commanded.pitch_trim, commanded.roll_trim = mode.trims[:2].tolist()
         if ended:
             self._end_step(readings)
-        plan_step(
+        compute_set_points(
             self._gains.records,
             readings.records,
+            readings.pair,
             mode.record,
-            timing,
+            commanded.records,
+            self._pendulum.gains.records,
+            self._paper.gains.records,
+            self._pendulum.masses,
             *self._gaits,
+            timings,
             self._slope.records,
-            self._step.records,
-            self._gait_step.records,
+            steps,
+            command.record,
         )
-        self._adjust(readings, mode, command)
         return ended
 
     def _end_step(self, readings: Readings) -> None:
@@ -280,39 +353,17 @@ class WalkingController:
         if int(gait.result) != GaitResult.FOUND:
             self._gaits = self.library.table
             return
-        vx, vy, yaw_rate = gait.floats[:3].tolist()
+        vx, vy, yaw_rate = float(gait.vx), float(gait.vy), float(gait.yaw_rate)
         read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
         np.negative(change, out=change)
-        change[:54] += gait.right_stance
-        change[54:108] += gait.left_stance
-        change[108] += 1.0 / float(gait.step_time)
-        for stance in (change[:54], change[54:108]):
-            stance.reshape(9, 6)[FOOT_SW] -= float(gait.slope)
+        change[-1] += 1.0 / float(gait.step_time)
+        steps = gait.left_stance, gait.right_stance
+        for shift, coefficients in zip(self._step_shifts, steps, strict=True):
+            shift += coefficients.reshape(shift.shape)
+            shift[FOOT_SW] -= float(gait.slope)
         np.add(rows, change, out=self._shifted_rows)
         self._gaits = axes, lengths, self._shifted_rows
 
     def measure(self, readings: Readings) -> None:
         """Update `outputs` and `rates`; the law itself does not need them every tick."""
         measure(readings.records, self.timing.stance, self._step.records)
-
-    def _adjust(self, readings: Readings, mode: Mode, command: MotorCommand) -> None:
-        """Fill in the set-points, with leg-angle adjustment, turning and the torso's angles."""
-        stance, legs = self.timing.stance, readings.legs
-        target = self._placement.swing_target(
-            readings, legs[stance], legs[1 - stance], self._commanded, self._gait_step
-        )
-        set_drives(
-            self._gains.records,
-            readings.records,
-            readings.pair,
-            self.timing.records,
-            self._slope.records,
-            mode.record,
-            self._step.records,
-            command.record,
-            target.pitch,
-            target.roll,
-            target.length,
-            target.remaining,
-            target.contact_lead,
-        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cassie_control.estimator.pairs import SPIKE_TIME
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, IntArray, Record, array, whole
@@ -18,7 +19,6 @@ _MEASURED, _EXPECTED, _ANGULAR = 0, 1, 2  # signals of `Accelerometer.low_passed
 _FAST, _SLOW = 0, 1  # its low-passes; their difference is the band-passed signal
 _FAST_TIME, _SLOW_TIME = 0.003, 0.02  # s, their time constants
 
-_SPIKE_TIME = 0.04  # s, time constant of `Accelerometer.spike_counts`
 _SPIKE_COUNT_LIMIT = 3.0  # bouncing soles stay below it
 _SHOCK_RATIO = 0.05  # of the other two axes' sum to a spike, from which the robot has a shock
 _FROZEN_TIME = 0.016  # s for which a noisy signal does not keep its bits; a delay begins like this
@@ -157,9 +157,7 @@ def predict_acceleration(accelerometer: Accelerometer, by_legs: FloatArray, peri
     Newton's law: the legs' forces on the pelvis (`acceleration_by_legs`), less the part that
     accelerates the legs, plus the pelvis's angular acceleration times the IMU's offset from its
     middle. The coefficients were fitted to walks; they hold for changes within a step (8 to 50 Hz).
-    They explain 84 to 95 % of the variance of these changes forward, 96 to 97 % sideways and 93 to
-    99 % up. This holds in four walks that they were not fitted to: a slow one, and random sticks
-    with two libraries, up to a fall.
+    DECISIONS.md has the variance that they leave unexplained.
 
     Args:
         accelerometer: `velocities` are of this sample and of two before; `expected` is the result.
@@ -225,7 +223,7 @@ def _violates_limits(accelerometer: Accelerometer, limits: AccelerometerLimits, 
     dt, a = limits.period, accelerometer.measured
     unchanged_ticks, spike_counts = accelerometer.unchanged_ticks, accelerometer.spike_counts
     unchanged_ticks[k] = unchanged_ticks[k] + 1 if a[0, k] == a[1, k] else 0
-    spike_counts[k] *= math.exp(-dt / _SPIKE_TIME)
+    spike_counts[k] *= math.exp(-dt / SPIKE_TIME)
     deviation = _deviation(a, k)
     # A step, as where a push begins or ends, is no spike.
     threshold = max(limits.spike, abs(a[0, k] - a[2, k]))

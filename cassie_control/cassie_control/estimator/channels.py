@@ -39,5 +39,5 @@ def no_estimate(missing: int) -> str:
     """
     return (
         f"no estimate without {', '.join(names(missing))}: switch the power off and hang it up or "
-        "let it lie still for 1 s; sensors are then learned anew"
+        "let it lie still for 1 s; its sensors are then checked anew"
     )

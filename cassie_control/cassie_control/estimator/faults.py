@@ -42,7 +42,7 @@ from cassie_control.estimator.pairs import (
 )
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, part, whole
 from cassie_msgs.layout import RobotState, Sensors
 
@@ -115,8 +115,7 @@ class MonitorLimits(Record):
         super().__init__(period=period, hold_time=hold_time)
         set_pair_limits(period, attitude_delay, hold_time, self.records["pairs"][0])
         self.records["accelerometer"] = AccelerometerLimits(period, hold_time).records
-        torque_limits = [robot.DRIVES[name].torque_limit for name in LEG_DRIVES]
-        self.torque[:] = _TORQUE_RATIO * np.tile(torque_limits, 2)
+        self.torque[:] = _TORQUE_RATIO * TORQUE_LIMITS
 
 
 @compiled

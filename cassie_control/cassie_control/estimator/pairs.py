@@ -53,10 +53,12 @@ _JUMP_PEAK_RATIO = 0.25  # to `PairLimits.jump`: threshold of `Pair.jump_peak`
 _JUMP_CAUSE_RATIO = 0.6  # of a jump to `Pair.residual`, from which the jump is its cause
 _FILTER_MODEL_ERROR = 0.05  # relative, of the velocity filter's response where a foot is hit
 
-_SPIKE_TIME = 0.04  # s, time constant of `Pair.spike_counts`
+SPIKE_TIME = 0.04
+"""Time constant with which counts of spikes are forgotten. In s."""
+
 _SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
 _SPIKE_STEP_RATIO = 0.5  # of a velocity step's residual to the spike that must have caused it
-_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within `_SPIKE_TIME`
+_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within `SPIKE_TIME`
 _SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three in quick succession
 _RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none lately
 
@@ -342,7 +344,7 @@ def _count_unchanged(
 def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> None:
     """Count spikes of the velocity, and reject it after two clear ones in quick succession."""
     spike = _spike_size(pair, limits, ticks, velocity)
-    decay = math.exp(-limits.period / _SPIKE_TIME)
+    decay = math.exp(-limits.period / SPIKE_TIME)
     clear = 1.0 if spike > limits.spike else 0.0
     small = 1.0 if spike > _SMALL_SPIKE_RATIO * limits.spike else 0.0
     pair.spike_counts[_CLEAR] = decay * pair.spike_counts[_CLEAR] + clear

@@ -15,11 +15,11 @@ from cassie_control.control.robot import Readings, Robot
 from cassie_control.learning.torque_table import (
     JOINTS,
     LearnedTorques,
-    torque_limits,
     zero_torques,
 )
 from cassie_control.planner.timing import RIGHT, StepTiming
 from cassie_gaits.compiled import compiled
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.names import DRIVE_IN_Q
 from cassie_gaits.records import RecordArray, Records
 from cassie_msgs.layout import Mode, MotorCommand, RobotMode
@@ -275,18 +275,18 @@ class TorqueLearning:
 
         u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
 
-    with Q a low-pass along the phase. gain / (gain + leak) of the repeating error is learned. Four
-    joints are left out, since their errors are part of the balance. With learned torques of the
-    stance knee, which carries load, the sway grows within some twenty steps until the robot falls.
-    With those of the torso and the swing hip's roll the robot falls on soft ground. Only single
-    support is used: in double support the legs press against each other, which no torque removes;
-    there the table is continued from the nearest phase of single support.
+    with Q a low-pass along the phase. gain / (gain + leak) of the repeating error is learned.
+    Nothing is learned for the stance hip's roll and pitch, the stance knee and the swing hip's
+    roll, since their errors are part of the balance. Only single support is used: in double support
+    the legs press against each other, which no torque removes; there the table is continued from
+    the nearest phase of single support.
 
-    The torque of the swing hip's pitch has a reaction on the torso: walking backward, the torso
-    pitched by 0.1 rad in each step, farther than with nothing learned. So backward the stance hip
-    transmits the reaction to the ground, as for the swing leg's inertia (`control.drives`), fully
-    from 1/3 m/s on. Forward the reaction is small, and robots that otherwise tolerate set-points 25
-    ms late fell with this compensation.
+    The torque of the swing hip's pitch has a reaction on the torso. Walking backward, the stance
+    hip transmits it to the ground, as for the swing leg's inertia (`control.drives`):
+
+        u_stance -= (1 - contact of the swing foot) sat(-3 s/m speed) u_swing.
+
+    DECISIONS.md has what was measured of both.
 
     Between its points and speeds the table is linear; beyond phase 1 and the outermost speeds it is
     constant. At a touchdown the torques become those of the new step within 30 ms. A stance leg
@@ -337,7 +337,7 @@ class TorqueLearning:
         self._learns = self._adds and config.learned_torques == "learn"
         self._gains = np.full(len(JOINTS), config.learning.gain)
         self._gains[_BALANCE_JOINTS] = 0.0
-        self._limits = torque_limits() * config.learning.limit
+        self._limits = TORQUE_LIMITS * config.learning.limit
         self._lead_ticks = min(_MAX_LEAD_TICKS - 1, round(config.learning.lead / self._period))
 
     def start(self) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_control.errors import ControlError
-from cassie_gaits import robot
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.errors import CassieError
 from cassie_gaits.gait_library import Provenance
 from cassie_gaits.gait_library_file import library_path
@@ -51,11 +51,6 @@ _DECIMALS = 3
 
 class LearnedTorquesError(ControlError):
     """Learned torques, or their file, cannot be used."""
-
-
-def torque_limits() -> FloatArray:
-    """Torque limit of the drive of each row of `JOINTS`. Shape (10,), in Nm."""
-    return np.array([robot.DRIVES[name].torque_limit for name in LEG_DRIVES] * 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +85,7 @@ class LearnedTorques:
         for before, after in pairwise(speeds.tolist()):
             if not after > before:
                 raise LearnedTorquesError(f"speed {after:g} follows {before:g}, expected to rise")
-        limits = torque_limits()
+        limits = TORQUE_LIMITS
         largest = np.abs(torques).max(axis=(0, 2))
         for joint, value, bound in zip(JOINTS, largest, limits, strict=True):
             if value > bound:

@@ -1,19 +1,18 @@
 """Leg-angle adjustment: where and when the swing foot lands, so that the robot keeps its speed.
 
-`PendulumPlacement` predicts with a pendulum; the paper's own law is `paper`. Both give the swing
-leg at the end of the step. The walking controller moves the leg's set-points there over the step.
+`PendulumPlacement` predicts with a pendulum (`pendulum`); the paper's own law is `paper`. Both give
+the swing leg at the end of the step. The walking controller moves the leg's set-points there over
+the step.
 """
 
 from __future__ import annotations
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import LegReadings, Readings
-from cassie_control.planner.momentum import AngularMomentum
-from cassie_control.planner.paper import PaperPlacement
-from cassie_control.planner.pendulum import PlacementGains, plan_landing
-from cassie_control.planner.placement import Commanded, GaitStep, Placement, SwingTarget
+from cassie_control.planner.momentum import Masses, make_masses
+from cassie_control.planner.pendulum import PlacementGains
+from cassie_control.planner.placement import Commanded
+from cassie_gaits.records import Records
 
-_MAX_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
 _MAX_OFFSET = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
 _FORGETTING_RATIO = 2.5  # of forgetting to learning rate, for errors beyond `observer_error`
 _MAP_ERROR = 0.3  # m/s, speed error in place that an offset of `_MAX_OFFSET` removes, by the map
@@ -23,51 +22,53 @@ _FIELDS = PlacementGains.TYPE.names or ()
 _CONFIG_FIELDS = tuple(name for name in _FIELDS if not name.startswith("offset"))
 
 
-def make_placement(config: WalkConfig) -> Placement:
-    """The law that the configuration names."""
-    return PaperPlacement(config) if config.as_in_paper else PendulumPlacement(config)
-
-
 class PendulumPlacement:
-    """Foot placement by the step-to-step map of a pendulum of constant height.
+    """Foot placement by the step-to-step map of a pendulum of constant height (`plan_landing`).
 
     After a touchdown the weight shifts to the new foot within `double_support` (t). During this
-    time the CoM keeps its velocity; then it falls away from the stance toe joint for the rest of
-    the step, T. With x, v the CoM's position and velocity relative to the toe joint and
-    w = sqrt(g / height), the velocity at touchdown v_end follows from
+    time the CoM keeps its velocity. Then it falls away from the stance toe joint until the swing
+    foot's first contact, for the rest of single support, T_rest. With x, v the CoM's position and
+    velocity relative to the toe joint and w = sqrt(g / height), the velocity at the contact is
 
-        v' = w x sinh(w T) + v cosh(w T).
+        v_end = w x sinh(w T_rest) + v cosh(w T_rest).
 
-    A foot set down u ahead of the CoM turns that velocity, one step later, into
+    The foot meets the ground before the end of the step, by lead = `contact_lead` +
+    `contact_lead_speed` |low-passed forward velocity|, up to 1.5 m/s. The next step then takes
+    T' = step time - lead, with the single support T_ss = T' - t. A foot set down u ahead of the CoM
+    turns v_end, one step later, into
 
-        v_next = v_end cosh(w T) - w (u - v_end t) sinh(w T).
+        v_next = v_end cosh(w T_ss) - w (u - v_end t) sinh(w T_ss).
 
-    In steady walking at speed s, with a step length L = s (t + T),
-    v_steady = L / (t + 2/w tanh(w T / 2)) and u_steady = v_steady (t + 1/w tanh(w T / 2)).
-    Sideways the CoM also sways from foot to foot, which are W apart. The same equations hold, with
-    coth instead of tanh and W instead of L, towards the swing foot.
+    v_s and u_s are v_end and u in steady walking at the commanded velocity v_c. Forward they are
+
+        v_s = v_c T' / (t + 2/w tanh(w T_ss / 2)),    u_s = v_s (t + 1/w tanh(w T_ss / 2)).
+
+    Sideways the CoM also sways from foot to foot, which are B apart (B > 0 if the left leg swings):
+
+        q = B / (t + 2/w coth(w T_ss / 2))           is added to v_s,
+        q (t + 1/w coth(w T_ss / 2))                 is added to u_s.
 
     The robot's own step-to-step map, v_next = a v_end - b u, was identified with random deviations
-    of the feet from the law's footholds. Its ratio a / b is 1.07 of the pendulum's,
-    t + coth(w T) / w, in place, 0.8 at 0.5 m/s, 0.6 at 1 m/s and 0.5 at 1.6 m/s (sideways 1.07,
-    0.98, 0.9, 0.84): the faster the robot walks, the more a foot farther ahead brakes it, compared
-    with the pendulum. So b grows with speed, and
+    of the feet from the law's footholds. The faster the robot walks, the more a foot farther ahead
+    brakes it, compared with the pendulum. So b grows with the velocity at the coming contact, and
 
-        a / b = map_gain / (1 + map_loss |v_end,x|) (t + coth(w T) / w),
+        a / b = map_gain / (1 + map_loss |v_end,x|) (t + coth(w T_ss) / w),
 
-    with gain and loss of each axis. The speed is that of the coming touchdown: steady walking and
-    the step that catches a push have the same map. The foot removes the error in one step. Forward
-    it removes a tenth less, as an overshoot slips on smooth ground:
+    with gain and loss of each axis. Steady walking and the step that catches a push have the same
+    map. The foot removes the error in one step (forward a tenth less than identified, as an
+    overshoot slips on smooth ground):
 
-        u = u_steady + a / b (v_end - v_steady) + d.
+        u = u_s + a / b (v_end - v_s) - dv / b + d.
 
-    While the heading turns at a rate r, v_steady is commanded in the next touchdown's heading. It
-    differs from v_steady turned by r T', the whole step's turn, by
+    dv turns the velocity with the heading. v_n, the steady velocity of the next touchdown, is
+    planned in the next heading, and its sway is opposite. At a yaw rate r its components in the
+    present heading are larger by
 
-        dv = r T' (-(v_steady,y less the sway), v_steady,x),    and    u -= dv / b.
+        dv = r T' (-v_n,y, v_n,x),    v_n = v_s - (0, 2 q),
+        1 / b = map_gain / (1 + map_loss |v_s,x|) / (w sinh(w T_ss)).
 
-    In steady walking the robot's foothold lies ahead of the pendulum's, by a cubic in the speed
-    (`pendulum.ahead_of_pendulum`); at 1.8 m/s it lies 6 cm behind it.
+    In steady walking the robot's foothold lies ahead of the pendulum's, by a cubic in the commanded
+    speed (`pendulum.ahead_of_pendulum`), which is added to u_s.
 
     d is the offset of a disturbance observer. By the map, the mean speed of two steps is the mean
     of the commands for which their feet were placed. The difference is the map's error, and
@@ -75,27 +76,37 @@ class PendulumPlacement:
         d <- d + observer_gain (mean speed - mean command).
 
     The growth of d saturates at an error of `observer_error`. A larger error comes from a force on
-    the robot, not from the map. When that force ends, a foot placed against it would make the robot
-    fall.
-    d grows by less where no offset would remove the error (`_MAP_ERROR`). d shrinks by the whole
-    error, and by the part beyond `observer_error` 2.5 times as fast. Small errors of both signs
-    count alike. Otherwise the mean speed would differ from the commanded one where errors alternate
-    around an offset, as under a payload.
+    the robot, not from the map, and does not last. d grows by less where no offset would remove the
+    error (`_MAP_ERROR`). d shrinks by the whole error, and by the part beyond `observer_error` 2.5
+    times as fast. Small errors of both signs count alike. Otherwise the mean speed would differ
+    from the commanded one where errors alternate around an offset, as under a payload.
 
     Constraints: the foot stays within the swing leg's reach (a box about the hip) and apart from
-    the stance foot. If the law's foothold is outside, the step ends sooner or later, within
-    `quickest_step` and `slowest_step`. Its time minimises the squared distance to the reach plus
-    the weighted squared change of the time (`pendulum.touchdown_time`). The leg gets the length at
-    which the foot meets the ground there, on the estimated slope. It is longer by as much as the
-    hips climb until the end of the step, contact_lead slope . v. At speed, forward or backward, the
-    foot meets the ground earlier before the end of the step, by `contact_lead_speed`.
+    the stance foot. T_rest minimises
+
+        max(distance of the law's foothold to these, outward u - friction height)^2
+            + 0.02 (change of T_rest)^2
+
+    within `quickest_step` and `slowest_step` (`pendulum.touchdown_time`); it stays that of the gait
+    while the first term is 0. So the friction cone makes a step quicker and does not bound the
+    foot. The leg gets the length at which the foot meets the ground there, on the estimated slope,
+    plus `landing_depth`, plus lead slope . v_end, by which the hips climb until the end of the
+    step.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
+
+    Attributes:
+        gains: For compiled functions, with the observer's state.
+        masses: Masses of the robot, for compiled functions. Shape (1,).
+
+    Source:
+        README, Foot placement. Pendulum: Kajita et al., "The 3D Linear Inverted Pendulum Mode",
+        IROS 2001. The paper's own law is `PaperPlacement`.
     """
 
     def __init__(self, config: WalkConfig) -> None:
-        self._masses = AngularMomentum().records
-        self._gains = PlacementGains()
+        self.masses: Records[Masses] = make_masses()
+        self.gains = PlacementGains()
         self.config = config
         self.reset()
 
@@ -108,11 +119,11 @@ class PendulumPlacement:
     def config(self, config: WalkConfig) -> None:
         self._config = config
         for name in _CONFIG_FIELDS:
-            setattr(self._gains, name, getattr(config, name))
+            setattr(self.gains, name, getattr(config, name))
 
     def reset(self) -> None:
         """Reset the disturbance observer."""
-        self._gains.offset_x = self._gains.offset_y = 0.0
+        self.gains.offset_x = self.gains.offset_y = 0.0
         self._last_commands: list[tuple[float, float]] = []
 
     def touchdown(
@@ -131,35 +142,9 @@ class PendulumPlacement:
             for oldest, middle, newest in zip(*previous, strict=True)
         )
         self._last_commands = [*previous[1:], now]
-        gains = self._gains
+        gains = self.gains
         gains.offset_x = _next_offset(gains.offset_x, mean_velocity[0] - vx, c)
         gains.offset_y = _next_offset(gains.offset_y, mean_velocity[1] - vy, c)
-
-    def swing_target(
-        self,
-        readings: Readings,
-        stance: LegReadings,
-        swing: LegReadings,
-        commanded: Commanded,
-        gait_step: GaitStep,
-    ) -> SwingTarget:
-        """Swing leg at touchdown; arguments as in `Placement.swing_target`."""
-        contact_lead = _contact_lead(self._config, gait_step.velocity[0])
-        roll, pitch, length, remaining = plan_landing(
-            self._gains.records,
-            readings.records,
-            self._masses,
-            swing.number,
-            gait_step.records,
-            commanded.records,
-            contact_lead,
-        )
-        return SwingTarget(pitch + commanded.pitch_trim, roll, length, remaining, contact_lead)
-
-
-def _contact_lead(c: WalkConfig, speed: float) -> float:
-    """Time from the swing foot's first contact to the end of the step, in s."""
-    return c.contact_lead + c.contact_lead_speed * min(_MAX_LEAD_SPEED, abs(speed))
 
 
 def _next_offset(offset: float, error: float, c: WalkConfig) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.control.robot import LegReadings, Readings, Robot
+from cassie_control.control.robot import Robot
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import UPRIGHT, ZERO, into, next_link
@@ -137,7 +137,16 @@ def momentum_about_pelvis(
 def momentum_velocity(
     robots: Records[Robot], stance: int, all_masses: Records[Masses]
 ) -> tuple[float, float]:
-    """See `AngularMomentum.velocity`; `stance` is the number of the stance leg."""
+    """Angular momentum about the stance toe joint, as the velocity of a mass at the CoM.
+
+    Args:
+        robots: The robot now. Shape (1,).
+        stance: Number of the stance leg.
+        all_masses: From `make_masses`.
+
+    Returns:
+        Forward and to the left, heading frame. In m/s.
+    """
     robot = robots[0]
     tilt, mass = robot.tilt, all_masses[0].mass
     total = momentum_about_pelvis(robot.joints, robot.rates, robot.angular_velocity, all_masses)
@@ -155,25 +164,14 @@ def momentum_velocity(
     return hy / lever, -hx / lever
 
 
-class AngularMomentum:
-    """Angular momentum about a point, from the estimated state."""
-
-    def __init__(self) -> None:
-        masses, pelvis = Masses(), robot.PELVIS
-        self.records = masses.records
-        """The masses of the robot, for compiled functions."""
-        for i, leg in enumerate(LEGS):
-            masses.records["legs"][0, i] = leg_inertia(leg).records[0]
-        com = np.array(pelvis.com)
-        spread = com @ com * np.eye(3) - np.outer(com, com)
-        masses.pelvis[:] = inertia_matrix(pelvis) + pelvis.mass * spread
-        masses.mass = robot.total_mass()
-
-    def velocity(self, readings: Readings, stance: LegReadings) -> tuple[float, float]:
-        """Angular momentum about the stance toe joint, as the velocity of a mass at the CoM.
-
-        Returns:
-            Forward and to the left, heading frame. In m/s.
-        """
-        x, y = momentum_velocity(readings.records, stance.number, self.records)
-        return x, y
+def make_masses() -> Records[Masses]:
+    """The masses of the robot, `Masses`. Shape (1,)."""
+    masses, pelvis = Masses(), robot.PELVIS
+    for i, leg in enumerate(LEGS):
+        masses.records["legs"][0, i] = leg_inertia(leg).records[0]
+    com = np.array(pelvis.com)
+    spread = com @ com * np.eye(3) - np.outer(com, com)
+    masses.pelvis[:] = inertia_matrix(pelvis) + pelvis.mass * spread
+    masses.mass = robot.total_mass()
+    records: Records[Masses] = masses.records
+    return records

@@ -5,17 +5,93 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import HIP_TO_PELVIS, LegReadings, Readings
+from cassie_control.control.outputs import AT_END, LENGTH_SW, PITCH_SW, ROLL_SW, Step
+from cassie_control.control.robot import HIP_DOWN, HIP_Y, Robot
 from cassie_control.planner.pendulum import PendulumState, predict_com
-from cassie_control.planner.placement import Commanded, GaitStep, SwingTarget
+from cassie_control.planner.placement import Commanded, SwingTarget
+from cassie_control.planner.timing import StepTiming, time_to_planned_touchdown
+from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray, Record, Records, array
 from cassie_gaits.robot import GRAVITY
 
 _MIN_HEIGHT = 0.4  # m, of the pendulum
 _MAX_SIN_ROLL = 0.4  # saturation of the swing leg's roll where the feet would meet
 
 
+class PaperGains(Record):
+    """Fields of `config.WalkConfig` for the paper's law, and its memory of the last touchdown.
+
+    Attributes:
+        touchdown_velocity: Low-passed velocity at the last touchdown, forward and to the left. In
+            m/s.
+    """
+
+    paper_kp_x: float
+    paper_kd_x: float
+    paper_kp_y: float
+    paper_kd_y: float
+    paper_narrowing: float
+    paper_offset: float
+    double_support: float
+    least_foot_distance: float
+    touchdown_velocity: FloatArray = array(2)
+
+
+_CONFIG_FIELDS = tuple(name for name in PaperGains.TYPE.names or () if name != "touchdown_velocity")
+
+
+@compiled
+def plan_landing_by_paper(
+    all_gains: Records[PaperGains],
+    robots: Records[Robot],
+    timings: Records[StepTiming],
+    steps: Records[Step],
+    commands: Records[Commanded],
+) -> SwingTarget:
+    """Swing leg at touchdown, by the law of `PaperPlacement`.
+
+    Args:
+        all_gains, robots, timings, commands: Gains, robot, phase and commands. Shape (1,).
+        steps: The step, with the gait at this phase. Shape (1,).
+    """
+    c, robot, timing, step, commanded = all_gains[0], robots[0], timings[0], steps[0], commands[0]
+    stance, gait = timing.stance, step.gait
+    side = 1.0 - 2.0 * stance
+    hip_y, com_y = -side * HIP_Y, robot.com[1]
+    vx, vy = timing.velocity[0], timing.velocity[1]
+    vx_0, vy_0 = c.touchdown_velocity[0], c.touchdown_velocity[1]
+    pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - vx_0)
+    roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - vy_0)
+    roll += side * c.paper_narrowing * max(0.0, min(1.0, vx))
+    roll += gait[ROLL_SW, AT_END] + commanded.roll_trim
+    reach = gait[LENGTH_SW, AT_END] + HIP_DOWN
+    uy = hip_y + reach * math.sin(roll) - com_y
+    remaining = time_to_planned_touchdown(timing)
+    _, y_end, _, _ = predict_com(_pendulum_state(c, robot, timing), remaining)
+    shortfall = c.least_foot_distance + side * (y_end + uy)
+    if shortfall > 0.0:
+        from_hip = com_y + uy - side * shortfall - hip_y
+        roll = math.asin(max(-_MAX_SIN_ROLL, min(_MAX_SIN_ROLL, from_hip / reach)))
+    pitch += gait[PITCH_SW, AT_END] + c.paper_offset + commanded.pitch_trim
+    return SwingTarget(pitch, roll, gait[LENGTH_SW, AT_END], remaining, 0.0)
+
+
+@compiled
+def _pendulum_state(gains: PaperGains, robot: Robot, timing: StepTiming) -> PendulumState:
+    """The CoM as a pendulum on the stance toe joint."""
+    stance = timing.stance
+    return PendulumState(
+        robot.com[0] - robot.ankle[stance, 0],
+        robot.com[1] - robot.ankle[stance, 1],
+        robot.com_velocity[0],
+        robot.com_velocity[1],
+        math.sqrt(GRAVITY / max(_MIN_HEIGHT, robot.com[2] - robot.ankle[stance, 2])),
+        max(0.0, gains.double_support - timing.elapsed),
+    )
+
+
 class PaperPlacement:
-    """The paper's leg-angle adjustment.
+    """The paper's leg-angle adjustment (`plan_landing_by_paper`).
 
     Added to the gait's swing leg angles at touchdown, with v the low-passed pelvis velocity and
     v_0 the same at the last touchdown:
@@ -25,28 +101,37 @@ class PaperPlacement:
 
     with d = 1 in left stance and -1 in right stance: the swing foot lands further in.
 
-    The defaults are the authors' values except for the sagittal Kd and the offset, which the
-    authors tune and trim by hand for gaits of their own. With this project's gaits their Kd of 0.25
-    lets the speed oscillate by 0.3 m/s with a period of seven steps; 0.4 leaves 0.03. With an
-    offset of 0.04 rad the robot accelerates backward from the third step on: beyond the slowest
-    gait, the law removes too little of the speed. So the robot falls at -0.25 m/s, too. With the
-    drives' gains of that time it walked in place and at 0.25 and 0.5 m/s, with speed errors of
-    +0.02 m/s and of -0.03 to -0.1 m/s. With the gains since found for the other law it falls in
-    place within a minute.
+    The defaults are the authors' values, except for the sagittal Kd and the offset, which the
+    authors tune by hand for gaits of their own. DECISIONS.md has what the law does with each.
 
     Source:
         Da et al. 2016, Eqs. (13) and (17), in the form that the authors run on Cassie; they
         command sideways walking by a constant bias, which here is -Kp command. The bound on the
         distance of the feet is an addition.
+
+    Attributes:
+        gains: For compiled functions.
     """
 
     def __init__(self, config: WalkConfig) -> None:
+        self.gains = PaperGains()
         self.config = config
         self.reset()
 
+    @property
+    def config(self) -> WalkConfig:
+        """Gains; new ones are used from the next tick on."""
+        return self._config
+
+    @config.setter
+    def config(self, config: WalkConfig) -> None:
+        self._config = config
+        for name in _CONFIG_FIELDS:
+            setattr(self.gains, name, getattr(config, name))
+
     def reset(self) -> None:
         """Forget the velocity at the last touchdown."""
-        self._touchdown_velocity = (0.0, 0.0)
+        self.gains.touchdown_velocity[:] = (0.0, 0.0)
 
     def touchdown(
         self,
@@ -55,50 +140,4 @@ class PaperPlacement:
         commanded: Commanded,
     ) -> None:
         """Store the low-passed velocity of this touchdown. In m/s."""
-        self._touchdown_velocity = velocity
-
-    def swing_target(
-        self,
-        readings: Readings,
-        stance: LegReadings,
-        swing: LegReadings,
-        commanded: Commanded,
-        gait_step: GaitStep,
-    ) -> SwingTarget:
-        """Swing leg at touchdown; arguments as in `Placement.swing_target`."""
-        c = self.config
-        (vx, vy), (vx_0, vy_0) = gait_step.velocity, self._touchdown_velocity
-        pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - vx_0)
-        roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - vy_0)
-        roll += stance.side * c.paper_narrowing * max(0.0, min(1.0, vx))
-        roll += gait_step.landing_roll + commanded.roll_trim
-        reach = gait_step.landing_length + HIP_TO_PELVIS
-        uy = swing.hip_y + reach * math.sin(roll) - readings.com[1]
-        velocity = (readings.com_velocity[0], readings.com_velocity[1])
-        state = _pendulum_state(readings, stance, gait_step, c.double_support, velocity)
-        _, y_end, _, _ = predict_com(state, gait_step.remaining)
-        shortfall = c.least_foot_distance - swing.side * (y_end + uy)
-        if shortfall > 0.0:
-            from_hip = readings.com[1] + uy + swing.side * shortfall - swing.hip_y
-            roll = math.asin(max(-_MAX_SIN_ROLL, min(_MAX_SIN_ROLL, from_hip / reach)))
-        pitch += gait_step.landing_pitch + c.paper_offset + commanded.pitch_trim
-        return SwingTarget(pitch, roll, gait_step.landing_length, gait_step.remaining)
-
-
-def _pendulum_state(
-    readings: Readings,
-    stance: LegReadings,
-    gait_step: GaitStep,
-    double_support: float,
-    velocity: tuple[float, float],
-) -> PendulumState:
-    """The CoM as a pendulum on the stance toe joint; `double_support` in s, `velocity` in m/s."""
-    com, ankle = readings.com, stance.ankle
-    return PendulumState(
-        com[0] - ankle[0],
-        com[1] - ankle[1],
-        velocity[0],
-        velocity[1],
-        math.sqrt(GRAVITY / max(_MIN_HEIGHT, com[2] - ankle[2])),
-        max(0.0, double_support - gait_step.elapsed),
-    )
+        self.gains.touchdown_velocity[:] = velocity

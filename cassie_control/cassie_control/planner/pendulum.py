@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cassie_control.control.outputs import AT_END, LENGTH_ST, Step, fade
 from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, Robot, aim_leg
 from cassie_control.planner.momentum import Masses, momentum_velocity
-from cassie_control.planner.placement import Commanded, GaitStep
+from cassie_control.planner.placement import Commanded, SwingTarget
+from cassie_control.planner.terrain import GroundSlope
+from cassie_control.planner.timing import StepTiming, time_to_planned_touchdown
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import Record, Records
 from cassie_gaits.robot import GRAVITY
@@ -112,7 +115,10 @@ class PlacementGains(Record):
     """
 
     double_support: float
+    quickest_step: float
     slowest_step: float
+    contact_lead: float
+    contact_lead_speed: float
     foot_spread: float
     map_gain_x: float
     map_gain_y: float
@@ -132,6 +138,7 @@ class PlacementGains(Record):
 # within 5 mm. In m, v in m/s.
 _FOOTHOLD_OFFSET = (-0.0018, 0.0227, -0.0223, -0.0054)
 _MIN_FITTED_SPEED, _MAX_FITTED_SPEED = -1.0, 1.8  # m/s
+_MAX_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
 _MIN_LEG_LENGTH, _MAX_LEG_LENGTH = 0.5, 0.95  # m, range of the leg length at touchdown
 _MIN_STEP_TIME = 0.2  # s
 _MIN_SINGLE_SUPPORT = 0.1  # s
@@ -223,30 +230,27 @@ def plan_landing(
     all_gains: Records[PlacementGains],
     robots: Records[Robot],
     all_masses: Records[Masses],
-    swing: int,
-    gait_steps: Records[GaitStep],
+    timings: Records[StepTiming],
+    slopes: Records[GroundSlope],
+    steps: Records[Step],
     commands: Records[Commanded],
-    contact_lead: float,
-) -> tuple[float, float, float, float]:
+) -> SwingTarget:
     """Swing leg at touchdown, by the law of `PendulumPlacement`.
 
     Args:
-        all_gains, robots, all_masses, gait_steps, commands: Gains, robot, masses, step and
-            commands. Shape (1,).
-        swing: Number of the swing leg.
-        contact_lead: Time from the swing foot's first contact to the end of the step. In s.
-
-    Returns:
-        Roll and pitch in rad, length in m, time to touchdown in s.
+        all_gains, robots, all_masses, timings, slopes, commands: Gains, robot, masses, phase,
+            ground and commands. Shape (1,).
+        steps: The step, with the gait at this phase. Shape (1,).
     """
-    gains, robot, gait_step, commanded = all_gains[0], robots[0], gait_steps[0], commands[0]
-    side, tilt, com = 1.0 - 2.0 * swing, robot.tilt, robot.com
-    velocity = momentum_velocity(robots, 1 - swing, all_masses)
-    state = _pendulum_state(gains, robot, 1 - swing, velocity, gait_step)
+    gains, robot, timing, slope = all_gains[0], robots[0], timings[0], slopes[0]
+    step, commanded, stance = steps[0], commands[0], timing.stance
+    side, tilt, com = 1.0 - 2.0 * (1 - stance), robot.tilt, robot.com
+    velocity = momentum_velocity(robots, stance, all_masses)
+    state = _pendulum_state(gains, robot, timing, slope, velocity)
     hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
     hip_y = tilt[1, 1] * side * HIP_Y
     hip_height = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y
-    hip_height = hip_height - robot.ankle[1 - swing, 2] + gait_step.hip_rise
+    hip_height = hip_height - robot.ankle[stance, 2] + _hip_rise(timing, slope, step)
     reach = Reach(
         side,
         hip_x - HIP_BACK - com[0],
@@ -257,51 +261,78 @@ def plan_landing(
         gains.least_foot_distance,
         gains.friction * GRAVITY / (state.rate * state.rate),
     )
-    law = _foothold_law(gains, gait_step.step_time - contact_lead, commanded, side, state.rate)
+    contact_lead = _contact_lead(gains, timing.velocity[0])
+    law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate)
     law = _trimmed(law, math.sin(commanded.roll_trim) * hip_height)
-    latest = max(gait_step.remaining, gains.slowest_step * gait_step.step_time - gait_step.elapsed)
+    planned = time_to_planned_touchdown(timing)
+    earliest = max(0.0, 1.0 - timing.phase) * gains.quickest_step
+    latest = max(planned, gains.slowest_step * timing.step_time - timing.elapsed)
     time = touchdown_time(
         state,
         law,
         reach,
-        max(0.0, gait_step.remaining - contact_lead),
-        max(0.0, gait_step.earliest - contact_lead),
+        max(0.0, planned - contact_lead),
+        max(0.0, earliest - contact_lead),
         max(0.0, latest - contact_lead),
     )
     touchdown = predict_com(state, time)
     ux, uy, _ = foothold(law, reach, touchdown)
-    slope = gait_step.slope
-    ground_rise = slope[0] * (state.x + ux) + slope[1] * (state.y + uy)
+    ground_rise = slope.ahead * (state.x + ux) + slope.left * (state.y + uy)
     roll, pitch, length = aim_leg(
         com[0] + ux - hip_x,
         com[1] + uy - hip_y,
         hip_height - ground_rise,
-        gait_step.landing_yaw,
+        step.landing_yaw,
         robot.pitch,
     )
     # From the first contact to the end of the step the hips move on along the slope.
-    climb = contact_lead * (slope[0] * touchdown.vx + slope[1] * touchdown.vy)
+    climb = contact_lead * (slope.ahead * touchdown.vx + slope.left * touchdown.vy)
     length += gains.landing_depth + climb
     length = max(_MIN_LEG_LENGTH, min(_MAX_LEG_LENGTH, length))
-    return roll, pitch, length, contact_lead + time
+    pitch += commanded.pitch_trim
+    return SwingTarget(pitch, roll, length, contact_lead + time, contact_lead)
+
+
+@compiled
+def _contact_lead(gains: PlacementGains, speed: float) -> float:
+    """Time from the swing foot's first contact to the end of the step, in s."""
+    lead: float = gains.contact_lead + gains.contact_lead_speed * min(_MAX_LEAD_SPEED, abs(speed))
+    return lead
+
+
+@compiled
+def _hip_rise(timing: StepTiming, slope: GroundSlope, step: Step) -> float:
+    """By how much the hip will be higher over the next foothold than now over the stance foot.
+
+    The gait's stance leg grows until touchdown, and its foot sinks. The ground around that foot is
+    lower than the foot, as far as the hip has not compensated for that yet.
+
+    Returns:
+        In m.
+    """
+    stance_extension = step.gait[LENGTH_ST, AT_END] - step.desired[LENGTH_ST]
+    compensated = fade(min(1.0, timing.phase)) * slope.foothold_height
+    rise: float = stance_extension - slope.sinkage + compensated
+    return rise
 
 
 @compiled
 def _pendulum_state(
     gains: PlacementGains,
     robot: Robot,
-    stance: int,
+    timing: StepTiming,
+    slope: GroundSlope,
     velocity: tuple[float, float],
-    gait_step: GaitStep,
 ) -> PendulumState:
     """Present state of the pendulum; its height is measured from the slope through the foot."""
+    stance = timing.stance
     x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
     height = robot.com[2] - robot.ankle[stance, 2]
     # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
-    plane_height = height - gait_step.slope[0] * x - gait_step.slope[1] * y
+    plane_height = height - slope.ahead * x - slope.left * y
     plane_height = max(_MIN_PENDULUM_HEIGHT, plane_height)
     scale = max(_MIN_PENDULUM_HEIGHT, height) / plane_height
-    double_support = max(0.0, gains.double_support - gait_step.elapsed)
+    double_support = max(0.0, gains.double_support - timing.elapsed)
     return PendulumState(
         x,
         y,
@@ -324,13 +355,24 @@ def ahead_of_pendulum(speed: float) -> float:
 def _foothold_law(
     gains: PlacementGains, step_time: float, commanded: Commanded, side: float, w: float
 ) -> FootholdLaw:
-    """Law for steady walking as commanded: step duration in s, w the pendulum's rate (1/s)."""
+    """Law for steady walking as commanded.
+
+    Args:
+        gains: Gains of foot placement.
+        step_time: Duration of a step less the contact lead. In s.
+        commanded: Commands for the steps.
+        side: 1 if the left leg swings, else -1.
+        w: Rate of the pendulum. In 1/s.
+
+    Source:
+        Equations of `footstep.PendulumPlacement`.
+    """
     double_support, step_time = gains.double_support, max(_MIN_STEP_TIME, step_time)
     single_support = max(_MIN_SINGLE_SUPPORT, step_time - double_support)
     tanh_half = math.tanh(0.5 * w * single_support) / w
     coth_half = 1.0 / (w * w * tanh_half)
     pendulum_gain = double_support + 1.0 / (w * math.tanh(w * single_support))
-    step_width = side * 2.0 * (HIP_Y + gains.foot_spread + commanded.spread)
+    step_width = side * 2.0 * (HIP_Y + gains.foot_spread)
     # Velocity at touchdown over the mean velocity of the step.
     ratio = step_time / (double_support + 2.0 * tanh_half)
     vx, vy = commanded.vx * ratio, commanded.vy * ratio

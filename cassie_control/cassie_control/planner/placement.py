@@ -1,13 +1,14 @@
-"""Interface of leg-angle adjustment: its inputs and its result."""
+"""Interface of leg-angle adjustment: its commands and its result."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from cassie_control.config import WalkConfig
-from cassie_control.control.robot import LegReadings, Readings
-from cassie_gaits.records import FloatArray, Record, array
+from cassie_gaits.records import Record
+
+LEG_PITCH_TRIM, LEG_ROLL_TRIM, TORSO_PITCH_TRIM, TORSO_ROLL_TRIM = range(4)
+"""Places in `Mode.trims`."""
 
 
 class Commanded(Record):
@@ -17,7 +18,6 @@ class Commanded(Record):
         vx, vy: Commanded velocity, forward and to the left. In m/s.
         turn_rate: Commanded rate of the heading, to the left. In rad/s.
         pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
-        spread: How far each foot lands outside its usual place. In m.
     """
 
     vx: float
@@ -25,11 +25,9 @@ class Commanded(Record):
     turn_rate: float
     pitch_trim: float
     roll_trim: float
-    spread: float
 
 
-@dataclass
-class SwingTarget:
+class SwingTarget(NamedTuple):
     """Swing leg at touchdown.
 
     Attributes:
@@ -43,42 +41,11 @@ class SwingTarget:
     roll: float
     length: float
     remaining: float
-    contact_lead: float = 0.0
-
-
-class GaitStep(Record):
-    """The present step, as input of leg-angle adjustment.
-
-    Attributes:
-        elapsed: Time since the last touchdown. In s.
-        remaining: Time to the next touchdown by the gait. In s.
-        earliest: Least time to the next touchdown that the swing leg can follow. In s.
-        step_time: Duration of the step by the gait. In s.
-        velocity: Low-passed velocity, forward and to the left. In m/s.
-        landing_pitch, landing_roll: The gait's swing leg angles at touchdown. In rad.
-        landing_length: The gait's swing leg length at touchdown. In m.
-        hip_rise: Difference of the hip's height over the next foothold at touchdown and its present
-            height over the stance foot: the gait's stance leg grows, its foot sinks, and the ground
-            around that foot is lower than the foot. In m.
-        landing_yaw: Swing hip yaw at touchdown. In rad.
-        slope: Slope of the ground forward and to the left, rise over distance. Shape (2,).
-    """
-
-    elapsed: float
-    remaining: float
-    earliest: float
-    step_time: float
-    velocity: FloatArray = array(2)
-    landing_pitch: float
-    landing_roll: float
-    landing_length: float
-    hip_rise: float
-    landing_yaw: float
-    slope: FloatArray = array(2)
+    contact_lead: float
 
 
 class Placement(Protocol):
-    """A law of leg-angle adjustment."""
+    """What a law of leg-angle adjustment remembers from step to step."""
 
     config: WalkConfig
 
@@ -97,21 +64,4 @@ class Placement(Protocol):
             mean_velocity: Mean of the last two steps, forward and to the left. In m/s.
             velocity: Low-passed velocity. In m/s.
             commanded: Commands for the steps.
-        """
-
-    def swing_target(
-        self,
-        readings: Readings,
-        stance: LegReadings,
-        swing: LegReadings,
-        commanded: Commanded,
-        gait_step: GaitStep,
-    ) -> SwingTarget:
-        """Swing leg at touchdown.
-
-        Args:
-            readings: The robot now.
-            stance, swing: Stance leg and swing leg.
-            commanded: Commands for the steps.
-            gait_step: The present step.
         """

@@ -8,6 +8,7 @@ from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Robot
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
+from cassie_gaits.names import HIP_PITCH, KNEE, SHIN, TARSUS, TOE
 from cassie_gaits.records import FloatArray, Record, Records, array
 
 _STANDING_CONTACT = 0.5  # contact probability of a foot that stands on the ground
@@ -28,53 +29,48 @@ _MAX_SINKAGE = 0.08  # m, saturation of `GroundSlope.sinkage`
 class GroundSlope(Record):
     """Slope of the ground, forward and to the left, from the stance foot and from touchdowns.
 
-    Walking begins with the side slope on which both feet stand: with level ground as the first
-    estimate, a side slope of 12 degrees made 4 of 20 robots fall in their first steps. The pitch of
-    the soles is not used then: where heels have sunk into sand, feet are turned up by 0.5 rad.
+    The ground is a plane with the slopes s_x, s_y (`ahead`, `left`) through the ground around the
+    stance foot; the foot itself stands h (`foothold_height`) above it. At a touchdown the new foot
+    is at (x, y, z) from the old one. The error of the plane, and its use:
 
-    The stance toe gives no torque, so that its sole lies on the ground: its pitch, low-passed
-    during stance, is the slope ahead. The heights of footholds correct both slopes, by a share of
-    their difference to the plane through the last three footholds. The plane is the least-squares
-    fit to the last two steps, regularized by `_REGULARIZATION`, so that feet close to each other
-    count little. A single step cannot distinguish a riser from a side slope: where the same foot
-    climbed each riser, stairs were taken for a side slope of 0.25, and the robot fell.
+        e       = z - s_x x - s_y y,
+        sinkage = min(e of the last three steps) - 0.01 m,    within 0 and 0.08 m,
+        h      <- foothold_share (h + e - sinkage),           within +-0.1 m,
+        ds      = argmin sum over the last two steps of (e - ds . (x, y))^2 + (0.1 m)^2 |ds|^2,
+        s_y    <- s_y + slope_share ds_y,
+        s_x    <- s_x + (1 - u) slope_share ds_x,             if the sole has shown a slope.
 
-    A foothold may be higher or lower than the ground around it (`foothold_height`), by
-    `foothold_share` of its deviation from the slope. The hips keep their height over the ground
-    around the foothold, and the next foot is expected on that ground. Without this, hips rose and
-    sank with each stone: on hard ground of s.d. 4 cm 10 of 20 robots fell within 15 m, with it
-    none.
+    Two steps tell a riser, which the same foot may climb each time, from a side slope. Feet close
+    to each other count little. With h, the hips keep their height over the ground around the foot,
+    and the next foot is expected on that ground. On soft ground each new foot lands higher than the
+    stance foot, which has sunk. Uneven ground does not raise all of three steps.
 
-    The slope ahead falls with the time constant `slope_time` and rises with `slope_rise_time`. On
-    uneven ground single footholds tilt by 0.1 to 0.2 either way. If the ground is expected too low,
-    the foot lands early, which costs a little speed. If it is expected too high, the foot lands
-    late, and the robot falls forward meanwhile: two such steps took it from 0.4 to 1.2 m/s. So the
-    estimate is biased to the low side where footholds differ, and is exact where they agree.
+    The stance toe gives no torque, so that the sole lies on the ground. During stance, from phase
+    0.25 on and under full load, its pitch p corrects the slope ahead:
 
-    How well a sole predicts the ground ahead depends on the ground. The prediction is that the next
-    foot, x ahead, lands higher by tan(pitch) x. The slope ahead uses a share of the sole's slope:
-    the regression coefficient of the measured height of the next foot on the predicted one,
+        c    = sum(predicted measured) / sum(predicted^2),    within 0 and 1,
+        s_x' = k ((1 - u) c tan(p) + u min(0, s_x) - s_x) / T.
 
-        share = sum(predicted measured) / sum(predicted^2),
+    c is the regression coefficient over some 20 steps, with a prior of 1, of the next foot's height
+    z - s_y y (measured) on mean(tan(p)) x (predicted): rough ground tilts single footholds. T is
+    `slope_time` if s_x falls and `slope_rise_time` if it rises. Ground that is expected too low
+    costs a little speed, as the foot lands early. Ground that is expected too high lets the robot
+    fall forward meanwhile. So s_x errs to the low side where footholds differ.
 
-    over the last 20 steps or so, 1 at first. Of robots 1 to 6 it was 0.93 to 0.98 on hard slopes,
-    0.45 to 0.65 on rough hard ground, 0.3 on grass at 0.8 m/s and 0.13 at 1.2 m/s. Tufts of grass
-    tilt a foot by 0.05 and more: taken for a rise, that made the robot run away.
+    A foot whose heel sinks turns up under load. k falls from 1 to 0 with the foot's pitch rate. u
+    (`turned_up`) rises from 0 to 1 with the pitch since the foot lay flat: it shows no slope then,
+    and an estimated rise decays.
 
-    A foot whose heel sinks into sand turns up for as long as it is loaded, by 0.05 to 0.3 rad (on
-    hard ground by 0.003, on grass by 0.015). It turns fast at first and then ever slower. While a
-    foot turns fast its pitch is no slope, nor once it has turned up. Its pitch as it slows down,
-    0.5, was taken for a rise of 0.2, and the robot ran away. Instead an estimated rise then decays,
-    which errs to the low side, too.
+    Walking begins with the side slope on which both feet stand, z y / (y^2 + (0.1 m)^2), and
+    s_x = 0: heels that have sunk would show a wrong pitch.
 
-    On such ground each new foot lands higher than the sunk stance foot. `sinkage` is the
-    minimum of the last three such heights. With level ground as the estimate, the swing foot met
-    that ground early and short of its target, and the robot ran away forward. Their mean would be a
-    rise on uneven ground, too, where it made two robots of four fall.
+    Source:
+        README, Foot placement (Ground, Sole). The measured effect of each part is in DECISIONS.md,
+        Walking. The paper's law has level ground.
 
     Attributes:
         ahead, left: Slope forward and to the left, rise over distance, heading frame.
-        sinkage: How much the stance foot sinks until the next touchdown. In m.
+        sinkage: How far the stance foot is expected to sink until the next touchdown. In m.
         foothold_height: Height of the stance foot over the ground around it. In m.
         sole_pitch: Pitch of the stance foot. In rad.
         sole_pitch_rate: Low-passed pitch rate of the stance foot. In rad/s.
@@ -150,7 +146,13 @@ def update_in_stance(
         return
     q = robot.joints[stance]
     # `virtual_leg.foot_pitch` with the springs' deflection
-    pitch = -robot.pitch + q[2] + (q[3] + q[4] + q[5]) + q[6] + virtual_leg.TOE_OFFSET
+    pitch = (
+        -robot.pitch
+        + q[HIP_PITCH]
+        + (q[KNEE] + q[SHIN] + q[TARSUS])
+        + q[TOE]
+        + virtual_leg.TOE_OFFSET
+    )
     rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
     slope.sole_pitch_rate += slope.period / _PITCH_RATE_TIME * (rate - slope.sole_pitch_rate)
     if phase < _FLAT_PHASE:

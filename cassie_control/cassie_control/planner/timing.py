@@ -23,17 +23,16 @@ class StepTiming(Record):
     """Phase and stance leg of the present step, and the velocities read from it.
 
     A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`, or
-    at phase `latest_touchdown`. A foot that caught on an edge and comes free springs up at 3 m/s
-    and comes down as fast. As the leg stops the foot, the springs deflect as at a touchdown for
-    20 ms. So a foot with such a vertical speed ends no step. At a real touchdown the foot moves at
-    less than 0.9 m/s, on rough ground and stairs too.
+    at phase `latest_touchdown`. The force does not count while the foot moves up or down by 1.5 m/s
+    or more: the foot has caught on an edge and comes free, and its springs deflect as the leg stops
+    it.
 
     Attributes:
         stance: LEFT or RIGHT.
         steps: Steps ended since walking began.
         phase: The paper's tau, 0 at touchdown, 1 at the planned end of the step.
         rate: Rate of the phase. In 1/s.
-        step_time: Planned duration of the step. In s.
+        step_time: Duration of the step by the gait. In s.
         elapsed: Time since the last touchdown. In s.
         velocity: Low-passed velocity of the pelvis, forward and to the left. In m/s.
         travel: Integral of the pelvis's velocity since the last touchdown. In m.
@@ -103,6 +102,13 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
     return bool(timing.foot_speed < _MAX_TOUCHDOWN_SPEED)
+
+
+@compiled
+def time_to_planned_touchdown(timing: StepTiming) -> float:
+    """Time to the end of the step by the gait; 0 where touchdown is late. In s."""
+    remaining: float = max(0.0, 1.0 - timing.phase) * timing.step_time
+    return remaining
 
 
 @compiled

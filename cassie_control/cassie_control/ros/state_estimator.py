@@ -36,9 +36,7 @@ from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT
 
-_NOT_BELIEVED = (
-    "not believed: replaced as far as others tell it, learned anew at rest without power"
-)
+_REJECTED = "rejected, a substitute is used where there is one; checked anew at rest without power"
 
 
 class StateEstimator(Node):
@@ -140,7 +138,7 @@ class StateEstimator(Node):
             if channel not in faults:
                 self._conditions.set(channel, "")
         for channel in faults:
-            self._conditions.set(channel, _NOT_BELIEVED)
+            self._conditions.set(channel, _REJECTED)
         self._told = faults
 
     def _tell_start(self) -> None:

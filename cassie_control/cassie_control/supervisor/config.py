@@ -22,11 +22,13 @@ class SupervisorConfig:
     tilt_limit: float = tunable(0.25, "rad", 0.0, 0.4, "Largest torso roll and pitch, with trims")
     trim_limit: float = tunable(0.1, "rad", 0.0, 0.2, "Largest trim")
 
-    acceleration: float = tunable(0.3, "m/s^2", 0.05, 2.0, "Change of commanded speed")
-    turn_acceleration: float = tunable(0.6, "rad/s^2", 0.05, 5.0, "Change of commanded turn rate")
-    height_rate: float = tunable(0.4, "m/s", 0.01, 1.0, "Change of commanded height")
-    shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Change of commanded CoM shift")
-    tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Change of commanded tilt and trims")
+    acceleration: float = tunable(0.3, "m/s^2", 0.05, 2.0, "Largest rate of the commanded speed")
+    turn_acceleration: float = tunable(
+        0.6, "rad/s^2", 0.05, 5.0, "Largest rate of the commanded turn rate"
+    )
+    height_rate: float = tunable(0.4, "m/s", 0.01, 1.0, "Largest rate of the commanded height")
+    shift_rate: float = tunable(0.05, "m/s", 0.01, 0.5, "Largest rate of the commanded CoM shift")
+    tilt_rate: float = tunable(0.2, "rad/s", 0.01, 1.0, "Largest rate of commanded tilt and trims")
 
     walk_roll: float = tunable(0.0, "rad", 0.0, 0.4, "Largest torso roll while walking")
     walk_pitch: float = tunable(0.2, "rad", 0.0, 0.4, "Largest torso pitch while walking")
@@ -40,10 +42,14 @@ class SupervisorConfig:
     ride_forward: float = tunable(4.2, "m/s", 0.0, 4.5, "Largest speed forward on a Segway")
     ride_backward: float = tunable(1.0, "m/s", 0.0, 2.0, "Largest speed backward on a Segway")
     ride_yaw_rate: float = tunable(1.0, "rad/s", 0.0, 2.0, "Largest turn rate on a Segway")
-    ride_acceleration: float = tunable(0.5, "m/s^2", 0.05, 2.0, "Change of the speed of a Segway")
+    ride_acceleration: float = tunable(
+        0.5, "m/s^2", 0.05, 2.0, "Largest rate of the speed commanded of a Segway"
+    )
     ride_com_x: float = tunable(0.095, "m", 0.0, 0.1, "Largest CoM shift fore and aft on a Segway")
     ride_com_y: float = tunable(0.1, "m", 0.0, 0.12, "Largest CoM shift sideways on a Segway")
-    ride_shift_rate: float = tunable(0.25, "m/s", 0.01, 0.5, "Change of CoM shifts on a Segway")
+    ride_shift_rate: float = tunable(
+        0.25, "m/s", 0.01, 0.5, "Largest rate of the CoM shift commanded on a Segway"
+    )
     ride_height: float = tunable(0.67, "m", 0.5, 0.9, "Largest pelvis height on a Segway")
     ride_height_low: float = tunable(
         0.6,
@@ -52,7 +58,9 @@ class SupervisorConfig:
         0.9,
         "Lowest pelvis height on a Segway: the knees stay at the pads of the bar",
     )
-    ride_height_rate: float = tunable(0.05, "m/s", 0.01, 1.0, "Change of the height on a Segway")
+    ride_height_rate: float = tunable(
+        0.05, "m/s", 0.01, 1.0, "Largest rate of the height commanded on a Segway"
+    )
     ride_tilt: float = tunable(
         0.03, "rad", 0.0, 0.4, "Largest torso roll and pitch on a Segway, with trims"
     )

@@ -33,7 +33,6 @@ class Limits:
         com_x, com_y: Largest shift of the centre of mass. In m.
         roll, pitch: Largest tilt of the torso, with trims. In rad.
         trim: Largest trim. In rad.
-        torso_trim: Largest trim of the torso. In rad.
         acceleration, turn_acceleration: Rates of speeds and turn rate. In m/s^2 and rad/s^2.
         height_rate, shift_rate, tilt_rate: Rates of height, CoM shift, and tilt with trims. In m/s,
             m/s and rad/s.
@@ -52,7 +51,6 @@ class Limits:
     roll: float
     pitch: float
     trim: float
-    torso_trim: float
     acceleration: float
     turn_acceleration: float
     height_rate: float
@@ -69,9 +67,8 @@ class Limits:
         """
         vx, vy, yaw_rate = self._speeds(commanded)
         sagittal, lateral, pitch_trim, roll_trim = commanded.trims
-        torso_trim = min(self.trim, self.torso_trim)
-        pitch_trim = _clamp(pitch_trim, min(torso_trim, self.pitch))
-        roll_trim = _clamp(roll_trim, min(torso_trim, self.roll))
+        pitch_trim = _clamp(pitch_trim, min(self.trim, self.pitch))
+        roll_trim = _clamp(roll_trim, min(self.trim, self.roll))
         return SetPoints(
             vx=vx,
             vy=vy,
@@ -140,7 +137,6 @@ def on_foot(c: SupervisorConfig) -> Limits:
         roll=c.tilt_limit,
         pitch=c.tilt_limit,
         trim=c.trim_limit,
-        torso_trim=c.trim_limit,
         acceleration=c.acceleration,
         turn_acceleration=c.turn_acceleration,
         height_rate=c.height_rate,
@@ -163,7 +159,7 @@ def on_segway(c: SupervisorConfig) -> Limits:
         com_x=c.ride_com_x,
         com_y=c.ride_com_y,
         shift_rate=c.ride_shift_rate,
-        height_low=min(c.ride_height_low, c.ride_height),
+        height_low=c.ride_height_low,
         height_high=c.ride_height,
         height_rate=c.ride_height_rate,
         roll=c.ride_tilt,
@@ -222,7 +218,7 @@ def limits_in_force(
         limits = replace(limits, roll=c.walk_roll, pitch=c.walk_pitch, trim=c.walk_trim)
     if walked or (current, requested) == (_WALK, _STAND):
         limits = replace(limits, height_low=c.walk_height, height_high=c.walk_height)
-        limits = replace(limits, com_x=0.0, com_y=0.0, roll=0.0, pitch=0.0, torso_trim=0.0)
+        limits = replace(limits, com_x=0.0, com_y=0.0, roll=0.0, pitch=0.0)
     return limits
 
 

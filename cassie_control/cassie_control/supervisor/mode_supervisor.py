@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cassie_control.errors import ControlError
-from cassie_control.estimator.channels import ACCELEROMETER
+from cassie_control.estimator.channels import ACCELEROMETER_BITS
 from cassie_control.finite import check
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.health import Battery, TickLoss
@@ -24,14 +24,12 @@ from cassie_control.supervisor.transitions import TransitionInputs, carries_weig
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.schedule import PERIOD_TICKS, effective_seq
 
-# Moving feet contradict the accelerometer, whose faults are found from the feet's forces.
-_FEET_CHECKED_CHANNELS = 7 << ACCELEROMETER
 _MODES = (RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY)
 _TAKE_OVER_TIME = 1.0  # s for which the torso stays upright after walking
 
 
 class ModeSupervisor:
-    """Stand, walk, damp or off, from the robot's state and the operator's command.
+    """Stand, walk, segway, damp or off, from the robot's state and the operator's command.
 
     - Without power: off. After a fall, or while the controller is lost: damp, until the torso has
       been upright for `upright_time` (hung up, or set on its feet).
@@ -170,10 +168,13 @@ class ModeSupervisor:
         )
 
     def _failed_channels(self, state: RobotState) -> int:
-        """Sensors' channels that fail, a bit each."""
+        """Sensors' channels that fail, a bit each.
+
+        On a Segway moving feet contradict the accelerometer, which is checked by their forces.
+        """
         failed = int(state.sensor_faults)
         if self._mode_in_force is RobotMode.SEGWAY:
-            failed &= ~_FEET_CHECKED_CHANNELS
+            failed &= ~ACCELEROMETER_BITS
         return failed
 
     def _update_ride_exit(self) -> None:

@@ -128,7 +128,7 @@ def _is_confirmed(now: TransitionInputs) -> str:
 
 def _is_asked_anew(now: TransitionInputs) -> str:
     lifted = now.lifted_while_walking
-    return "it was lifted as it walked: ask for stand, then for walk" if lifted else ""
+    return "the robot was lifted while walking: ask for stand, then for walk" if lifted else ""
 
 
 def _has_slowed_down(now: TransitionInputs) -> str:

@@ -98,9 +98,9 @@ def _recovers(run: WallPaced) -> None:
     run.hang_up()
     run.run(3.0, upright=False)
     run.until(
-        lambda: "learned anew" not in str(run.faults),
+        lambda: "checked anew" not in str(run.faults),
         20.0,
-        "sensors to be learned anew",
+        "sensors to be checked anew",
         upright=False,
     )
     run.person.changes |= {"power": True, "emergency_stop": False, "height": 0.9}

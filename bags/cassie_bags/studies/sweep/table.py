@@ -81,9 +81,7 @@ def table(rows: Sequence[Row], results: Results) -> str:
         levels = [level for row in rows if row.name in found for level in found[row.name].levels]
         alarmed, run = sum(level.alarmed for level in levels), sum(level.run for level in levels)
         hours = sum(level.seconds for level in levels) / 3600.0
-        text.append(
-            f"{name}: healthy sensors not believed in {alarmed} of {run} runs, {hours:.1f} h"
-        )
+        text.append(f"{name}: healthy sensors rejected in {alarmed} of {run} runs, {hours:.1f} h")
     return "\n".join(text)
 
 
