@@ -92,6 +92,8 @@ def test_without_an_optimizer_the_robot_walks_on_the_library_and_says_so(tmp_pat
         ({"vx": 0.4, "payload": 5.0, "slope": -0.05}, True, "certified"),
         ({"vx": 0.4, "yaw_rate": 0.3, "slope": 0.1}, False, "do not turn"),
         ({"vx": float("nan")}, False, "vx is nan"),
+        ({"payload": 1e308}, False, "payload is 1e+308, expected 0.0 .. 30.0"),
+        ({"payload": -5.0}, False, "payload is -5.0, expected 0.0 .. 30.0"),
     ],
 )
 def test_the_service_solves_certifies_and_says_why_not(

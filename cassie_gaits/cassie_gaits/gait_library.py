@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
+from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_grid import GaitGrid, IntArray
 from cassie_gaits.names import DRIVES
@@ -231,6 +232,25 @@ class GaitLibrary:
         self._grid.read(float(speed), float(vy), float(yaw_rate), self._row)
         out[:] = self._row[:-1].reshape(out.shape)
         return out[0], out[1], 1.0 / float(self._row[-1])
+
+
+_STEP_SHAPE = (len(OUTPUTS), COEFFICIENTS)
+_STEP_SIZE = len(OUTPUTS) * COEFFICIENTS
+
+
+@compiled
+def gait_in_stance(row: FloatArray, stance: int) -> FloatArray:
+    """Coefficients in a row of `GaitLibrary.table` of the step on a leg.
+
+    Args:
+        row: The row. Shape (m,).
+        stance: The stance leg, 0 for the left and 1 for the right one.
+
+    Returns:
+        A view. Shape (9, 6), in rad and m.
+    """
+    begin = _STEP_SIZE * (1 - stance)  # right stance stands first
+    return row[begin : begin + _STEP_SIZE].reshape(_STEP_SHAPE)
 
 
 def mirror(coefficients: FloatArray) -> FloatArray:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cassie_gaits.optimize.single import Answer, Conditions
 from cassie_msgs.layout import Gait, GaitRequest
 
 
 def conditions_of(request: GaitRequest) -> Conditions:
-    """The conditions in a request."""
-    return Conditions(*request.floats.tolist())
+    """The conditions in a request; a negative payload, as from noise of an estimate, becomes 0."""
+    conditions = Conditions(*request.floats.tolist())
+    return replace(conditions, payload=0.0) if conditions.payload < 0.0 else conditions
 
 
 def gait_message(request: GaitRequest, answer: Answer) -> Gait:

@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 
 from cassie_gaits import bezier
 from cassie_gaits.certificate.table import FRICTION
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.gait_library import OUTPUTS, Gait
-from cassie_gaits.gait_motion import Motion, figures, torque_limits
+from cassie_gaits.gait_motion import Motion, figures
 from cassie_gaits.names import LEG_DRIVES
 
 FloatArray = npt.NDArray[np.float64]
@@ -141,7 +142,7 @@ def draw_torques(motions: Sequence[Motion], path: Path) -> None:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 5.2), layout="constrained")
         panels, speeds = figure.subplots(2, 5, sharex=True), Speeds([m.gait for m in motions])
-        limits = torque_limits()
+        limits = TORQUE_LIMITS[:5]
         for row, side in enumerate(("stance", "swing")):
             for i, drive in enumerate(LEG_DRIVES):
                 panel = panels[row, i]

@@ -32,20 +32,27 @@ def _certified(name: str) -> Callable[[Gait], float]:
 
 
 MAPS: tuple[tuple[str, Callable[[Gait], float]], ...] = (
-    ("cost of two steps", lambda gait: np.nan if gait.cost is None else gait.cost),
-    ("friction, allowed 0.6", _certified("friction cone")),
-    ("torque by limit", _certified("torque of the drives, share of the limit")),
-    ("torque at speed by limit", _certified("torque at speed, share of the limit")),
+    ("cost of\ntwo steps", lambda gait: np.nan if gait.cost is None else gait.cost),
+    ("friction,\nallowed 0.6", _certified("friction cone")),
+    ("torque\nby limit", _certified("torque of the drives, share of the limit")),
+    ("torque at speed\nby limit", _certified("torque at speed, share of the limit")),
 )
-"""Title of each map, and its value for a gait. There is a further map of distances."""
+"""Label of each map, no longer than its colour bar, and its value for a gait. There is a further
+map of distances."""
 
 
 def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
     """Draw maps over sagittal and lateral speed, one column per turning rate."""
+    with matplotlib.rc_context(STYLE):
+        grid_figure(gaits).savefig(path)
+
+
+def grid_figure(gaits: Sequence[Gait]) -> Figure:
+    """The figure of `draw_grid`."""
     axes = [sorted({getattr(gait, name) for gait in gaits}) for name in SPEED_NAMES]
     with matplotlib.rc_context(STYLE):
         apart = greatest(gaits)
-        maps = (*MAPS, ("farthest neighbour by median", lambda gait: apart[_speeds(gait)]))
+        maps = (*MAPS, ("farthest neighbour\nby median", lambda gait: apart[_speeds(gait)]))
         size = (1.9 * len(axes[2]) + 1.6, 1.7 * len(maps) + 0.8)
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(maps), len(axes[2]), sharex=True, sharey=True, squeeze=False)
@@ -61,7 +68,7 @@ def draw_grid(gaits: Sequence[Gait], path: Path) -> None:
         holes = int(np.prod([len(axis) for axis in axes])) - len(gaits)
         missing = f"; pale: {holes} without a gait" if holes else ""
         figure.suptitle(f"{len(gaits)} gaits by turning rate{missing}", x=0.01, ha="left")
-        figure.savefig(path)
+        return figure
 
 
 def draw_slices(gaits: Sequence[Gait], folder: Path) -> None:

@@ -10,31 +10,38 @@ Rows of HAlpha: hip roll, hip yaw, leg pitch, leg length, toe of the left leg, t
 with the torso upright. Angles are those of this project (`virtual_leg`), with roll and yaw positive
 to the left, and q7 for the toe. Leg pitch may have either sign; the motion of the swing legs at
 speed decides which. Values that such a file does not have are zero (torso) or missing (torques,
-passive motion). The library is not certified.
+passive motion). The library is not certified. What was set, derived or left out stands in the
+library's settings as `remarks`.
 """
 
 from __future__ import annotations
 
 import datetime
-import io
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cassie_gaits import bezier, virtual_leg
+from cassie_gaits import bezier, robot, virtual_leg
 from cassie_gaits.errors import CassieError, GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Provenance
-from cassie_gaits.json_file import read_bounded
+from cassie_gaits.mat_reader import USED, MatContent, read_mat
 from cassie_gaits.model_hash import model_hash
+from cassie_gaits.optimize.request import RANGES
 
 FloatArray = npt.NDArray[np.float64]
 
 HIP_ROLL, HIP_YAW, LEG_PITCH, LEG_LENGTH, TOE = range(5)
+_ROWS = ("hip roll", "hip yaw", "leg pitch", "leg length", "toe")
+_LEGS = ("left", "right")
 _FIELDS = {"right_stance": "RightStance", "left_stance": "LeftStance"}
 _STEEP = 0.5
-_SAMPLES = 41
+
+BEYOND_STOPS = 0.1
+"""Angle by which a joint of an imported gait may be beyond the joint's stops. In rad."""
+
+_PHASES = np.linspace(0.0, 1.0, 41)
+_BASIS = np.array([bezier.basis(phase)[:, 0] for phase in _PHASES])
 
 
 def import_mat(path: Path) -> GaitLibrary:
@@ -45,17 +52,22 @@ def import_mat(path: Path) -> GaitLibrary:
             above, not finite, or no gait of Cassie; one line with the file's name and the reason.
     """
     try:
-        content = _content(path)
-        speeds, times = _row(content, "Velocity"), 1.0 / _row(content, "ct")
-        stances = [_alpha(content, _FIELDS[stance], len(speeds)) for stance in STANCES]
-        if len(times) != len(speeds):
-            raise GaitLibraryError(f"ct has {len(times)} entries, Velocity {len(speeds)}")
+        content = read_mat(path)
+        stances = [_alpha(content, _FIELDS[stance]) for stance in STANCES]
+        if len(stances[0]) != len(stances[1]):
+            raise GaitLibraryError(
+                f"RightStance has {len(stances[0])} gaits, LeftStance {len(stances[1])}"
+            )
+        velocity, ct = (_rows(content, name, len(stances[0])) for name in ("Velocity", "ct"))
+        speeds, times = velocity[0], 1.0 / _step_rates(ct[0])
+        _check_range("the first row of Velocity", speeds, RANGES["vx"], "m/s")
         sign = _leg_pitch_sign(speeds, stances[0])
         gaits = []
         for i in np.argsort(speeds):
             pair = [_outputs(alpha[i], s, sign) for s, alpha in enumerate(stances)]
             gaits.append(Gait(float(speeds[i]), 0.0, 0.0, float(times[i]), np.array(pair)))
-        settings = {"file": path.name, "leg_pitch_sign": sign}
+        remarks = [*_remarks(content, velocity, ct), _sign_remark(speeds, sign)]
+        settings = {"file": path.name, "leg_pitch_sign": sign, "remarks": remarks}
         today = datetime.date.today().isoformat()
         provenance = Provenance("cassie_gaits.optimize_gaits --import", "1", today, settings)
         return GaitLibrary(tuple(gaits), "imported", model_hash(), provenance)
@@ -63,79 +75,114 @@ def import_mat(path: Path) -> GaitLibrary:
         raise GaitLibraryError(f"{path}: {error}") from None
 
 
-def _content(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        raw = read_bounded(path)
-    except OSError as error:
-        raise GaitLibraryError(error.strerror or str(error)) from None
-    try:
-        found = loadmat(io.BytesIO(raw), squeeze_me=False, struct_as_record=True)
-    except NotImplementedError:
-        raise GaitLibraryError("it is a MATLAB 7.3 file; save it with -v7") from None
-    except Exception as error:  # scipy's reader raises many kinds of errors on damaged files
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise GaitLibraryError(f"it is no MATLAB file, or damaged: {reason}") from None
-    top = {name: value for name, value in found.items() if not name.startswith("__")}
-    for candidate in (top, *(_struct(value) for value in top.values())):
-        if _FIELDS["right_stance"] in candidate:
-            return candidate
-    raise GaitLibraryError(f"it has no RightStance; it has {', '.join(sorted(top)) or 'nothing'}")
+def _numbers(content: MatContent, name: str) -> FloatArray:
+    if name in content.flaws:
+        raise GaitLibraryError(f"{name} {content.flaws[name]}")
+    if name not in content.numbers:
+        raise GaitLibraryError(f"it has no {name}")
+    return content.numbers[name]
 
 
-def _struct(value: Any) -> dict[str, Any]:
-    """Fields of a MATLAB struct; empty for anything else."""
-    if not isinstance(value, np.ndarray) or value.dtype.names is None or value.size != 1:
-        return {}
-    return {name: value.ravel()[0][name] for name in value.dtype.names}
-
-
-def _numbers(value: Any, name: str) -> FloatArray:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
-        raise GaitLibraryError(f"{name} holds something that is not a number")
-    array = np.array(value, dtype=np.float64)
-    if not np.isfinite(array).all():
-        raise GaitLibraryError(f"{name} holds a number that is not finite")
+def _rows(content: MatContent, name: str, count: int) -> FloatArray:
+    """A field of the library, or of its right stance, one column for each gait. Shape (k, n)."""
+    whole = f"{_FIELDS['right_stance']}.{name}"
+    found = whole if name not in content.names and whole in content.names else name
+    array = np.atleast_2d(_numbers(content, found))
+    if array.shape == (count, 1):
+        array = array if count == 1 else array.T
+    if array.ndim != 2 or array.shape[1] != count or not array.size:
+        raise GaitLibraryError(
+            f"{found} has shape {array.shape}, expected (k, {count}) for the {count} gaits"
+        )
     return array
 
 
-def _row(content: dict[str, Any], name: str) -> FloatArray:
-    """The first row of a field of the library, or of its right stance. Shape (n,)."""
-    stance = _struct(content[_FIELDS["right_stance"]])
-    value = content.get(name, stance.get(name))
-    if value is None:
-        raise GaitLibraryError(f"it has no {name}")
-    array = _numbers(value, name)
-    row = array.ravel() if array.ndim < 2 or 1 in array.shape else array[0]
-    if row.size == 0 or array.ndim > 2:
-        raise GaitLibraryError(f"{name} has shape {array.shape}, expected n speeds")
-    if name == "ct" and not bool(((row >= 0.2) & (row <= 20.0)).all()):
-        raise GaitLibraryError(f"ct is {row.min():g} .. {row.max():g}, expected 0.2 .. 20 1/s")
-    return row
+def _step_rates(ct: FloatArray) -> FloatArray:
+    _check_range("ct", ct, (0.2, 20.0), "1/s")
+    return ct
 
 
-def _alpha(content: dict[str, Any], stance: str, count: int) -> FloatArray:
-    fields = _struct(content.get(stance))
-    if "HAlpha" not in fields:
-        raise GaitLibraryError(f"it has no {stance}.HAlpha")
-    alpha = _numbers(fields["HAlpha"], f"{stance}.HAlpha")
-    shape = (count, 10, bezier.COEFFICIENTS)
-    if alpha.shape != shape:
-        raise GaitLibraryError(f"{stance}.HAlpha has shape {alpha.shape}, expected {shape}")
+def _check_range(name: str, values: FloatArray, allowed: tuple[float, float], unit: str) -> None:
+    """Refuse values outside a range.
+
+    Args:
+        name: Name of the values, for the message.
+        values: Values of any shape.
+        allowed: Lowest and highest value.
+        unit: Unit of the values and of the range.
+    """
+    low, high = float(values.min()), float(values.max())
+    if not (allowed[0] <= low and high <= allowed[1]):
+        raise GaitLibraryError(
+            f"{name} is {low:.4g} .. {high:.4g} {unit}, "
+            f"expected {allowed[0]:.4g} .. {allowed[1]:.4g} {unit}"
+        )
+
+
+def _alpha(content: MatContent, stance: str) -> FloatArray:
+    """Coefficients of the legs while one leg stands. Shape (n, 10, 6), in rad and m."""
+    name = f"{stance}.HAlpha"
+    alpha = _numbers(content, name)
+    if alpha.ndim != 3 or not len(alpha) or alpha.shape[1:] != (10, bezier.COEFFICIENTS):
+        expected = f"(n, 10, {bezier.COEFFICIENTS})"
+        raise GaitLibraryError(f"{name} has shape {alpha.shape}, expected {expected}")
     lengths = alpha[:, LEG_LENGTH::5]
     if not virtual_leg.SHORTEST < lengths.min() <= lengths.max() < virtual_leg.LONGEST:
         raise GaitLibraryError(
-            f"{stance}.HAlpha has leg lengths of {lengths.min():g} .. {lengths.max():g} m, "
+            f"{name} has leg lengths of {lengths.min():g} .. {lengths.max():g} m, "
             f"expected {virtual_leg.SHORTEST:.3g} .. {virtual_leg.LONGEST:.4g} m"
         )
+    for side, leg in enumerate(_LEGS):
+        for row, joint in ((HIP_ROLL, "hip_roll"), (HIP_YAW, "hip_yaw")):
+            at = 5 * side + row
+            title = f"{name}, row {at + 1} ({leg} {_ROWS[row]}),"
+            _check_range(title, alpha[:, at] @ _BASIS.T, _stops(leg, joint), "rad")
     return alpha
+
+
+def _stops(leg: str, joint: str) -> tuple[float, float]:
+    """Stops of a joint, with the margin."""
+    low, high = next(
+        link.joint.limits
+        for link in robot.leg_links(leg)
+        if link.name == joint and link.joint.limits is not None
+    )
+    return low - BEYOND_STOPS, high + BEYOND_STOPS
 
 
 def _leg_pitch_sign(speeds: FloatArray, right_stance: FloatArray) -> float:
     """+1 if leg pitch > 0 puts the toe in front, else -1: the left leg swings along the speed."""
     sweep = right_stance[:, LEG_PITCH, -1] - right_stance[:, LEG_PITCH, 0]
     return -1.0 if float(sweep @ speeds) < 0.0 else 1.0
+
+
+def _sign_remark(speeds: FloatArray, sign: float) -> str:
+    positive = "in front of" if sign > 0.0 else "behind"
+    reason = "as the legs swing at speed" if speeds.any() else "a guess, as every speed is 0"
+    return f"leg pitch: positive puts the toe {positive} the hip ({reason})"
+
+
+def _remarks(content: MatContent, velocity: FloatArray, ct: FloatArray) -> list[str]:
+    """What the file lacks, and what of the file is not used; one line each."""
+    found = [
+        "set to 0: torso roll, torso pitch, speed to the left, turning rate",
+        "missing: torques, passive motion, cost, certificate",
+        "not used: hip roll, leg pitch and toe of the stance leg",
+    ]
+    for name, rows in (("Velocity", velocity), ("ct", ct)):
+        found += [
+            f"not used: row {i + 1} of {name} ({row.min():g} .. {row.max():g})"
+            for i, row in enumerate(rows)
+            if i > 0
+        ]
+    other = content.numbers.get("LeftStance.ct")
+    if other is not None and not (other.size == ct[0].size and np.allclose(other.ravel(), ct[0])):
+        found.append("not used: LeftStance.ct, which differs from the ct of the right stance")
+    unknown = [name for name in content.names if name.rpartition(".")[2] not in USED]
+    unknown = [name for name in unknown if name not in _FIELDS.values()]
+    if unknown:
+        found.append(f"not used: {', '.join(unknown)}")
+    return found
 
 
 def _outputs(alpha: FloatArray, stance: int, sign: float) -> FloatArray:
@@ -150,23 +197,40 @@ def _outputs(alpha: FloatArray, stance: int, sign: float) -> FloatArray:
         "swing_hip_yaw": sw[HIP_YAW],
         "swing_leg_pitch": sign * sw[LEG_PITCH],
         "swing_leg_length": sw[LEG_LENGTH],
-        "swing_foot_pitch": _foot_pitch(sign * sw[LEG_PITCH], sw[LEG_LENGTH], sw[TOE]),
+        "swing_foot_pitch": _foot_pitch(sw, stance, sign),
     }
     return np.array([rows[name] for name in OUTPUTS])
 
 
-def _foot_pitch(leg_pitch: FloatArray, length: FloatArray, toe: FloatArray) -> FloatArray:
-    """Coefficients of the foot's pitch, by least squares from those of the toe joint. (6,)."""
-    curves = np.array([leg_pitch, length, toe])
-    basis = np.array([bezier.basis(phase)[:, 0] for phase in np.linspace(0.0, 1.0, _SAMPLES)])
-    values = [
-        virtual_leg.foot_pitch(0.0, virtual_leg.hip_pitch_angle(pitch, 0.0, reach), angle)
-        for pitch, reach, angle in (basis @ curves.T).tolist()
-    ]
+def _foot_pitch(swing: FloatArray, stance: int, sign: float) -> FloatArray:
+    """Coefficients of the swing foot's pitch, by least squares from those of the toe joint.
+
+    Args:
+        swing: Coefficients of the swing leg. Shape (5, 6).
+        stance: 0 for a step on the right leg, 1 for one on the left.
+        sign: Sign of leg pitch.
+
+    Returns:
+        Shape (6,), in rad.
+    """
+    leg, name = _LEGS[stance], f"{_FIELDS[STANCES[stance]]}.HAlpha"
+    at = 5 * stance
+    pitch, length, toe = (_BASIS @ swing[row] for row in (LEG_PITCH, LEG_LENGTH, TOE))
+    hip = np.array(
+        [
+            virtual_leg.hip_pitch_angle(sign * angle, 0.0, reach)
+            for angle, reach in np.column_stack([pitch, length]).tolist()
+        ]
+    )
+    title = f"{name}, row {at + LEG_PITCH + 1} ({leg} leg pitch), as hip pitch"
+    _check_range(title, hip, _stops(leg, "hip_pitch"), "rad")
+    values = [virtual_leg.foot_pitch(0.0, *angles) for angles in np.column_stack([hip, toe])]
     if max(map(abs, values)) > _STEEP:
         raise GaitLibraryError(
-            f"the swing foot pitches by {max(map(abs, values)):.2g} rad, expected at most "
-            f"{_STEEP}: its row is not the toe joint's angle"
+            f"{name}, row {at + TOE + 1} ({leg} toe): the swing foot pitches by "
+            f"{max(map(abs, values)):.2g} rad, expected at most {_STEEP}: its row is not the toe "
+            "joint's angle"
         )
-    fitted: FloatArray = np.linalg.lstsq(basis, np.array(values), rcond=None)[0]
+    _check_range(f"{name}, row {at + TOE + 1} ({leg} toe),", toe, _stops(leg, "toe"), "rad")
+    fitted: FloatArray = np.linalg.lstsq(_BASIS, np.array(values), rcond=None)[0]
     return fitted

@@ -16,6 +16,10 @@ import numpy as np
 from cassie_gaits.gait_library import Gait
 
 AXES = ("vx", "vy", "yaw_rate")
+UNITS = ("m/s", "m/s", "rad/s")
+
+FAR = 2.0
+"""Ratio of a distance to the median beyond which two neighbours may be in different optima."""
 
 Speeds = tuple[float, float, float]
 
@@ -66,12 +70,12 @@ def greatest(gaits: Sequence[Gait]) -> dict[Speeds, float]:
     return result
 
 
-def report(gaits: Sequence[Gait], most: int = 10) -> str:
+def report(gaits: Sequence[Gait], most: int | None = 10) -> str:
     """Text with the distances along each axis, and the pairs with the greatest distances.
 
     Args:
         gaits: Gaits of a library.
-        most: Number of pairs to name for each axis.
+        most: Number of pairs to name for each axis, or None to name all.
     """
     found = pairs(gaits)
     lines = [f"{'neighbours in':14s} {'pairs':>6s} {'median':>8s} {'99 %':>8s} {'greatest':>8s}"]
@@ -82,17 +86,32 @@ def report(gaits: Sequence[Gait], most: int = 10) -> str:
             lines.append(f"{axis:14s} {len(distances):6d} {middle:8.4f} {most_of:8.4f} {top:8.4f}")
     for axis in AXES:
         median = _median(found, axis)
-        apart = sorted(
-            (pair for pair in found if pair.axis == axis), key=lambda pair: -pair.distance
-        )
-        for pair in apart[:most]:
-            if pair.distance > 2.0 * median:
-                lines.append(
-                    f"{pair.distance / median:5.1f} times the median of {axis}: "
-                    f"{pair.one.speeds} (cost {pair.one.cost or np.nan:.0f}) and "
-                    f"{pair.other.speeds} (cost {pair.other.cost or np.nan:.0f})"
-                )
+        far = [pair for pair in found if pair.axis == axis and pair.distance > FAR * median]
+        far.sort(key=lambda pair: -pair.distance)
+        if far:
+            lines.append(_summary(axis, far, most))
+        for pair in far[:most]:
+            lines.append(
+                f"{pair.distance / median:5.1f} times the median of {axis}: "
+                f"{pair.one.speeds} (cost {pair.one.cost or np.nan:.0f}) and "
+                f"{pair.other.speeds} (cost {pair.other.cost or np.nan:.0f})"
+            )
     return "\n".join(lines)
+
+
+def _summary(axis: str, far: Sequence[Pair], most: int | None) -> str:
+    """How many pairs are far apart along an axis, at which speeds, and how many are named."""
+    both = [gait for pair in far for gait in (pair.one, pair.other)]
+    ranges = [
+        f"{name} {min(values):g} .. {max(values):g} {unit}"
+        for name, unit in zip(AXES, UNITS, strict=True)
+        if len(values := {getattr(gait, name) for gait in both}) > 1
+    ]
+    shown = "all" if most is None or len(far) <= most else f"the {most} farthest"
+    return (
+        f"{axis}: {len(far)} pair{'' if len(far) == 1 else 's'} at more than {FAR:g} times the "
+        f"median ({', '.join(ranges)}), {shown} shown:"
+    )
 
 
 def _speeds(gait: Gait) -> Speeds:

@@ -20,6 +20,7 @@ from cassie_gaits.gait_library_file import (
     load_library,
     save_library,
 )
+from cassie_gaits.grid_pictures import grid_figure
 from cassie_gaits.optimize import library, solution
 from cassie_gaits.optimize.problem import Problem
 from cassie_gaits.ros import check_gaits, optimize_gaits, plot_gaits
@@ -172,6 +173,22 @@ def test_a_grid_gets_maps_and_slices(tmp_path):
     assert {"grid", "outputs_vy", "outputs_yaw_rate", "torques"} <= drawn
 
 
+@pytest.mark.parametrize("turns", [1, 7])
+def test_labels_of_the_maps_are_no_longer_than_their_colour_bars(turns):
+    gaits = [
+        g for g in load_library(library_path("dense")).gaits if abs(g.yaw_rate) <= 0.15 * turns
+    ]
+    figure = grid_figure(gaits)
+    figure.draw_without_rendering()
+    bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
+    assert len(bars) == 5
+    for bar in bars:
+        label, inside = bar.yaxis.label.get_window_extent(), bar.get_window_extent()
+        assert inside.y0 <= label.y0 and label.y1 <= inside.y1, bar.get_ylabel()
+        ticks = bar.yaxis.get_tightbbox()
+        assert ticks.x1 <= figure.bbox.x1
+
+
 @pytest.mark.parametrize(
     "arguments",
     [["--jobs", "0"], ["--speeds", "nan"], ["--slope", "0.1", "--yaw-rate", "0.2"]],
@@ -179,6 +196,26 @@ def test_a_grid_gets_maps_and_slices(tmp_path):
 def test_impossible_options_are_refused(arguments, tmp_path, capsys):
     assert optimize_gaits.main([*arguments, "--out", str(tmp_path / "x.json")]) == 2
     assert "error" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "both"),
+    [
+        (["--grid", "--speeds", "0.3"], ("--grid", "--speeds")),
+        (["--grid", "--lateral", "0"], ("--grid", "--lateral")),
+        (["--yaw-rate", "0.1", "--grid"], ("--grid", "--yaw-rate")),
+        (["--grid", "--holes", "0"], ("--grid", "--holes")),
+        (["--table-only", "--landing-speed", "0.3"], ("--table-only", "--landing-speed")),
+        (["--torso-roll", "0.1", "--table-only"], ("--table-only", "--torso-roll")),
+        (["--import", "a.mat", "--speeds", "0.3"], ("--import", "--speeds")),
+        (["--import", "a.mat", "--grid"], ("--import", "--grid")),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(arguments, both, tmp_path, capsys):
+    assert optimize_gaits.main([*arguments, "--out", str(tmp_path / "x.json")]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == "" and printed.err.count("\n") == 1
+    assert all(option in printed.err for option in both)
 
 
 def test_check_prints_the_table_and_fails_on_a_miss(tmp_path, capsys):

@@ -51,6 +51,36 @@ def test_a_gait_in_another_optimum_stands_out():
     assert "times the median" not in report(grid())
 
 
+def named(text):
+    return text.count(" times the median of ")
+
+
+def test_the_report_says_how_many_pairs_are_far_apart_and_how_many_it_shows():
+    gaits = grid(jump=0.1)
+    text = report(gaits, most=1)
+    ahead = "vx: 2 pairs at more than 2 times the median (vx 0.1 .. 0.3 m/s), the 1 farthest shown:"
+    assert ahead in text
+    aside = "vy: 2 pairs at more than 2 times the median (vy 0 .. 0.2 m/s), the 1 farthest shown:"
+    assert aside in text
+    assert named(text) == 2
+    text = report(gaits, most=None)
+    assert text.count("all shown:") == 2
+    assert named(text) == 4
+
+
+def test_all_pairs_of_the_dense_library_are_shown_on_request(capsys):
+    assert check_gaits.main(["dense", "--neighbours"]) == 0
+    some = capsys.readouterr().out
+    assert check_gaits.main(["dense", "--neighbours", "--all"]) == 0
+    every = capsys.readouterr().out
+    counts = {
+        line.split(":")[0]: int(line.split()[1]) for line in every.splitlines() if "shown:" in line
+    }
+    assert named(every) == sum(counts.values()) > named(some) == 10 * len(counts)
+    assert check_gaits.main(["dense", "--all"]) == 2
+    assert "--all needs --neighbours" in capsys.readouterr().err
+
+
 def test_the_command_tells_of_a_library(capsys):
     assert check_gaits.main([str(default_library_path()), "--neighbours"]) == 0
     assert "neighbours in" in capsys.readouterr().out

@@ -62,7 +62,14 @@ def test_the_answer_depends_on_the_conditions_alone(maker, loaded):
 def test_conditions_are_rounded_so_that_noise_asks_for_the_same_gait():
     noisy = Conditions(0.4013, -0.0004, 0.0, 7.9, 0.0812)
     assert noisy.rounded() == Conditions(0.4, 0.0, 0.0, 8.0, 0.08)
-    assert Conditions(0.0, 0.0, 0.0, -1.0, 0.0).rounded().payload == 0.0
+
+
+def test_an_estimated_payload_below_0_asks_for_no_payload():
+    request = GaitRequest()
+    request.floats[:] = (0.4, 0.0, 0.0, -1.2, 0.0)
+    assert conditions_of(request) == Conditions(0.4, 0.0, 0.0, 0.0, 0.0)
+    request.floats[3] = np.nan
+    assert np.isnan(conditions_of(request).payload)
 
 
 @pytest.mark.parametrize(
@@ -72,6 +79,13 @@ def test_conditions_are_rounded_so_that_noise_asks_for_the_same_gait():
         (Conditions(float("nan"), 0.0, 0.0, 0.0, 0.0), "vx is nan"),
         (Conditions(9.0, 0.0, 0.0, 0.0, 0.0), "vx is 9.0, expected"),
         (Conditions(0.0, 0.0, 0.0, 80.0, 0.0), "payload is 80"),
+        (Conditions(0.0, 0.0, 0.0, -5.0, 0.0), "payload is -5.0, expected 0.0 .. 30.0"),
+        (Conditions(0.0, 0.0, 0.0, float("nan"), 0.0), "payload is nan"),
+        (Conditions(0.0, 0.0, 0.0, 1e308, 0.0), "payload is 1e+308, expected 0.0 .. 30.0"),
+        (Conditions(-1e308, 0.0, 0.0, 0.0, 0.0), "vx is -1e+308, expected -5.0 .. 5.0"),
+        (Conditions(0.0, 0.0, 1e308, 0.0, 0.0), "yaw_rate is 1e+308, expected -3.0 .. 3.0"),
+        (Conditions(0.0, 0.0, 0.0, 0.0, -1e308), "slope is -1e+308, expected -1.0 .. 1.0"),
+        (Conditions(0.0, 1e306, 0.0, 0.0, 0.0), "vy is 1e+306, expected -2.0 .. 2.0"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_words(maker, conditions, words):

@@ -22,7 +22,7 @@ from cassie_bags.ros.processes import (
     write_parameters,
 )
 from cassie_bags.ros.record import COMPLETE
-from cassie_bags.run.cores import library_path, simulator_config
+from cassie_bags.run.cores import library_path, makes_gaits, simulator_config
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
 from cassie_msgs.experiment.file import Experiment
@@ -44,6 +44,9 @@ NODES = {
     "simulator": ("cassie_sim", "simulator"),
 }
 """Package and section of the experiment of each node, by executable."""
+
+OPTIMIZER = "gait_optimizer"
+"""Node that makes gaits while the robot walks; started where `controller.gait_source` asks so."""
 
 STACKED = ("state_estimator", "gait_controller")
 """Nodes that can share a process, `cassie_control stack`."""
@@ -81,7 +84,7 @@ def run_over_dds(experiment: Experiment, folder: Path, *, stack: bool = False) -
         record = executable("cassie_bags", "record")
         processes.start("record", [record, "-o", bag, "--metadata", metadata])
         start_nodes(experiment, folder, processes, stack=stack)
-        _await_recorder(processes)
+        _await_nodes(processes, optimizer=makes_gaits(experiment))
         simulator.resume(START_TIMEOUT)
         watch(experiment, processes, simulator)
         processes.stop("record")
@@ -97,7 +100,7 @@ def start_nodes(
     *,
     stack: bool = False,
 ) -> None:
-    """Start the five nodes of a drawn experiment.
+    """Start the five nodes of a drawn experiment, and gait_optimizer where it is to make gaits.
 
     Args:
         experiment: Experiment to run.
@@ -109,6 +112,8 @@ def start_nodes(
     scenario = folder / "experiment.yaml"
     write_resolved(experiment, scenario)
     parameters = node_parameters(experiment, scenario)
+    if makes_gaits(experiment):
+        processes.start(OPTIMIZER, [executable("cassie_gaits", OPTIMIZER)])
     places = processors_of(simulator_config(experiment), os.sched_getaffinity(0))
     if stack:
         own = {name: parameters[name] for name in STACKED}
@@ -169,19 +174,23 @@ def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[st
     return parameters
 
 
-def _await_recorder(processes: Processes) -> None:
-    """Wait until the recorder has received every topic of the control lane.
+def _await_nodes(processes: Processes, *, optimizer: bool) -> None:
+    """Wait until the recorder has received the control lane, and an optimizer is ready.
 
     Raises:
         RunError: if a process ends, or at the time-out.
     """
+    missing = {"record": (COMPLETE, "not every topic of the control lane is published")}
+    if optimizer:
+        missing[OPTIMIZER] = ("ready", f"{OPTIMIZER} is not ready")
     deadline = time.monotonic() + START_TIMEOUT
-    while not processes.printed("record", COMPLETE):
+    while missing:
         processes.check()
-        if time.monotonic() > deadline:
-            raise RunError(
-                f"after {START_TIMEOUT:g} s not every topic of the control lane is published"
-            )
+        for name, (words, problem) in list(missing.items()):
+            if processes.printed(name, words):
+                del missing[name]
+            elif time.monotonic() > deadline:
+                raise RunError(f"after {START_TIMEOUT:g} s {problem}")
         time.sleep(_CHECK_PERIOD / 5)
 
 

@@ -163,6 +163,22 @@ def make_cores(experiment: Experiment) -> Cores:
     )
 
 
+def check_one_process(experiment: Experiment) -> None:
+    """Check that an experiment can run in one process.
+
+    Raises:
+        ExperimentError: if it needs a wall clock or another node.
+    """
+    if simulator_config(experiment).pacing == "realtime":
+        raise ExperimentError(
+            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
+        )
+    if makes_gaits(experiment):
+        raise ExperimentError(
+            "controller.gait_source = optimizer needs gait_optimizer: not in one process"
+        )
+
+
 def make_loop(
     experiment: Experiment, observer: Observer, *, physics_thread: bool = False
 ) -> ControlLoop:
@@ -177,14 +193,7 @@ def make_loop(
     Raises:
         CassieError, ParameterError: naming what cannot be used.
     """
-    if simulator_config(experiment).pacing == "realtime":
-        raise ExperimentError(
-            "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
-        )
-    if makes_gaits(experiment):
-        raise ExperimentError(
-            "controller.gait_source = optimizer needs gait_optimizer: not in one process"
-        )
+    check_one_process(experiment)
     cores = make_cores(experiment)
     cores.plant.beside = physics_thread
     return connect(cores, observer)

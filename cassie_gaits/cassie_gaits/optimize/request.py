@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 from cassie_gaits.errors import GaitLibraryError
 
-_RANGES = {
+RANGES = {
     "vx": (-5.0, 5.0),
     "vy": (-2.0, 2.0),
     "yaw_rate": (-3.0, 3.0),
@@ -22,6 +22,7 @@ _RANGES = {
     "pelvis_distance": (0.55, 1.0),
     "detour": (0.01, 1.0),
 }
+"""Lowest and highest value of each number of a request."""
 
 TABLE_ONLY = {
     "landing_speed": 1.0,
@@ -88,7 +89,7 @@ class Request:
     payload: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, (low, high) in _RANGES.items():
+        for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise GaitLibraryError(f"{name} is {value}, expected {low} .. {high}")

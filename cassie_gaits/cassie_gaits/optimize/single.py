@@ -52,10 +52,10 @@ class Conditions:
     slope: float
 
     def rounded(self) -> Conditions:
-        """The conditions for which a gait is made."""
+        """The conditions for which a gait is made; what no gait can be for stays as it is."""
         vx, vy, yaw_rate = (_round(v, SPEED_STEP) for v in (self.vx, self.vy, self.yaw_rate))
-        payload = max(0.0, _round(self.payload, PAYLOAD_STEP))
-        return Conditions(vx, vy, yaw_rate, payload, _round(self.slope, SLOPE_STEP))
+        payload, slope = _round(self.payload, PAYLOAD_STEP), _round(self.slope, SLOPE_STEP)
+        return Conditions(vx, vy, yaw_rate, payload, slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,5 +161,9 @@ def _request(conditions: Conditions) -> Request:
 
 
 def _round(value: float, step: float) -> float:
-    """`value`, rounded to a multiple of a step, as its shortest decimal; NaN stays NaN."""
-    return round(round(value / step) * step, 6) + 0.0 if math.isfinite(value) else value
+    """`value`, rounded to a multiple of a step, as its shortest decimal.
+
+    NaN, infinities and numbers so large that the quotient is infinite stay as they are.
+    """
+    steps = value / step
+    return round(round(steps) * step, 6) + 0.0 if math.isfinite(steps) else value

@@ -46,14 +46,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--certify", action="store_true", help="write certificates into the file")
     apart = "only print the distances of gaits to their neighbours"
     parser.add_argument("--neighbours", action="store_true", help=apart)
+    every = "with --neighbours: name all pairs that are far apart, not 10 for each speed"
+    parser.add_argument("--all", action="store_true", help=every)
     options = parser.parse_args(given)
     try:
         library = load_library(options.file)
         if library.model_hash != model_hash():
             raise GaitLibraryError(f"gait library {options.file}: it is for another model")
         if options.neighbours:
-            print(report(library.gaits))
+            print(report(library.gaits, None if options.all else 10))
             return 0
+        if options.all:
+            raise GaitLibraryError("--all needs --neighbours")
         if options.jobs < 1:
             raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
         certified = _check(library.gaits, options.jobs)

@@ -42,6 +42,12 @@ DENSE = {
 }
 """Values that --grid stands for."""
 
+DEFAULTS = {"speeds": list(SPEEDS), "lateral": [0.0], "yaw_rate": [0.0], "holes": 0.0} | {
+    **{"landing_speed": 0.25, "feet_apart": 0.25, "torso_pitch": 0.05, "torso_roll": 0.005},
+    **{"hip_yaw": 0.005, "pelvis_distance": 0.97, "detour": 0.03},
+}
+"""Values of the options that --grid and --table-only stand for, if none of them is given."""
+
 SETTINGS = (
     *("step_time", "clearance", "slope", "landing_speed", "feet_apart"),
     *("torso_pitch", "torso_roll", "hip_yaw", "pelvis_distance", "detour"),
@@ -78,22 +84,22 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="optimize_gaits", description=__doc__)
     add = parser.add_argument
     many: dict[str, Any] = {"type": float, "nargs": "+"}
-    add("--speeds", **many, default=list(SPEEDS), help="mean sagittal speeds, m/s")
-    add("--lateral", **many, default=[0.0], help="mean speeds to the left, m/s")
-    add("--yaw-rate", **many, default=[0.0], help="mean turning rates to the left, rad/s")
+    add("--speeds", **many, help="mean sagittal speeds, m/s")
+    add("--lateral", **many, help="mean speeds to the left, m/s")
+    add("--yaw-rate", **many, help="mean turning rates to the left, rad/s")
     dense = "-1 .. 1.8 by 0.1 m/s, -0.3 .. 0.3 by 0.1 m/s, -0.9 .. 0.9 by 0.3 rad/s, --holes 0.03"
     add("--grid", action="store_true", help=dense)
-    add("--holes", type=float, default=0.0, help="share of the gaits that may be missing")
+    add("--holes", type=float, help="share of the gaits that may be missing")
     add("--step-time", type=float, default=0.4, help="duration of a step, s")
     add("--clearance", type=float, default=0.15, help="height of the swing foot at mid-step, m")
     add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
-    add("--landing-speed", type=float, default=0.25, help="largest of the landing foot, m/s")
-    add("--feet-apart", type=float, default=0.25, help="least distance of the feet, m")
-    add("--torso-pitch", type=float, default=0.05, help="bound of torso pitch, rad")
-    add("--torso-roll", type=float, default=0.005, help="bound of torso roll, rad")
-    add("--hip-yaw", type=float, default=0.005, help="bound of hip yaw besides that to turn, rad")
-    add("--pelvis-distance", type=float, default=0.97, help="largest, to stance foot, m")
-    add("--detour", type=float, default=0.03, help="swing foot beyond its ends, fore and aft, m")
+    add("--landing-speed", type=float, help="largest of the landing foot, m/s")
+    add("--feet-apart", type=float, help="least distance of the feet, m")
+    add("--torso-pitch", type=float, help="bound of torso pitch, rad")
+    add("--torso-roll", type=float, help="bound of torso roll, rad")
+    add("--hip-yaw", type=float, help="bound of hip yaw besides that to turn, rad")
+    add("--pelvis-distance", type=float, help="largest, to stance foot, m")
+    add("--detour", type=float, help="swing foot beyond its ends, fore and aft, m")
     add("--table-only", action="store_true", help="the last seven as wide as the paper's table")
     add("--general", action="store_true", help="two steps on the real robot, not mirrored")
     jobs = "processes (default: one for each core)"
@@ -111,11 +117,15 @@ def _run(options: argparse.Namespace, start: float) -> int:
     if options.out.is_dir():
         raise GaitLibraryError(f"--out: {options.out} is a folder, expected a file")
     if options.mat is not None:
+        _refuse_beside_import(options)
         from cassie_gaits.mat_import import import_mat  # scipy's readers take long to load
 
         library = import_mat(options.mat)
         save_library(library, options.out)
-        print(f"{len(library.gaits)} gaits imported, not certified: {options.out}")
+        count = len(library.gaits)
+        print(f"{count} gait{'' if count == 1 else 's'} imported, not certified: {options.out}")
+        for remark in library.provenance.settings["remarks"]:
+            print(f"  {remark}")
         return 0
     _expand(options)
     requests = _requests(options)
@@ -143,15 +153,34 @@ def _run(options: argparse.Namespace, start: float) -> int:
 
 
 def _expand(options: argparse.Namespace) -> None:
-    """Insert the values of --grid and --table-only, and check the other options."""
-    if options.grid:
-        vars(options).update(DENSE)
-    if options.table_only:
-        vars(options).update(TABLE_ONLY)
+    """Insert the values of --grid and --table-only and the defaults, and check the options."""
+    values = vars(options)
+    for option, stands_for in (("grid", DENSE), ("table_only", TABLE_ONLY)):
+        if not values[option]:
+            continue
+        for name, value in stands_for.items():
+            if values[name] is not None:
+                raise GaitLibraryError(f"{_flag(option)} sets {_flag(name)}: give only one of them")
+            values[name] = value
+    for name, value in DEFAULTS.items():
+        if values[name] is None:
+            values[name] = value
     if options.jobs < 1:
         raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
     if not 0.0 <= options.holes < 1.0:
         raise GaitLibraryError(f"--holes is {options.holes}, expected 0 .. 1")
+
+
+def _refuse_beside_import(options: argparse.Namespace) -> None:
+    given = (*DEFAULTS, "grid", "table_only", "general", "resume", "scheduler")
+    for name in given:
+        if vars(options)[name] not in (None, False):
+            raise GaitLibraryError(f"--import ignores {_flag(name)}: leave it out")
+
+
+def _flag(name: str) -> str:
+    """The option with which a value is given."""
+    return "--" + name.replace("_", "-")
 
 
 def _requests(options: argparse.Namespace) -> list[Request]:
