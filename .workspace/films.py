@@ -1,4 +1,4 @@
-"""Films the experiments that the README shows: walk.gif, ride.gif and stairs.gif of bags/images.
+"""Films the experiments that the READMEs show, as GIFs in bags/images.
 
 Run it in the shell of env.sh: python3 .workspace/films.py [NAME ...]
 """
@@ -53,6 +53,8 @@ SHOTS = {
     "walk": Shot("grove", 12.5, 20.5, 65.0, -14.0, 2.0),
     "ride": Shot("segway_slalom", 25.0, 32.0, 125.0, -12.0, 1.9),
     "stairs": Shot("stairs", 7.5, 14.8, 60.0, -8.0, 2.2),
+    "fast_walk": Shot("fast_walk", 20.0, 24.0, 75.0, -8.0, 2.2),
+    "all_grounds": Shot("all_grounds", 34.0, 44.0, 60.0, -14.0, 2.6),
 }
 
 

@@ -102,6 +102,11 @@ def read_stretch(mapping: Mapping[str, Any], where: str) -> Stretch:
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from None
     check_branches(stretch.branch_low, stretch.branch_high, where)
+    if stretch.rough > 0.0 and stretch.sinking > 0.0:
+        raise ParameterError(
+            f"{where}: rough = {stretch.rough:g} m with sinking = {stretch.sinking:g} m, "
+            "but soft ground cannot be rough: set one of them to 0"
+        )
     return stretch
 
 
@@ -160,10 +165,10 @@ def lay(site: Site, stretches: Sequence[Stretch], rng: np.random.Generator, behi
         following = stretches[index + 1] if index + 1 < len(stretches) else None
         frame = _Frame(x, z, rise)
         surface = Surface(stretch.friction, stretch.sinking, COLOURS[stretch.surface])
-        if is_rough(stretch):
+        if stretch.rough > 0.0:
             _add_field(site, f"field_{index}", frame, stretch, surface, rng)
-        if before > 0.0 or not is_rough(stretch):
-            shown = dataclasses.replace(stretch, length=0.0) if is_rough(stretch) else stretch
+        if before > 0.0 or stretch.rough == 0.0:
+            shown = dataclasses.replace(stretch, length=0.0) if stretch.rough > 0.0 else stretch
             after = _overlap_after(stretch, following)
             _add_box(site, f"stretch_{index}", frame, shown, surface, before, after)
         keep_clear = 0.5 if index == 0 else 0.0
@@ -171,11 +176,6 @@ def lay(site: Site, stretches: Sequence[Stretch], rng: np.random.Generator, behi
         _add_branches(site, f"branch_{index}", frame, stretch, rng, keep_clear)
         x += stretch.length * math.cos(rise)
         z += stretch.length * math.sin(rise)
-
-
-def is_rough(stretch: Stretch) -> bool:
-    """Whether a stretch is hard ground of random height."""
-    return stretch.rough > 0.0 and stretch.sinking == 0.0
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def _add_field(
     surface: Surface,
     rng: np.random.Generator,
 ) -> None:
-    """Add a field of random heights, level with its neighbours at both ends."""
+    """Add a field of random heights, level at both ends, with level ground beside it."""
     heights = random_heights(stretch.length, stretch.rough, stretch.grain, rng)
     low, high = float(heights.min()), float(heights.max())
     span = max(high - low, 1e-6)
@@ -274,6 +274,16 @@ def _add_field(
         quat=frame.quat,
     )
     make_ground(site.spec, geom, surface)
+    width = 0.5 * (_HALF_WIDTH - FIELD_HALF_WIDTH)
+    for side in (1.0, -1.0):
+        bank = site.body.add_geom(
+            name=f"{site.prefix}{name}_{'left' if side > 0.0 else 'right'}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[half, width, _THICKNESS],
+            pos=frame.at(half, side * (FIELD_HALF_WIDTH + width), -_THICKNESS),
+            quat=frame.quat,
+        )
+        make_ground(site.spec, bank, surface)
 
 
 def _carry_feet(

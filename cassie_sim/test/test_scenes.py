@@ -160,6 +160,8 @@ def test_every_scene_refuses_what_it_does_not_know(scene):
         ({"stretches": [{"lenght": {}}]}, "unknown parameter lenght: did you mean length"),
         ({"stretches": [{"step": 1.0}]}, r"stretches.0: step = 1 m is outside -0.3 .. 0.3 m"),
         ({"stretches": [{"branch_low": 0.05}]}, "branch_low = 0.05 m is above branch_high"),
+        ({"stretches": [{"surface": "grass", "rough": 0.02}]}, "soft ground cannot be rough"),
+        ({"stretches": [{"surface": "gravel", "sinking": 0.02}]}, "rough = 0.008 m with sinking"),
         ({"stretches": [{}], "pillars": [{"radius": 0}]}, "pillars.0: radius = 0 m is outside"),
         ({"stretches": [{}], "sed": 3}, "unknown parameter sed: did you mean seed"),
     ],
@@ -219,6 +221,13 @@ def test_rough_ground_has_its_standard_deviation_and_is_level_at_the_start():
     assert field.std() == pytest.approx(0.03, rel=0.4)
     level = heights("rough", {"height": 0.03}, -3.0, 0.99)
     assert np.abs(level).max() < 1e-9
+
+
+@pytest.mark.parametrize("scene", ["rough", "gravel"])
+def test_beside_a_field_of_random_heights_the_ground_is_level(scene):
+    model = scene_spec(scene, {}).compile()
+    for y in (-19.0, -4.5, 4.5, 19.0):
+        assert ground_height(model, 6.0, y) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_gravel_has_its_standard_deviation_and_is_finer_than_rough_ground():

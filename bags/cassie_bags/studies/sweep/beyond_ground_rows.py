@@ -39,6 +39,9 @@ ICE_PATCHES = 5
 ICE_DISTANCE = ICE_PATCHES * (ICE_LENGTH + 1.0) + 1.0
 """Distance over which the patches lie. In m."""
 
+PILLAR_PASSED = 25.0
+"""Time at which a robot that began to bump into the pillar at 14 s must still walk. In s."""
+
 STAIRS, TREAD, LANDING = 5, 0.3, 1.5
 """Number of steps of a flight of stairs; depth of a step, and distance of two flights. In m."""
 
@@ -82,6 +85,7 @@ def beyond_ground_rows() -> list[Row]:
         _stairs("down_and_up", "down, then up", 0.17, HIGH),
         _turning("turning", "in place", 0.0),
         _turning("circling", "at 0.3 m/s", SPEED),
+        _pillar(),
         _ice(),
         _course(),
     ]
@@ -208,6 +212,32 @@ def _turning(name: str, title: str, speed: float) -> Row:
         [2.0, 4.0, 6.0, 8.0, 10.0, 12.0],
         robots(trial),
         holds=lambda measures, _: abs(measures["yaw_rate"]) >= 0.9 * TURN_RATE,
+    )
+
+
+def _pillar() -> Row:
+    """The experiment `waxed_floor`, with the pillar met at each phase of a stride."""
+
+    def trial(budget: Budget, seed: int, friction: float) -> Trial:
+        floor = {"surface": "waxed", "friction": friction, "length": 60.0}
+        pillar = {"x": 3.0 + _further(seed, budget), "y": 0.44, "radius": 0.2, "friction": 0.3}
+        return walk(
+            budget,
+            seed,
+            (PILLAR_PASSED - 1.0, PILLAR_PASSED),
+            vx=SPEED,
+            scene="course",
+            scene_parameters={"stretches": [floor], "pillars": [pillar]},
+        )
+
+    return Row(
+        "friction.pillar",
+        f"friction of a floor with a pillar in the way, bumped into at {SPEED:g} m/s",
+        "",
+        0.25,
+        [0.4, 0.3, 0.25, 0.22, 0.2, 0.18],
+        robots(trial),
+        at_least=False,
     )
 
 

@@ -92,6 +92,7 @@ _GROUNDS = {
     "Friction (less is harder)": {
         "friction.0.5": "at 0.5 m/s",
         "friction.0.2": "at 0.2 m/s",
+        "friction.pillar": "pillar, 0.3 m/s",
         "friction.ice": "patches of ice, 0.4 m/s",
     },
     "Speed on grass (m/s)": {
