@@ -50,7 +50,7 @@ setup(
             "cassie_bags = cassie_bags.__main__:main",
             "record = cassie_bags.cli.record:main",
             "robot = cassie_bags.cli.robot:main",
-            "replay = cassie_bags.ros.replay:main",
+            "replay = cassie_bags.cli.replay:main",
             "recover = cassie_bags.cli.recover:main",
             "experiment = cassie_bags.cli.experiment:main",
             "estimators = cassie_bags.cli.estimators:main",

@@ -17,7 +17,7 @@ COMMANDS = {
     },
     "Record and replay": {
         "record": ("cli.record", "record topics into a bag"),
-        "replay": ("ros.replay", "publish a bag's messages, or verify them to the last bit"),
+        "replay": ("cli.replay", "publish a bag's messages, or verify them to the last bit"),
         "recover": ("cli.recover", "make an indexed bag of a damaged one"),
     },
     "Look at bags": {

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.fields import FIELDS
+from cassie_bags.bag.fields import entry_name
 from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording
 from cassie_bags.bag.rows import Rows, stamps, stamps_ns
 from cassie_msgs.layout import OperatorCommand
@@ -131,10 +131,9 @@ def _first(topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys) -> Di
     if place is None:
         return None
     row, name, entry = place
-    parts = FIELDS[topic][name].components
     values = (np.atleast_1d(rows[name][row])[entry].item() for rows in (a, b))
     return Difference(
-        f"{name}.{parts[entry]}" if parts else name,
+        entry_name(topic, name, entry),
         int(a["seq"][row]) if "seq" in names else int(keys[row]),
         float(stamps(a)[row]),
         (next(values), next(values)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     write = FORMATS[form]
     if form == "parquet":
         _pyarrow()
-    files = [folder / f"{file_stem(topic)}.{form}" for topic in tables]
+    files = [folder / f"{stem}.{form}" for stem in _file_stems(tables)]
     if len(set(files)) < len(tables):
         raise BagError("two topics have the same file name: name fewer with --topics")
     files.append(folder / UNITS)
@@ -49,9 +49,16 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     return files
 
 
-def file_stem(topic: str) -> str:
-    """Name of a topic's file: `/cassie/state` becomes `cassie_state`."""
-    return topic.strip("/").replace("/", "_")
+def _file_stems(topics: Collection[str]) -> list[str]:
+    """Names of the topics' files: `/cassie/state` becomes `cassie_state`.
+
+    Where that is the name of two, `/` becomes `__`, which no topic of ROS contains.
+    """
+    plain = [topic.strip("/").replace("/", "_") for topic in topics]
+    return [
+        stem if plain.count(stem) == 1 else topic.strip("/").replace("/", "__")
+        for topic, stem in zip(topics, plain, strict=True)
+    ]
 
 
 def _write_csv(table: Table, path: Path) -> None:

@@ -234,3 +234,9 @@ def standard_field(message_type: str, name: str) -> Field:
     """Field of one of ROS's own messages: with its unit where it is known, else without."""
     units = STANDARD_UNITS.get(message_type, {})
     return Field(next((units[part] for part in name.split(".") if part in units), ""), "")
+
+
+def entry_name(topic: str, field: str, index: int) -> str:
+    """Name of a field's entry in a topic of Cassie, as `plot` and `export` have it."""
+    components = FIELDS[topic][field].components
+    return f"{field}.{components[index]}" if components else field

@@ -26,6 +26,7 @@ class Event:
         node: Node of the event.
         event: Kind of event.
         content: Decoded JSON content.
+        received: When the recorder received it. Wall clock, in ns; 0 if not known.
     """
 
     episode: int
@@ -33,10 +34,15 @@ class Event:
     node: str
     event: str
     content: Any
+    received: int = 0
 
 
-def read_event(raw: bytes) -> Event:
+def read_event(raw: bytes, received: int = 0) -> Event:
     """Parse a serialized NodeEvent.
+
+    Args:
+        raw: The message.
+        received: When the recorder received it. Wall clock, in ns.
 
     Raises:
         BagError: if the bytes are no NodeEvent.
@@ -50,6 +56,6 @@ def read_event(raw: bytes) -> Event:
             place += _LENGTH.size + length
             words.append(raw[place - length : place - 1].decode())
         node, event, content = words
-        return Event(episode, seq, node, event, json.loads(content))
+        return Event(episode, seq, node, event, json.loads(content), received)
     except (struct.error, ValueError):
         raise BagError(f"a message of {len(raw)} bytes on {EVENTS_TOPIC} is no NodeEvent") from None

@@ -19,13 +19,14 @@ OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 
-def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True) -> str:
+def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True, node: bool = False) -> str:
     """Meaning of a command's exit codes, for the end of its help.
 
     Args:
         ok: Meaning of the first exit code.
         not_as_expected: Meaning of the second exit code, if there is one.
         runs: Whether the command makes runs, which may fail to end.
+        node: Whether the command is a node, which Ctrl-C ends as it should.
     """
     words = [f"{OK} {ok}"]
     if not_as_expected:
@@ -33,7 +34,7 @@ def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True) -> str:
     words += [
         f"{WRONG_INPUT} wrong file or arguments",
         *([f"{NO_RUN} a run did not come to its end"] if runs else []),
-        f"{STOPPED} stopped",
+        *([] if node else [f"{STOPPED} stopped"]),
     ]
     return f"Exit codes: {', '.join(words)}."
 
@@ -69,6 +70,19 @@ def run_command(
     except (ValueError, OSError) as error:
         print(f"{parser.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
+
+
+def node_words(name: str) -> list[str]:
+    """Words of this process's command line, without those of ROS; ROS is loaded for these alone.
+
+    Args:
+        name: The node's name, for an error in the arguments of ROS.
+    """
+    if "--ros-args" not in sys.argv:
+        return sys.argv[1:]
+    from cassie_bags.ros.processes import words_without_ros
+
+    return words_without_ros(name)
 
 
 def bag_argument(word: str) -> Path:

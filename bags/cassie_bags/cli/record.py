@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import count, in_range, one_of
-from cassie_bags.cli.frame import exit_codes
+from cassie_bags.cli.frame import exit_codes, node_words
 
 MIB = 1 << 20
 """Bytes of a MiB."""
@@ -18,19 +17,10 @@ MIB = 1 << 20
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Entry point of `ros2 run cassie_bags record`."""
-    arguments = parse(_words() if argv is None else argv)
+    arguments = parse(node_words("record") if argv is None else argv)
     from cassie_bags.ros.record import run_recorder  # loading ROS takes half a second
 
     run_recorder(arguments)
-
-
-def _words() -> list[str]:
-    """Words of this process's command line, without those of ROS; ROS is loaded for these alone."""
-    if "--ros-args" not in sys.argv:
-        return sys.argv[1:]
-    from cassie_bags.ros.record import words
-
-    return words()
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -40,7 +30,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         description="Record topics into an MCAP bag until Ctrl-C.",
         epilog="While it runs, the services /recorder/record (std_srvs/SetBool) end this recording "
         "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file. "
-        + exit_codes("ended", "the disk is full, or nearly", runs=False),
+        + exit_codes("ended, also by Ctrl-C", "the disk is full, or nearly", runs=False, node=True),
     )
     parser.add_argument(
         "names",

@@ -24,7 +24,7 @@ from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
-from cassie_bags.run.cores import check_parameters, make_loop, tick_count
+from cassie_bags.run.cores import check_one_process, check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import RunResult, evaluate
 from cassie_bags.run.provenance import versions
@@ -105,6 +105,8 @@ def run_experiment(
         RunError: if the run did not end normally.
         CassieError, ParameterError: naming what cannot be used.
     """
+    if in_process:
+        check_one_process(experiment)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     if in_process:

@@ -34,7 +34,7 @@ from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
-from cassie_msgs.ros.process import Stop, own_arguments, run
+from cassie_msgs.ros.process import Stop, run
 
 DEFAULT_TOPICS = (
     *TYPES,
@@ -450,11 +450,6 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
         str(name): {str(key): str(value) for key, value in record.items()}
         for name, record in content.items()
     }
-
-
-def words() -> list[str]:
-    """Words of this process's command line, without those of ROS."""
-    return own_arguments("record")
 
 
 def run_recorder(arguments: argparse.Namespace) -> None:

@@ -26,14 +26,13 @@ from std_srvs.srv import SetBool, Trigger
 from cassie_bags.bag.clock import CLOCK_TOPIC
 from cassie_bags.bag.playback import RATES, Playback
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
-from cassie_bags.cli import verify
-from cassie_bags.cli.arguments import in_range
+from cassie_bags.cli.replay import KEYS
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.ros.claim import free_domain
 from cassie_msgs.ros.one_writer import UNKNOWN, identity, writers
-from cassie_msgs.ros.process import Stop, own_arguments, run
+from cassie_msgs.ros.process import Stop, run
 from cassie_teleop.terminal import Terminal
 
 CLOCK_PERIOD = 10_000_000
@@ -52,8 +51,6 @@ COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPI
 
 OWN_TOPICS = frozenset(["/parameter_events", "/rosout"])
 """Topics on which every node publishes about itself: never played."""
-
-KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 
 _DIAGNOSTICS = "/diagnostics"  # a topic on which several nodes publish at once
 _BACK = 5_000_000_000  # ns, step of the key that seeks back
@@ -392,64 +389,6 @@ def _part(times: Sequence[int], start: float, duration: float | None) -> tuple[i
     return begin, end
 
 
-def _arguments(words: Sequence[str]) -> argparse.Namespace:
-    seconds = in_range(0.0, 1e6, "0 s or more")
-    parser = argparse.ArgumentParser(
-        prog="replay",
-        description="Publish the messages of a bag on their topics, with /clock.",
-        epilog=f"Keys on a terminal: {KEYS}. Services: /replay/pause (std_srvs/SetBool), "
-        "/replay/step (std_srvs/Trigger); parameters rate and position (s), which seeks. With "
-        "--verify nothing is published: the bag goes through estimator, supervisor and controller "
-        "again, and their answers are compared bit by bit (--verify --help).",
-    )
-    parser.add_argument("file", type=Path, help="MCAP file, or a folder as ros2 bag writes it")
-    parser.add_argument(
-        "-r",
-        "--rate",
-        type=in_range(*RATES, "a rate of {:g} .. {:g}".format(*RATES)),
-        default=1.0,
-        help="ratio of robot time to wall time (default: 1)",
-    )
-    parser.add_argument("--topics", nargs="+", default=[], help="play only these topics")
-    parser.add_argument(
-        "--commands",
-        action="store_true",
-        help="also play topics that move a robot: motor commands, modes, operator commands",
-    )
-    parser.add_argument("-l", "--loop", action="store_true", help="repeat the playback")
-    parser.add_argument(
-        "--start",
-        "--start-offset",
-        type=seconds,
-        default=0.0,
-        metavar="SECONDS",
-        help="begin this time after the first message",
-    )
-    parser.add_argument(
-        "--duration",
-        "--playback-duration",
-        type=in_range(1e-9, 1e6, "more than 0 s"),
-        default=None,
-        metavar="SECONDS",
-        help="length of the played part",
-    )
-    parser.add_argument(
-        "-p", "--start-paused", action="store_true", help="begin on a key or a service's request"
-    )
-    parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
-    parser.add_argument(
-        "--wait", type=seconds, default=0.0, help="time-out for subscribers, in s (default: 0)"
-    )
-    return parser.parse_args(words)
-
-
-def main() -> None:
-    """Entry point of `ros2 run cassie_bags replay`."""
-    if "--verify" in sys.argv[1:]:
-        sys.exit(verify.main(sys.argv[1:]))
-    arguments = _arguments(own_arguments("replay"))
+def run_replay(arguments: argparse.Namespace) -> None:
+    """Run the node to the end of the bag, or until Ctrl-C."""
     run("replay", lambda stop: Replay(arguments, stop))
-
-
-if __name__ == "__main__":
-    main()

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,9 @@ _KINDS: Mapping[str, type[Sample]] = {
 } | {IN_FORCE_TOPIC: OperatorCommand}
 
 
+_REPLACEMENT = 200_000_000  # ns of wall time; a process needs longer to replace another
+
+
 class MissingInputError(Exception):
     """A message that a core needs is not in the bag."""
 
@@ -62,24 +65,31 @@ class Setting:
     files: Mapping[str, Mapping[str, str]]
 
 
+class Recorded(NamedTuple):
+    """A control message, and when the recorder received it (wall clock, in ns)."""
+
+    raw: bytes
+    received: int
+
+
 class RecordedLane:
     """The control messages of a bag, by topic: in order, and by episode and tick."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.rows: dict[str, list[bytes]] = {topic: [] for topic in _KINDS}
+        self.rows: dict[str, list[Recorded]] = {topic: [] for topic in _KINDS}
         self.events: dict[str, list[Event]] = {node: [] for node in SECTIONS}
         self.index = BagIndex()
         has_events = False
-        for topic, _, _, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
+        for topic, _, received, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):
             if topic == EVENTS_TOPIC:
                 has_events = True
                 with suppress(BagError):  # of no node of ours
-                    event = read_event(raw)
+                    event = read_event(raw, received)
                     if event.node in self.events:
                         self.events[event.node].append(event)
             elif (sample := sample_bytes(_KINDS[topic], raw)) is not None:
-                self.rows[topic].append(sample)
+                self.rows[topic].append(Recorded(sample, received))
             else:
                 raise BagError(
                     f"{path}: a message of {len(raw)} bytes on {topic} is of another type"
@@ -91,7 +101,7 @@ class RecordedLane:
             events.sort(key=lambda event: (event.episode, event.seq))
         self.has_events = has_events
         self.samples = self._by_key(Sensors.TOPIC)
-        self.states = self._by_key(RobotState.TOPIC)
+        self._states = self._versions(RobotState.TOPIC)
         self.in_force = self._by_key(IN_FORCE_TOPIC)
         self.scripted = {
             key: raw for key, raw in self._by_key(OperatorCommand.TOPIC).items() if _scripted(raw)
@@ -101,23 +111,55 @@ class RecordedLane:
 
     def _leave_out_strays(self) -> None:
         """Leave out messages of other publishers: the nodes ignored these messages, too."""
-        rows = {topic: lane_rows(_KINDS[topic], list_) for topic, list_ in self.rows.items()}
+        rows = {
+            topic: lane_rows(_KINDS[topic], [each.raw for each in recorded])
+            for topic, recorded in self.rows.items()
+        }
         for topic, flags in of_the_run(rows, {}).items():
             self.rows[topic] = list(compress(self.rows[topic], flags.tolist()))
 
     def _by_key(self, topic: str) -> dict[Key, bytes]:
         messages: dict[Key, bytes] = {}
-        for raw in self.rows[topic]:
+        for raw, _ in self.rows[topic]:
             messages.setdefault(key_of(raw), raw)
+        return messages
+
+    def _versions(self, topic: str) -> dict[Key, list[Recorded]]:
+        messages: dict[Key, list[Recorded]] = {}
+        for each in self.rows[topic]:
+            messages.setdefault(key_of(each.raw), []).append(each)
         return messages
 
     def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
         messages: dict[Key, bytes] = {}
         message = kind()
-        for raw in self.rows[kind.TOPIC]:
+        for raw, _ in self.rows[kind.TOPIC]:
             message.load(raw)
             messages[int(message.episode), int(message.effective_seq)] = raw
         return messages
+
+    def state(self, key: Key, answered: int) -> bytes:
+        """The state of a tick that a node answered.
+
+        An estimator may end while it publishes a state, so that some nodes get it and others do
+        not. The estimator that replaces it then answers the same sample, from a fresh start.
+
+        Args:
+            key: Episode and tick.
+            answered: When the recorder received the answer. Wall clock, in ns.
+
+        Raises:
+            MissingInputError: if the state is missing.
+        """
+        versions = self._states.get(key)
+        if versions is None:
+            raise MissingInputError(missing("state", key))
+        chosen = versions[0]
+        for each in versions[1:]:
+            after = replaces(each.received, chosen.received)
+            if after and not replaces(each.received, answered):
+                chosen = each
+        return chosen.raw
 
     def setting(self, node: str) -> Setting:
         """Setting of a node from the experiment in the bag, for a bag without the node's events.
@@ -151,8 +193,18 @@ def needed(messages: Mapping[Key, bytes], key: Key, what: str) -> bytes:
     """
     raw = messages.get(key)
     if raw is None:
-        raise MissingInputError(f"the {what} of tick {key[1]}, episode {key[0]}, is not in the bag")
+        raise MissingInputError(missing(what, key))
     return raw
+
+
+def missing(what: str, key: Key) -> str:
+    """What to say of a message of a tick that is not in the bag."""
+    return f"the {what} of tick {key[1]}, episode {key[0]}, is not in the bag"
+
+
+def replaces(later: int, earlier: int) -> bool:
+    """Whether a message is of a process that replaced another's, by their times of receipt."""
+    return later > earlier + _REPLACEMENT
 
 
 def key_of(raw: bytes) -> Key:

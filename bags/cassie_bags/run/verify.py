@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from cassie_bags.bag.comparison import first_unequal, unequal_rows
 from cassie_bags.bag.continuity import SEQ_STEP
+from cassie_bags.bag.fields import entry_name
 from cassie_bags.bag.node_events import Event
 from cassie_bags.bag.reader import read_attachment
 from cassie_bags.errors import BagError, ExperimentError
@@ -35,7 +36,9 @@ from cassie_bags.run.recorded_lane import (
     RecordedLane,
     Setting,
     key_of,
+    missing,
     needed,
+    replaces,
 )
 from cassie_bags.run.yaml_file import apply_changes, flat
 from cassie_control.config import ControllerConfig
@@ -71,8 +74,8 @@ ConfigT = TypeVar("ConfigT")
 START, TOLERANCE = 5.0, 1e-9
 """Comparison where bits may differ: the first so many s, to this difference in SI units."""
 
+_LAST = 2**62  # ns, later than any receipt: what several processes published is the last one's
 _SILENT_TICKS = 100  # in which a node answers no sample: it was lost; less is late or not recorded
-_NEAR = 20  # messages of a topic in which the process that replaced another may answer a tick again
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ class Replayed:
         at = self.recorded[row]
         return ReplayDifference(
             topic,
-            f"{name}[{index}]" if len(one) > 1 else name,
+            entry_name(topic, name, index),
             int(at["episode"]),
             int(at["seq"]),
             float(at["sec"]) + 1e-9 * float(at["nanosec"]),
@@ -273,12 +276,25 @@ class _Core(ABC):
         return from_mapping(cls, {k: v for k, v in self.parameters.items() if k in known})
 
     @abstractmethod
-    def answer(self, key: Key) -> Sample:
+    def answer(self, key: Key, received: int) -> Sample:
         """The core's message for a tick.
+
+        Args:
+            key: Episode and tick.
+            received: When the recorder received the node's message. Wall clock, in ns.
 
         Raises:
             MissingInputError: naming the missing message.
         """
+
+    def follow(self, episode: int, ticks: Iterable[int]) -> None:
+        """Answer ticks whose answers the recorder missed, as it had not found the node yet.
+
+        Raises:
+            MissingInputError: naming the missing message.
+        """
+        for tick in ticks:
+            self.answer((episode, tick), _LAST)
 
 
 class _Estimator(_Core):
@@ -292,7 +308,7 @@ class _Estimator(_Core):
     def configure(self, changes: Mapping[str, Any]) -> None:
         self._config = self._core.config = replace_checked(self._config, **changes)
 
-    def answer(self, key: Key) -> Sample:
+    def answer(self, key: Key, received: int) -> Sample:
         self._sample.load(needed(self.lane.samples, key, "sensor sample"))
         return self._guarded.step(self._sample)
 
@@ -314,9 +330,13 @@ class _Supervisor(_Core):
         if event.event == "lost":
             self._controller_lost = event.content["node"] is not None
 
-    def answer(self, key: Key) -> Sample:
-        self._state.load(needed(self.lane.states, key, "state"))
+    def answer(self, key: Key, received: int) -> Sample:
+        self._state.load(self.lane.state(key, received))
         return self._guarded.step(self._state, self._command(key), self._controller_lost)
+
+    def follow(self, episode: int, ticks: Iterable[int]) -> None:
+        for tick in ticks:  # the recorder missed the commands in force, too
+            raise MissingInputError(missing("mode", (episode, tick)))
 
     def _command(self, key: Key) -> OperatorCommand | None:
         operator = self._operator
@@ -363,8 +383,8 @@ class _Controller(_Core):
                 self._fallback = StopAndStand(self.period)
                 self._fallback.start(self._recorded_mode(event.episode, event.content["since"]))
 
-    def answer(self, key: Key) -> Sample:
-        self._state.load(needed(self.lane.states, key, "state"))
+    def answer(self, key: Key, received: int) -> Sample:
+        self._state.load(self.lane.state(key, received))
         mode = self._mode_at(*key)
         if self._offered is not None:
             self._gait.load(needed(self.lane.gaits, self._offered, "gait"))
@@ -412,30 +432,33 @@ def _replay_node(
     episode = -1
     processed: set[bytes] = set()
     skipped: list[Key] = []
-    rows = sorted(lane.rows[kind.TOPIC], key=key_of)  # a bag is in order of time, not of ticks
-    for number, raw in enumerate(rows):
+    rows = sorted(lane.rows[kind.TOPIC], key=lambda row: key_of(row.raw))  # a bag is by time
+    for number, (raw, received) in enumerate(rows):
         if number % 1000 == 0:
             watch(number)
         key = key_of(raw)
-        starts = _starts_at(events, key)
-        if raw in processed and not starts:
+        followed = core if key[0] == episode else None
+        due = _take_due(events, key, received if followed is not None else _LAST)
+        if raw in processed and not due:
             continue  # a repeated answer
         processed.add(raw)
-        following = rows[number + 1 : number + _NEAR]
-        if starts and any(key_of(row) == key and row not in processed for row in following):
-            pass  # the answer of a process that was then ended and replaced
-        elif lane.has_events:
-            core = _apply_events(events, key, core, start)
-        elif key[0] != episode:
-            core = start(lane.setting(node)) if key[1] == 0 else None
-        episode = key[0]
-        if core is None:
-            skipped.append(key)
-            continue
         try:
-            answer = core.answer(key).to_bytes()
-        except MissingInputError as missing:
-            gaps.append(f"{node}: {missing}; followed again from its next start")
+            if lane.has_events:
+                episode = key[0]
+                core = _apply(due, followed, start, key, SEQ_STEP[kind.TOPIC])
+            elif key[0] != episode:
+                episode = key[0]
+                core = start(lane.setting(node)) if key[1] == 0 else None
+            if core is None:
+                skipped.append(key)
+                continue
+            answer = core.answer(key, received).to_bytes()
+            if answer != raw and (late := _take_due(events, key, _LAST)):  # told late, not a death
+                core = _apply(late, core, start, key, SEQ_STEP[kind.TOPIC])
+                if core is not None:
+                    answer = core.answer(key, received).to_bytes()
+        except MissingInputError as error:
+            gaps.append(f"{node}: {error}; followed again from its next start")
             core = None
             continue
         recorded.append(raw)
@@ -455,7 +478,7 @@ def _replay_node(
 def _silences(lane: RecordedLane, node: str, kind: type[Sample]) -> list[str]:
     """A line for each time in which a node, once it had begun, answered no sample."""
     step = SEQ_STEP[kind.TOPIC]
-    answered = {key_of(raw) for raw in lane.rows[kind.TOPIC]}
+    answered = {key_of(raw) for raw, _ in lane.rows[kind.TOPIC]}
     if not answered:
         return []
     first = min(answered)
@@ -472,26 +495,54 @@ def _silences(lane: RecordedLane, node: str, kind: type[Sample]) -> list[str]:
     return lines
 
 
-def _starts_at(events: Iterable[Event], key: Key) -> bool:
-    """Whether a process of the node began at a tick, among events not yet applied."""
-    due = itertools.takewhile(lambda event: (event.episode, event.seq) <= key, events)
-    return any(event.event == "began" and (event.episode, event.seq) == key for event in due)
+def _take_due(events: deque[Event], key: Key, received: int) -> list[Event]:
+    """Take the events that hold for a message, without those of a process that came after it.
 
-
-def _apply_events(
-    events: deque[Event], key: Key, core: _Core | None, start: Callable[[Setting], _Core]
-) -> _Core | None:
-    """Apply a node's events up to a tick; returns the core from there on."""
-    if core is not None and events and events[0].episode != key[0] and key[1] == 0:
-        core = None
+    Args:
+        events: Events not yet applied, in order.
+        key: Episode and tick of the message.
+        received: When the recorder received the message. Wall clock, in ns; `_LAST` if there was
+            no process before, or what it would have answered is not the message.
+    """
+    due = []
     while events and (events[0].episode, events[0].seq) <= key:
-        event = events.popleft()
+        if events[0].event == "began" and replaces(events[0].received, received):
+            break
+        due.append(events.popleft())
+    return due
+
+
+def _apply(
+    events: Iterable[Event],
+    core: _Core | None,
+    start: Callable[[Setting], _Core],
+    key: Key,
+    step: int,
+) -> _Core | None:
+    """Apply a node's events; returns the core from there on.
+
+    Args:
+        events: The events.
+        core: The core so far.
+        start: Makes the node's core from its parameters and files.
+        key: Episode and tick of the next message.
+        step: Ticks from one message of the node to the next.
+
+    Raises:
+        MissingInputError: naming the missing message.
+    """
+    unrecorded = key[1]
+    for event in events:
         if event.event == "began":
-            at_its_start = (event.episode, event.seq) == key
             setting = Setting(event.content["parameters"], event.content["files"])
-            core = start(setting) if at_its_start else None
+            core = start(setting) if event.episode == key[0] else None
+            unrecorded = event.seq
         elif core is not None:
+            core.follow(key[0], range(unrecorded, event.seq, step))
+            unrecorded = max(unrecorded, event.seq)
             core.apply(event)
+    if core is not None:
+        core.follow(key[0], range(unrecorded, key[1], step))
     return core
 
 
