@@ -263,10 +263,15 @@ def test_a_flood_of_operator_commands_moves_nothing(robot: Robot) -> None:
             sample.copy_from(first.command)
             sample.vx[...], sample.vy[...] = -0.7, 0.3
 
+        eyes = robot.eyes
+        before, start = len(eyes.statuses), eyes.position()[0]
         with Stranger(robot.domain, (OperatorCommand,), run_away, rate=10_000.0) as stranger:
             goes_on(robot, "walk", 1500)
             assert stranger.sent > 1000
-        assert status(robot).holder == "first-1"
+        # A busy machine may keep the first one's own thread waiting for longer than its link may.
+        assert {told.holder for _, told in eyes.statuses[before:]} <= {"first-1", ""}
+        assert eyes.position()[0] > start + 0.1
+        eyes.wait_for(lambda: status(robot).holder == "first-1", "the lease of the first one")
 
 
 @pytest.mark.parametrize("how", ["reset", "restart"])

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bringup import STAND, TIMEOUT, WALK, Robot
+from bringup import STAND, TIMEOUT, WALK, Robot, took
 
 from cassie_bags.bag.recording import read_recording
 from cassie_bags.run.verify import verify
 from cassie_msgs.layout import Sensors
 
 REPORT_LIMIT = 1.0
-"""Wall time from the end of a node to its report. In s."""
+"""Wall time from the end of a node to its report, without stalls of the machine. In s."""
 
 RUNS = [
     pytest.param(pacing, gait, id=f"{gait}-{pacing}")
@@ -99,7 +99,7 @@ def _lose_operator(robot: Robot, gait: str) -> None:
     reported = eyes.wait_for(
         lambda: eyes.fault_since(killed, "operator lost"), "report of the lost operator"
     )
-    assert reported - killed < REPORT_LIMIT
+    assert took(killed, reported) < REPORT_LIMIT
     eyes.wait_for(lambda: eyes.mode == "stand", "Cassie to stand")
     assert robot.stands()
     robot.start("scripted_operator")
@@ -114,7 +114,7 @@ def _lose_supervisor(robot: Robot, gait: str) -> None:
     reported = eyes.wait_for(
         lambda: eyes.report_since(killed, name), "report of the lost supervisor"
     )
-    assert reported - killed < REPORT_LIMIT
+    assert took(killed, reported) < REPORT_LIMIT
     ticks = eyes.tick + 1200
     eyes.wait_for(lambda: eyes.tick >= ticks, "it to stop, step in place and stand")
     assert robot.stands()
@@ -132,7 +132,7 @@ def _lose_estimator_or_controller(robot: Robot, gait: str, node: str, pacing: st
     reported = eyes.wait_for(
         lambda: eyes.fault_since(killed, f"{node} lost"), f"report of the lost {node}"
     )
-    assert reported - killed < REPORT_LIMIT
+    assert took(killed, reported) < REPORT_LIMIT
     eyes.wait_for(
         lambda: (
             eyes.report_since(killed, f"mode_supervisor: {node}")
@@ -159,7 +159,7 @@ def _lose_simulator(robot: Robot) -> None:
     reported = eyes.wait_for(
         lambda: eyes.fault_since(killed, "simulator lost"), "report of the lost simulator"
     )
-    assert reported - killed < REPORT_LIMIT
+    assert took(killed, reported) < REPORT_LIMIT
     eyes.wait_for(
         lambda: (
             eyes.report_since(killed, "state_estimator: simulator")

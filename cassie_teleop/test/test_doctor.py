@@ -206,6 +206,31 @@ def test_it_sees_writers_rates_and_a_silent_controller(node):
     assert "simulator" not in subjects
 
 
+def test_rates_are_those_at_which_messages_were_written_not_read(node):
+    sensors, sample = LanePublisher(node, Sensors), Sensors()
+    rclpy.init()
+    doctor = Doctor()
+    try:
+        begin = time.monotonic()
+        while not (doctor.count_publishers("/cassie/sensors") and sensors.matched):
+            assert time.monotonic() < begin + 60.0
+            time.sleep(0.05)
+        written = []
+        for seq, waits in ((1, 0.0), (51, 1.0)):  # the second waits in the reader
+            sample.seq[...], sample.stamp_ns = seq, seq * 10_000_000
+            sensors.publish(sample)
+            written.append(time.monotonic())
+            time.sleep(waits)
+            while len(doctor._heads["/cassie/sensors"]) < len(written):
+                rclpy.spin_once(doctor, timeout_sec=0.1)
+            time.sleep(0.5)
+        rate = doctor.facts().rates["/cassie/sensors"]
+        assert rate == pytest.approx(50.0 / (written[1] - written[0]), rel=0.05)
+    finally:
+        doctor.destroy_node()
+        rclpy.shutdown()
+
+
 def test_a_writer_that_is_found_late_is_waited_for(node):
     sensors, sample = LanePublisher(node, Sensors), Sensors()
     heard = threading.Event()

@@ -134,11 +134,13 @@ class Doctor(Node):
     def _taker(self, topic: str) -> Any:
         taken = self._heads.setdefault(topic, [])
 
-        def take(data: bytes) -> None:
+        def take(data: bytes, info: dict[str, int]) -> None:
             if len(data) < _HEAD.size:
                 return
             seconds, nanoseconds, episode, seq = _HEAD.unpack_from(data)
-            taken.append((time.monotonic(), seconds + 1e-9 * nanoseconds, episode, seq))
+            # When it was written: it may have waited here, for longest on a busy machine.
+            written = 1e-9 * info["source_timestamp"]
+            taken.append((written, seconds + 1e-9 * nanoseconds, episode, seq))
 
         return take
 
