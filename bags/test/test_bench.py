@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from cassie_bags.errors import RunError
+from cassie_bags.ros import bench
 from cassie_bags.ros.bench import EXPERIMENT
 from cassie_bags.ros.bench_executor import once
 from cassie_bags.ros.processes import executable
@@ -55,6 +56,28 @@ def test_a_short_run_leaves_every_figure(tmp_path: Path):
     assert figures["round_trip_p99_us"] >= figures["round_trip_p50_us"]
 
 
+def test_what_was_measured_is_kept_if_a_part_fails(tmp_path, monkeypatch, capsys):
+    def fails(*_: object, **__: object) -> dict[str, float]:
+        raise RunError("the simulator ended with status 1")
+
+    for name in ("_five_processes", "_factor_at", "_stack", "_default_executor", "_one_process"):
+        monkeypatch.setattr(bench, name, lambda *_, **__: {"rtf_in_process_500hz": 10.0})
+    for name in ("_machine_late", "_missed"):
+        monkeypatch.setattr(bench, name, lambda *_, **__: {"tick_us": 80.0})
+    monkeypatch.setattr(bench, "operated", lambda _: {"page_processor_share": 0.1})
+    monkeypatch.setattr(bench, "_tick", fails)
+    monkeypatch.setattr(bench.signal, "signal", lambda *_: None)
+    out = tmp_path / "bench.json"
+    monkeypatch.setattr(sys, "argv", ["bench", "--out", str(out), "--repetitions", "1"])
+    assert bench.main() == 3
+    figures = json.loads(out.read_text())
+    assert figures["page_processor_share"] == 0.1
+    assert figures["failures"] == ["tick in run 1"]
+    told = capsys.readouterr().err
+    assert "tick: the simulator ended with status 1" in told
+    assert told.splitlines()[-1] == "bench: error: not measured: tick in run 1"
+
+
 def test_a_sample_that_is_sent_again_is_answered_again_but_not_estimated_twice():
     experiment = resolve(parse_experiment(EXPERIMENT, "bench"))
     estimator = make_cores(experiment).estimator
@@ -83,7 +106,7 @@ def test_wrong_words_are_told_before_anything_runs(words: list[str], reason: str
         text=True,
         check=False,
         cwd=tmp_path,
-        timeout=60,
+        timeout=600,
     )
     assert run.returncode == 2
     assert reason in run.stderr.splitlines()[-1]

@@ -35,7 +35,7 @@ sys.exit(100 if loaded else code)
 
 def play(verb: str, *words: str, heavy: set[str] = HEAVY) -> subprocess.CompletedProcess[str]:
     text = SEE.format(verb=verb, words=list(words), heavy=heavy)
-    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=600)
 
 
 @pytest.mark.parametrize("verb", VERBS)

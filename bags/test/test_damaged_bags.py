@@ -282,7 +282,7 @@ def test_a_large_file_that_is_no_bag_is_refused_soon(tmp_path: Path, start: byte
         for _ in range(100):
             stream.write(block * 1000)
         stream.truncate(20_000_000_000)  # the rest takes no space
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(BagError, match="is not an MCAP file"):
         recover(path, tmp_path / "saved.mcap")
-    assert time.monotonic() - began < 10.0
+    assert time.process_time() - began < 10.0

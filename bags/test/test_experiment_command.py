@@ -79,6 +79,17 @@ def test_the_table_fits_80_columns_and_has_target_and_pass(file: Path):
     assert any("vx" in line and line.endswith("<= 0.5   yes") for line in lines)
 
 
+def test_the_table_has_units_and_no_negative_zero(file: Path):
+    lines = experiment(file, "--in-process").stderr.splitlines()
+    heading = next(number for number, line in enumerate(lines) if line.startswith("phase"))
+    assert lines[heading + 1].split() == ["m/s", "m/s", "rad/s", "m", "m", "deg"]
+    judged = next(line.split() for line in lines if "vx" in line and line.endswith("yes"))
+    assert "m/s" in judged
+    assert not any(
+        word.strip("-0.") == "" and word.startswith("-0") for word in " ".join(lines).split()
+    )
+
+
 def test_a_run_not_as_expected_exits_with_1_and_says_why(file: Path):
     change = "expect.phases.0.vx={min: 2.0}"
     process = experiment(file, "--in-process", "--set", change)

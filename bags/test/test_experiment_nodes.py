@@ -22,12 +22,14 @@ from rosbags.highlevel import AnyReader
 from same import differences
 
 from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.reader import read_messages
 from cassie_bags.bag.recording import TYPES, read_recording
 from cassie_bags.bag.rows import stamps_ns
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_bags.run.verify import verify
 from cassie_gaits.link_frames import LinkPoses
-from cassie_msgs.layout import RobotState
+from cassie_msgs.layout import Gait, RobotState
 
 TEXT = """
 start: standing
@@ -167,6 +169,24 @@ def test_a_ride_is_the_same_over_dds_and_in_one_process(tmp_path: Path):
     dds, process = (read_recording(folder / "bag.mcap") for folder in folders)
     assert len(process.segway) == len(process.segway_imu) == 800
     assert differences(dds, process, TYPES) == []
+
+
+def test_gaits_are_made_where_an_experiment_asks_for_them(tmp_path: Path):
+    file = tmp_path / "made.yaml"
+    file.write_text(
+        "duration: 5.0\nseed: 3\nstart: standing\ncontroller: {gait_source: optimizer}\n"
+        "operator:\n- {t: 0.0, power: true, mode: stand, height: 0.95}\n"
+        "- {t: 0.6, mode: walk, vx: 0.3}\n"
+    )
+    refused = experiment(file, "--in-process", "--out", tmp_path / "in_process")
+    assert refused.returncode == 2
+    assert "gait_source = optimizer needs gait_optimizer" in refused.stderr
+    assert not (tmp_path / "in_process").exists()
+    out = tmp_path / "out"
+    assert experiment(file, "--no-pictures", "--out", out).returncode == 0
+    gaits = list(read_messages(out / "bag.mcap", [Gait.TOPIC]))
+    assert len(gaits) >= 2
+    assert verify(out / "bag.mcap").differences == []
 
 
 def test_a_node_that_ends_ends_the_run_with_its_words(file: Path):

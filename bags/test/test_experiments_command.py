@@ -17,7 +17,7 @@ def experiments(*words: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cassie_bags.cli.experiment", "--in-process", "--no-video"]
     command += map(str, words)
     return subprocess.run(
-        command, capture_output=True, text=True, env=environment(), check=False, timeout=110
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=600
     )
 
 

@@ -101,7 +101,7 @@ def test_wrong_arguments_are_one_line(words, message):
         [sys.executable, "-m", "cassie_bags.cli.learn_torques", *words],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         env=environment(),
         check=False,
     )

@@ -431,6 +431,15 @@ def test_topics_that_cannot_be_read_are_named_and_the_others_are_exported(tmp_pa
         assert [row["data"] for row in csv.DictReader(stream)] == ["hi"]
 
 
+def test_topics_whose_files_would_have_the_same_name_are_all_exported(tmp_path: Path):
+    path, out = tmp_path / "alike.mcap", tmp_path / "out"
+    write_mixed_bag(path, {"/a/b": "cdr", "/a_b": "cdr", "/c/d": "cdr"})
+    done = command("export", path, "-o", out)
+    assert done.returncode == 0, done.stderr
+    written = sorted(file.name for file in out.iterdir())
+    assert written == ["a__b.csv", "a_b.csv", "c_d.csv", "fields.csv"]
+
+
 def test_a_bag_of_which_no_topic_can_be_read_is_not_exported(tmp_path: Path):
     path, out = tmp_path / "json.mcap", tmp_path / "out"
     write_mixed_bag(path, {"/json": "json"})

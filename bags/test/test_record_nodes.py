@@ -44,7 +44,8 @@ from cassie_bags.bag.recording import (
 from cassie_bags.bag.recover import recover
 from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import BagWriter
-from cassie_bags.cli.record import parse
+from cassie_bags.cli import record as record_command
+from cassie_bags.cli import replay as replay_command
 from cassie_bags.errors import BagError, RunError
 from cassie_bags.ros import replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
@@ -264,9 +265,10 @@ def test_a_recording_begun_late_begins_at_the_robots_time(
 )
 def test_wrong_topics_of_a_recording_are_named(words: list[str], reason: str, capsys):
     with pytest.raises(SystemExit):
-        parse(words)
+        record_command.parse(words)
     assert reason in capsys.readouterr().err
-    assert parse(["chatter", "--topics", "/a/b_1"]).topics == ["/chatter", "/a/b_1"]
+    parsed = record_command.parse(["chatter", "--topics", "/a/b_1"])
+    assert parsed.topics == ["/chatter", "/a/b_1"]
 
 
 def test_a_topic_that_was_asked_for_and_never_came_is_named(
@@ -701,10 +703,8 @@ def test_a_type_that_is_none_is_refused(kind: str):
     ],
 )
 def test_wrong_words_of_a_replay_are_named(words: list[str], reason: str, capsys):
-    from cassie_bags.ros.replay import _arguments
-
     with pytest.raises(SystemExit):
-        _arguments(["bag.mcap", *words])
+        replay_command.parse(["bag.mcap", *words])
     assert reason in capsys.readouterr().err
 
 
@@ -768,6 +768,6 @@ def test_a_writer_whose_node_has_no_name_yet_counts_in_the_end(tmp_path, monkeyp
         rclpy.init(args=[], domain_id=domain)
         try:
             with pytest.raises(BagError, match="is written by an unknown node"):
-                replay.Replay(replay._arguments([str(bag)]), replay.Stop())
+                replay.Replay(replay_command.parse([str(bag)]), replay.Stop())
         finally:
             rclpy.shutdown()

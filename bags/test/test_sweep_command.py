@@ -19,7 +19,7 @@ from cassie_bags.run.provenance import revision
 def sweep(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cassie_bags.cli.sweep", *words]
     return subprocess.run(
-        command, capture_output=True, text=True, env=environment(), check=False, timeout=100
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=600
     )
 
 

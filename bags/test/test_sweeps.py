@@ -97,7 +97,7 @@ def test_false_alarms_stand_beside_the_falls_and_under_the_table():
     assert result.levels[0].alarmed == 2
     text = table([shown], {"measured": {shown.name: result}})
     assert "(0 of 10 fell, 2 with a false alarm)" in text
-    assert text.endswith("measured: healthy sensors not believed in 2 of 10 runs, 0.1 h")
+    assert text.endswith("measured: healthy sensors rejected in 2 of 10 runs, 0.1 h")
     calm = measure(shown, strong(9.0))
     assert "false alarm" not in table([shown], {"measured": {shown.name: calm}})
 
@@ -269,7 +269,7 @@ def test_everything_at_once_is_asked_for_to_either_side():
     assert sides == {(0.2, 0.4), (0.2, -0.4), (-0.2, 0.4), (-0.2, -0.4)}
 
 
-def test_blind_steps_and_ice_are_spread_over_a_stride():
+def test_blind_steps_ice_and_pillars_are_spread_over_a_stride():
     stride = 2.0 * step_time(0.4) * 0.4
     steps = trials_of("step_fast.up", 0.1, Budget(seeds=4))
     starts = np.array([trial.content["scene_parameters"]["start"] for trial in steps])
@@ -277,6 +277,13 @@ def test_blind_steps_and_ice_are_spread_over_a_stride():
     ice = trials_of("friction.ice", 0.12, Budget(seeds=4))
     first = [trial.content["scene_parameters"]["stretches"][0]["length"] for trial in ice]
     np.testing.assert_allclose(first, starts)
+    waxed = [
+        trial.content["scene_parameters"]
+        for trial in trials_of("friction.pillar", 0.25, Budget(seeds=4))
+    ]
+    pillars = [each["pillars"][0]["x"] for each in waxed]
+    np.testing.assert_allclose(pillars, 2.0 + starts)
+    assert {each["stretches"][0]["friction"] for each in waxed} == {0.25}
 
 
 def test_obstacles_of_other_robots_are_spread_over_the_same_stride():

@@ -175,7 +175,7 @@ QUICK = ["walk.k[pd]_torso_pitch", "--seeds", "1", "--population", "3", "--jobs"
 def tune(*words: str | Path, **options) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cassie_bags.cli.tune", *map(str, words)]
     return subprocess.run(
-        command, capture_output=True, text=True, env=environment(), check=False, timeout=110
+        command, capture_output=True, text=True, env=environment(), check=False, timeout=600
     )
 
 

@@ -88,18 +88,26 @@ def test_it_begins_to_walk_and_walks_where_the_friction_is_a_quarter():
     assert track.achieved["vx"][track.time > 7.0].mean() == pytest.approx(0.5, abs=0.05)
 
 
-# One robot in ten of those drawn falls; which ones hangs on the last bit of an angle.
-@pytest.mark.parametrize(("seed", "heavier"), [(None, 1.0), (None, 1.001), (5, 1.0)])
-def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(seed, heavier):
-    """It put its feet far out to catch itself, and they slid away."""
+def stays_up_at_the_pillar(seed=None, changes=()):
+    """Whether a robot bumps into the pillar of the waxed floor for 6 s and walks on."""
     file = Path(__file__).parents[1] / "experiments" / "waxed_floor.yaml"
-    changes = () if heavier == 1.0 else (f"model.mass={heavier}",)
     experiment = resolve(replace(load_experiment(file, changes, seed), duration=20.0))
     store = Store()
     recording = store.recording(run(make_loop(experiment, store), range(tick_count(experiment))))
     track = make_track(recording)
     assert track.time[-1] == pytest.approx(20.0, abs=0.1)
-    assert np.abs(track.angles[:, 1:]).max() < 0.5
+    return np.abs(track.angles[:, 1:]).max() < 0.5
+
+
+@pytest.mark.parametrize("changes", [(), ("model.mass=1.001",)])
+def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(changes):
+    """It put its feet far out to catch itself, and they slid away."""
+    assert stays_up_at_the_pillar(changes=changes)
+
+
+def test_most_drawn_robots_stay_up_at_the_pillar():
+    """Which of them fall hangs on the last bit of an angle, so they are counted."""
+    assert sum(stays_up_at_the_pillar(seed) for seed in range(1, 11)) >= 6
 
 
 def test_the_pillar_of_the_waxed_floor_is_in_its_way():

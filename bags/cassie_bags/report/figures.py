@@ -19,8 +19,8 @@ from cassie_bags.report.view import View
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.events import Event
 from cassie_bags.signals.footsteps import placements
-from cassie_bags.signals.metrics import torque_limits
 from cassie_bags.signals.track import AVERAGED_OVER, Track
+from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_msgs.layout import RobotMode
 
@@ -193,7 +193,7 @@ def overview(view: View) -> Figure:
         forces.plot(track.time, force, color=colour, linewidth=0.5, label=LEGS[leg])
     forces.set_ylabel("foot force\n(N)")
     _legend_beside(forces)
-    ratio = 100.0 * np.abs(track.sensors["drive_torque"]) / torque_limits()
+    ratio = 100.0 * np.abs(track.sensors["drive_torque"]) / TORQUE_LIMITS
     torque.plot(track.time, ratio.max(axis=1), color=DARK, linewidth=0.5)
     torque.set(ylabel="largest\ntorque (%)", ylim=(0.0, 108.0))
     for axes in (modes, *panels):
@@ -286,7 +286,7 @@ def foot_forces(view: View) -> Figure:
 
 def torques(view: View) -> Figure:
     """Torque of each drive over its limit."""
-    ratio = 100.0 * np.abs(view.track.sensors["drive_torque"]) / torque_limits()
+    ratio = 100.0 * np.abs(view.track.sensors["drive_torque"]) / TORQUE_LIMITS
     figure, panels = _over_time(view, len(LEG_DRIVES), 6.4)
     for index, (axes, drive) in enumerate(zip(panels, LEG_DRIVES, strict=True)):
         for leg, colour in enumerate((BLUE, ORANGE)):

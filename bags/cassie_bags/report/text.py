@@ -11,13 +11,13 @@ from typing import Any
 
 from cassie_bags.report.json_values import finite
 from cassie_bags.run.judge import RunResult, checks
-from cassie_bags.signals.metrics import PhaseMetrics
+from cassie_bags.signals.metrics import UNITS, PhaseMetrics
 from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import as_mapping
 
 _HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
-_UNITS = "m/s, rad/s, m, deg"
+_UNITS = ("", "", "m/s", "m/s", "rad/s", "m", "m", "deg")
 _WIDTH = 80  # width of a terminal, in characters
 
 
@@ -69,12 +69,12 @@ def outcome_content(outcome: RunResult) -> dict[str, Any]:
 def table(outcome: RunResult) -> str:
     """Table of a run: commanded and achieved values of each phase, then expectations and result."""
     metrics = outcome.metrics
-    rows: list[Sequence[str]] = [_HEADINGS]
+    rows: list[Sequence[str]] = [_HEADINGS, _UNITS]
     for phase in metrics.phases:
         rows += _rows(phase)
     lines = [
-        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how} ({_UNITS})",
-        *aligned(rows, left=2),
+        f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how}",
+        *aligned(rows, left=2, heading=2),
         "",
         *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
@@ -87,10 +87,17 @@ def table(outcome: RunResult) -> str:
     if metrics.fall_time is not None:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
     if results := checks(outcome.experiment.expect, metrics):
-        rows = [["expected of", "measured", "value", "target", "pass"]]
+        rows = [["expected of", "measured", "value", "", "target", "pass"]]
         rows += [
-            [c.phase or "the run", c.name, c.value, c.target, "NO" if c.problem else "yes"]
-            for c in results
+            [
+                check.phase or "the run",
+                check.name,
+                check.value,
+                UNITS.get(check.name, ""),
+                check.target,
+                "NO" if check.problem else "yes",
+            ]
+            for check in results
         ]
         lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
@@ -126,10 +133,10 @@ def _rows(phase: PhaseMetrics) -> list[list[str]]:
     if not phase.reached:
         empty = ["-"] * (len(TRACKED) + 2)
         return [[phase.phase.name, "not", *empty], [time, "reached", *empty]]
-    commanded = [f"{phase.commanded[key]:.2f}" for key in TRACKED]
-    achieved = [f"{phase.values[key]:.3f}" for key in TRACKED]
-    errors = [f"{phase.values[key + '_rms']:.3f}" for key in TRACKED]
-    moved = [f"{phase.values['drift']:.2f}", f"{phase.values['turn_deg']:.0f}"]
+    commanded = [_fixed(phase.commanded[key], 2) for key in TRACKED]
+    achieved = [_fixed(phase.values[key], 3) for key in TRACKED]
+    errors = [_fixed(phase.values[key + "_rms"], 3) for key in TRACKED]
+    moved = [_fixed(phase.values["drift"], 2), _fixed(phase.values["turn_deg"], 0)]
     return [
         [phase.phase.name, "commanded", *commanded, "", ""],
         [time, "achieved", *achieved, *moved],
@@ -137,8 +144,14 @@ def _rows(phase: PhaseMetrics) -> list[list[str]]:
     ]
 
 
-def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Lines of aligned columns, with a rule under the first row; `left` columns are flush left."""
+def aligned(rows: Sequence[Sequence[str]], left: int = 1, heading: int = 1) -> list[str]:
+    """Lines of aligned columns with a rule under the heading.
+
+    Args:
+        rows: Cells of each row.
+        left: Number of columns that are flush left.
+        heading: Number of rows above the rule.
+    """
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = []
     for row in rows:
@@ -147,7 +160,7 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         lines.append("  ".join(cells).rstrip())
-    lines.insert(1, "-" * max(map(len, lines)))
+    lines.insert(heading, "-" * max(map(len, lines)))
     return lines
 
 
@@ -161,6 +174,11 @@ def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
         "commanded": phase.commanded,
         "achieved": {name: phase.values[name] for name in PHASE_METRICS},
     }
+
+
+def _fixed(number: float, digits: int) -> str:
+    """A number with so many digits, and zero without a sign."""
+    return f"{round(number, digits) + 0.0:.{digits}f}"
 
 
 def _count(number: float) -> str:

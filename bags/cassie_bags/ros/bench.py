@@ -79,33 +79,35 @@ def main() -> int:
     text = EXPERIMENT.replace("12.0", f"{arguments.seconds:g}")
     experiment = resolve(parse_experiment(text, "bench"))
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    failures: list[str] = []
     try:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        results = [_measure(experiment, number) for number in range(arguments.repetitions)]
+        results = [_measure(experiment, n, failures) for n in range(arguments.repetitions)]
     except KeyboardInterrupt:
         print("bench: stopped", file=sys.stderr)
         return 130
-    except (RunError, TimeoutError) as error:
-        print(f"bench: error: {error}", file=sys.stderr)
-        return 3
     except OSError as error:
         print(f"bench: error: {error}", file=sys.stderr)
         return 2
-    medians = {name: statistics.median(result[name] for result in results) for name in results[0]}
+    figures = _by_name(results)
+    medians = {name: statistics.median(values) for name, values in figures.items()}
     content = {
         **medians,
+        "failures": failures,
         "repetitions": results,
         "machine": _machine(),
         "robot_s": arguments.seconds,
     }
     arguments.out.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    print(_table(medians, results))
+    print(_table(figures, len(results)))
     print(f"written to {arguments.out}")
-    return 0
+    if failures:
+        print(f"bench: error: not measured: {'; '.join(failures)}", file=sys.stderr)
+    return 3 if failures else 0
 
 
-def _measure(experiment: Experiment, number: int) -> dict[str, float]:
-    """Measure every variant once."""
+def _measure(experiment: Experiment, number: int, failures: list[str]) -> dict[str, float]:
+    """Measure every variant once; those that fail are added to `failures`."""
     values: dict[str, float] = {}
     for name, variant in (
         ("five processes", _five_processes),
@@ -122,8 +124,18 @@ def _measure(experiment: Experiment, number: int) -> dict[str, float]:
         ("realtime with page, joystick and recorder", lambda e: operated(e.duration)),
     ):
         print(f"run {number + 1}: {name}", file=sys.stderr, flush=True)
-        values |= variant(experiment)
+        try:
+            values |= variant(experiment)
+        except (RunError, TimeoutError) as error:
+            print(f"bench: {name}: {error}", file=sys.stderr)
+            failures.append(f"{name} in run {number + 1}")
     return values
+
+
+def _by_name(results: list[dict[str, float]]) -> dict[str, list[float]]:
+    """Values of each figure in the repetitions that have it."""
+    names = dict.fromkeys(name for result in results for name in result)
+    return {name: [result[name] for result in results if name in result] for name in names}
 
 
 def _over_dds(
@@ -317,12 +329,12 @@ def _machine() -> dict[str, Any]:
     }
 
 
-def _table(medians: Mapping[str, float], results: list[dict[str, float]]) -> str:
-    lines = [f"{'median of ' + str(len(results)):38}{'value':>10}{'least':>10}{'most':>10}  target"]
-    for name, value in medians.items():
-        values = [result[name] for result in results]
+def _table(figures: Mapping[str, list[float]], repetitions: int) -> str:
+    lines = [f"{'median of ' + str(repetitions):38}{'value':>10}{'least':>10}{'most':>10}  target"]
+    for name, values in figures.items():
         target = "{1} {0:g}".format(*TARGETS[name]) if name in TARGETS else ""
-        cells = "".join(f"{number:10.4g}" for number in (value, min(values), max(values)))
+        numbers = statistics.median(values), min(values), max(values)
+        cells = "".join(f"{number:10.4g}" for number in numbers)
         lines.append(f"{name:38}{cells}  {target}")
     load = os.getloadavg()[0]
     lines.append(f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} over the last minute")

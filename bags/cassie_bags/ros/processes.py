@@ -16,6 +16,7 @@ import yaml
 from cassie_bags.errors import RunError
 from cassie_msgs.processes import end_with_parent
 from cassie_msgs.ros.claim import SecondNodeError, run_domain
+from cassie_msgs.ros.process import own_arguments
 
 GRACE = 5.0
 """Wall time that a process has to end after Ctrl-C; then it is terminated. In s."""
@@ -33,6 +34,11 @@ def executable(package: str, name: str) -> Path:
         if path.is_file():
             return path
     raise RunError(f"{package} {name} is not installed: run make build, then source env.sh")
+
+
+def words_without_ros(name: str) -> list[str]:
+    """Words of this process's command line, without those of ROS; `name` is for its errors."""
+    return own_arguments(name)
 
 
 @contextlib.contextmanager
