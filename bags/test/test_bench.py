@@ -14,68 +14,73 @@ pytest.importorskip("rclpy")
 
 from cassie_bags.errors import RunError
 from cassie_bags.ros import bench
-from cassie_bags.ros.bench import EXPERIMENT
 from cassie_bags.ros.bench_executor import once
+from cassie_bags.ros.bench_parts import EXPERIMENT, PARTS
 from cassie_bags.ros.processes import executable
 from cassie_bags.run.cores import make_cores
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve
 
-KEYS = (
-    "rtf_five_processes_500hz",
-    "rtf_default_executor_500hz",
-    "rtf_in_process_500hz",
-    "round_trip_p50_us",
-    "round_trip_p99_us",
-    "tick_us",
-    "page_processor_share",
-    "stick_to_command_page_p99_ms",
-    "stick_to_command_joy_p99_ms",
-)
+FIGURES = {"five processes": 3, "tick": 2, "realtime with page, joystick and recorder": 4}
+"""Number of figures of those parts that have several."""
 
 
-def test_a_short_run_leaves_every_figure(tmp_path: Path):
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_leaves_its_figures(part: str):
     try:
         executable("cassie_control", "gait_controller")
     except RunError as error:
         pytest.skip(str(error))
-    out = tmp_path / "bench.json"
-    command = [sys.executable, "-m", "cassie_bags.ros.bench", "--out", str(out)]
-    run = subprocess.run(
-        [*command, "--repetitions", "1", "--seconds", "2"],
-        stdout=subprocess.PIPE,  # what it says of each run is shown if this fails
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0
-    figures = json.loads(out.read_text())
-    for key in KEYS:
-        assert figures[key] > 0.0
-        assert key in run.stdout
-    assert figures["rtf_in_process_500hz"] > figures["rtf_default_executor_500hz"]
-    assert figures["round_trip_p99_us"] >= figures["round_trip_p50_us"]
+    figures = bench.measure_apart(part, 2.0)
+    shares = {name: value for name, value in figures.items() if name.startswith("missed_share")}
+    assert all(0.0 <= value <= 1.0 for value in shares.values())
+    others = [value for name, value in figures.items() if name not in shares]
+    assert all(value > 0.0 for value in others)
+    assert len(figures) == FIGURES.get(part, 1)
 
 
 def test_what_was_measured_is_kept_if_a_part_fails(tmp_path, monkeypatch, capsys):
-    def fails(*_: object, **__: object) -> dict[str, float]:
-        raise RunError("the simulator ended with status 1")
+    def measure(part: str, robot_s: float) -> dict[str, float]:
+        if part == "tick":
+            raise RunError("tick ended with exit code 3: the simulator ended with status 1")
+        return {part: robot_s}
 
-    for name in ("_five_processes", "_factor_at", "_stack", "_default_executor", "_one_process"):
-        monkeypatch.setattr(bench, name, lambda *_, **__: {"rtf_in_process_500hz": 10.0})
-    for name in ("_machine_late", "_missed"):
-        monkeypatch.setattr(bench, name, lambda *_, **__: {"tick_us": 80.0})
-    monkeypatch.setattr(bench, "operated", lambda _: {"page_processor_share": 0.1})
-    monkeypatch.setattr(bench, "_tick", fails)
+    monkeypatch.setattr(bench, "measure_apart", measure)
     monkeypatch.setattr(bench.signal, "signal", lambda *_: None)
     out = tmp_path / "bench.json"
     monkeypatch.setattr(sys, "argv", ["bench", "--out", str(out), "--repetitions", "1"])
     assert bench.main() == 3
     figures = json.loads(out.read_text())
-    assert figures["page_processor_share"] == 0.1
+    assert figures["one process"] == 12.0
     assert figures["failures"] == ["tick in run 1"]
-    told = capsys.readouterr().err
-    assert "tick: the simulator ended with status 1" in told
+    printed, told = capsys.readouterr()
+    assert all(part in printed for part in PARTS if part != "tick")
+    assert "tick ended with exit code 3: the simulator ended with status 1" in told
     assert told.splitlines()[-1] == "bench: error: not measured: tick in run 1"
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [
+        ("import time; time.sleep(600)", "tick takes more than 22 s"),
+        ("import sys; sys.exit('no controller')", "tick ended with exit code 1: no controller"),
+    ],
+)
+def test_a_part_that_hangs_or_fails_is_told(program: str, reason: str, tmp_path, monkeypatch):
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{program}"\n')
+    python.chmod(0o755)
+    monkeypatch.setattr(bench.sys, "executable", str(python))
+    monkeypatch.setattr(bench, "PART_TIMEOUT", 2.0)
+    with pytest.raises(RunError, match=reason):
+        bench.measure_apart("tick", 2.0)
+
+
+def test_a_part_that_hangs_leaves_its_stacks(monkeypatch, capsys):
+    monkeypatch.setattr(bench, "PART_TIMEOUT", -3590.0)
+    with pytest.raises(RunError, match="a bare loop takes more than 10 s"):
+        bench.measure_apart("a bare loop", 360.0)
+    assert "in _machine_late" in capsys.readouterr().err
 
 
 def test_a_sample_that_is_sent_again_is_answered_again_but_not_estimated_twice():
@@ -118,7 +123,7 @@ def test_ctrl_c_ends_it_without_a_traceback(tmp_path: Path):
     assert process.stderr is not None
     assert "run 1: five processes" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=600)
     assert process.returncode == 130
     assert said.splitlines()[-1] == "bench: stopped"
     assert "Traceback" not in said

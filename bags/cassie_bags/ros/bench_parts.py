@@ -1,0 +1,272 @@
+"""Parts of `make bench`: each measures one way to run the loop, in a process of its own.
+
+    python -m cassie_bags.ros.bench_parts PART SECONDS FILE
+
+writes the figures of a part as JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import faulthandler
+import functools
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cassie_bags.errors import RunError
+from cassie_bags.ros.bench_operator import operated
+from cassie_bags.ros.processes import Processes, environment, executable, own_domain
+from cassie_bags.run.cores import connect, make_cores, make_loop, tick_count
+from cassie_bags.run.experiment import parse_experiment
+from cassie_bags.run.seed import resolve, write_resolved
+from cassie_bags.run.simulate import run
+from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.processes import end_within
+from cassie_msgs.ros.process import LEAVE_TIMEOUT
+
+FloatArray = npt.NDArray[np.float64]
+
+EXPERIMENT = """
+name: bench
+start: standing
+operator:
+  - {t: 0.0, power: true, mode: stand, height: 0.98}
+  - {t: 1.0, mode: walk}
+duration: 12.0
+simulator: {control_rate: 500, pacing: lockstep}
+"""
+
+_SETTLE = 1.0  # s of robot time at the start that are not measured
+_TIMEOUT = 120.0  # s of wall time for one run
+
+
+def main(words: list[str]) -> int:
+    """Measure one part and write its figures; why it failed is the last line on stderr."""
+    part, seconds, file = words
+    faulthandler.enable()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    text = EXPERIMENT.replace("12.0", f"{float(seconds):g}")
+    code = 0
+    try:
+        figures = PARTS[part](resolve(parse_experiment(text, "bench")))
+        Path(file).write_text(json.dumps(figures), encoding="utf-8")
+    except (RunError, TimeoutError) as error:
+        print(error, file=sys.stderr)
+        code = 3
+    except KeyboardInterrupt:
+        code = 130
+    end_within(LEAVE_TIMEOUT, code)
+    return code
+
+
+def _over_dds(
+    experiment: Experiment, *, stack: bool = False, record: bool = False
+) -> Mapping[str, npt.NDArray[Any]]:
+    """Run the installed nodes with a timed simulator; returns the times that it recorded."""
+    from cassie_bags.ros.command_node import simulator_client
+    from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
+
+    def run_nodes(folder: Path, processes: Processes, domain: int) -> None:
+        program: list[str | Path] = [
+            sys.executable,
+            "-m",
+            "cassie_bags.ros.bench_simulator",
+            folder / "times.npz",
+        ]
+        if record:
+            recorder = executable("cassie_bags", "record")
+            processes.start("record", [recorder, "-o", folder / "bag.mcap"])
+        start_nodes(experiment, folder, processes, {"simulator": program}, stack=stack)
+        with simulator_client(domain) as simulator:
+            simulator.resume(START_TIMEOUT)
+            watch(experiment, processes, simulator)
+            processes.stop()
+
+    return _timed(run_nodes)
+
+
+def _five_processes(experiment: Experiment) -> dict[str, float]:
+    """Real-time factor, and the time from a sample to its command."""
+    times = _over_dds(experiment)
+    sent, answered = times["sent"], times["answered"]
+    skip = _settled(experiment)
+    trips = (answered - sent)[skip:] * 1e6
+    return {
+        "rtf_five_processes_500hz": _factor(experiment, sent),
+        "round_trip_p50_us": float(np.nanpercentile(trips, 50)),
+        "round_trip_p99_us": float(np.nanpercentile(trips, 99)),
+    }
+
+
+def _factor_at(experiment: Experiment, rate: int, record: bool = False) -> dict[str, float]:
+    """Real-time factor at a control rate, with or without a recorder."""
+    changed = _with(experiment, control_rate=rate)
+    name = f"rtf_five_processes_{rate}hz" + ("_recorded" if record else "")
+    return {name: _factor(changed, _over_dds(changed, record=record)["sent"])}
+
+
+def _stack(experiment: Experiment) -> dict[str, float]:
+    """Real-time factor with estimator and controller as two nodes of one process."""
+    return {"rtf_stack_500hz": _factor(experiment, _over_dds(experiment, stack=True)["sent"])}
+
+
+def _missed(experiment: Experiment, busy: int) -> dict[str, float]:
+    """Share of the control ticks without a new command, paced by the wall clock."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
+    try:
+        times = _over_dds(_with(experiment, pacing="realtime", max_rate=1.0))
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+    name = "missed_share_realtime_500hz" + ("_busy" if busy else "")
+    return {name: float(times["missed"] / len(times["sent"]))}
+
+
+_LOOP = """
+import os, sys, time
+try:
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
+except OSError:
+    pass
+due, late, ticks = time.monotonic(), 0, int(sys.argv[1])
+for _ in range(ticks):
+    due += 0.002
+    time.sleep(max(0.0, due - time.monotonic()))
+    late += time.monotonic() > due + 0.002
+print(late / ticks)
+"""
+
+
+def _machine_late(experiment: Experiment) -> dict[str, float]:
+    """Share of the ticks that a bare loop misses: the limit of any software on this machine.
+
+    It only sleeps until each tick of 2 ms, with real-time priority if permitted.
+    """
+    ticks = str(round(experiment.duration * 500))
+    process = subprocess.run([sys.executable, "-c", _LOOP, ticks], capture_output=True, check=True)
+    return {"missed_share_bare_loop_500hz": float(process.stdout)}
+
+
+def _with(experiment: Experiment, **simulator: Any) -> Experiment:
+    """An experiment with other parameters of the simulator."""
+    return dataclasses.replace(experiment, simulator={**experiment.simulator, **simulator})
+
+
+def _default_executor(experiment: Experiment) -> dict[str, float]:
+    """Five processes with message objects and `rclpy.spin`."""
+    from cassie_bags.ros.dds_run import NODES
+
+    def run_nodes(folder: Path, processes: Processes, _: int) -> None:
+        file = folder / "experiment.yaml"
+        write_resolved(experiment, file)
+        for name in NODES:
+            module = "cassie_bags.ros.bench_executor"
+            processes.start(name, [sys.executable, "-m", module, name, file, folder / "times.npz"])
+        deadline = time.monotonic() + _TIMEOUT
+        while processes.running("simulator"):
+            processes.check("simulator")
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"the default executor takes more than {_TIMEOUT:g} s")
+            time.sleep(0.05)
+
+    sent = _timed(run_nodes)["sent"]
+    return {"rtf_default_executor_500hz": _factor(experiment, sent)}
+
+
+def _one_process(experiment: Experiment) -> dict[str, float]:
+    """Real-time factor of the cores in one process; the physics in its own thread if possible."""
+    loop = make_loop(experiment, lambda *_: None, physics_thread=len(os.sched_getaffinity(0)) > 1)
+    times: list[float] = []
+
+    def ticks() -> Any:
+        for tick in range(tick_count(experiment)):
+            times.append(time.perf_counter())
+            yield tick
+
+    run(loop, ticks())
+    return {"rtf_in_process_500hz": _factor(experiment, np.array(times))}
+
+
+def _tick(experiment: Experiment) -> dict[str, float]:
+    """Time of one tick of estimator and controller together."""
+    cores = make_cores(experiment)
+    estimator, controller = _Timed(cores.estimator), _Timed(cores.controller)
+    timed: Any = {"estimator": estimator, "controller": controller}
+    loop = connect(dataclasses.replace(cores, **timed), lambda *_: None)
+    run(loop, range(tick_count(experiment)))
+    both = (np.array(estimator.times) + np.array(controller.times))[_settled(experiment) :] * 1e6
+    return {"tick_us": float(np.median(both)), "tick_p99_us": float(np.percentile(both, 99))}
+
+
+class _Timed:
+    """A core that measures the time of each step."""
+
+    def __init__(self, core: Any) -> None:
+        self._core = core
+        self.times: list[float] = []
+
+    def step(self, *arguments: Any) -> Any:
+        started = time.perf_counter()
+        answer = self._core.step(*arguments)
+        self.times.append(time.perf_counter() - started)
+        return answer
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._core, name)
+
+
+def _timed(run_nodes: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
+    """Play a run in a folder and domain of its own; returns the times from its simulator."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
+        own_domain() as domain,
+        Processes(environment(domain), Path(name) / "log") as processes,
+    ):
+        folder = Path(name)
+        run_nodes(folder, processes, domain)
+        with np.load(folder / "times.npz") as times:
+            return dict(times)
+
+
+def _settled(experiment: Experiment) -> int:
+    """Number of ticks at the start that are not measured."""
+    return round(_SETTLE * tick_count(experiment) / experiment.duration)
+
+
+def _factor(experiment: Experiment, times: FloatArray) -> float:
+    """Ratio of robot time to wall time, from the wall time of each tick."""
+    counted = times[_settled(experiment) :]
+    robot = (len(counted) - 1) * experiment.duration / tick_count(experiment)
+    return float(robot / (counted[-1] - counted[0]))
+
+
+PARTS: Mapping[str, Callable[[Experiment], dict[str, float]]] = {
+    "five processes": _five_processes,
+    "five processes at 1 kHz": functools.partial(_factor_at, rate=1000),
+    "five processes at 2 kHz": functools.partial(_factor_at, rate=2000),
+    "five processes and a recorder": functools.partial(_factor_at, rate=500, record=True),
+    "estimator and controller in one process": _stack,
+    "default executor": _default_executor,
+    "one process": _one_process,
+    "tick": _tick,
+    "a bare loop": _machine_late,
+    "realtime": functools.partial(_missed, busy=0),
+    "realtime beside two busy loops": functools.partial(_missed, busy=2),
+    "realtime with page, joystick and recorder": lambda e: operated(e.duration),
+}
+"""What measures each part, in the order of the benchmark."""
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
