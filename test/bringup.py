@@ -69,28 +69,40 @@ WALK = (*STAND, {"t": 1.0, "mode": "walk"})
 
 
 class Stalls:
-    """Times for which a busy machine kept a thread that only sleeps waiting beyond its sleep.
+    """Times for which a busy machine kept programs waiting for a processor.
 
-    A limit in wall time is one of the software, so that these do not count.
+    A limit in wall time is one of the software on a machine that is its own, so these times do not
+    count, except that a tenth of the wall time always does. Where Linux tells of its pressure, that
+    is any time in which a thread waited; elsewhere only how much too late a sleeping thread of this
+    process woke up.
     """
 
     def __init__(self) -> None:
-        self._late: list[tuple[float, float]] = []
+        self._waited: list[tuple[float, float]] = []
         threading.Thread(target=self._run, daemon=True).start()
 
     def took(self, begin: float, end: float) -> float:
         """Wall time from `begin` to `end` without the stalls in between. In s."""
-        return end - begin - sum(late for when, late in self._late[:] if begin < when <= end)
+        waited = sum(span for when, span in self._waited[:] if begin < when <= end)
+        return max(0.1 * (end - begin), end - begin - waited)
 
     def _run(self) -> None:
-        due = time.monotonic()
+        before, pressure = time.monotonic(), _pressure()
         while True:
-            due += 0.005
-            time.sleep(max(0.0, due - time.monotonic()))
-            now = time.monotonic()
-            if now - due > 0.005:
-                self._late.append((now, now - due))
-                due = now
+            time.sleep(0.005)
+            now, more = time.monotonic(), _pressure()
+            late, told = now - before - 0.005, more - pressure
+            if waited := min(max(late if late > 0.005 else 0.0, told), now - before):
+                self._waited.append((now, waited))
+            before, pressure = now, more
+
+
+def _pressure() -> float:
+    """Time in which a thread of any program waited for a processor, since the start. In s."""
+    try:
+        return 1e-6 * int(Path("/proc/pressure/cpu").read_text().split()[4].partition("=")[2])
+    except OSError:
+        return 0.0
 
 
 _STALLS = Stalls()

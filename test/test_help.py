@@ -20,7 +20,7 @@ NODES = [path for path in EXECUTABLES if path.parent.name in ("cassie_sim", "cas
 
 def run(path: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [path, *words], capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
+        [path, *words], capture_output=True, text=True, timeout=90, stdin=subprocess.DEVNULL
     )
 
 

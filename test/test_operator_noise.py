@@ -125,7 +125,7 @@ def test_noise_on_every_way_in_beside_an_operator_who_drives(robot: Robot) -> No
                 if not before and left < 0.5 * SECONDS:
                     before = {name: memory(robot, name) for name in WAYS_IN}
         finally:
-            told, _ = pages.communicate(timeout=60.0)
+            told, _ = pages.communicate(timeout=90.0)
             topics.close()
         robot.processes.check()
         assert eyes.episode == episode

@@ -48,7 +48,7 @@ class Screen:
 
     def __exit__(self, *_: object) -> None:
         self.process.terminate()
-        self.process.wait(10)
+        self.process.wait(TIMEOUT)
         os.close(self._master)
 
 
@@ -85,7 +85,7 @@ class Starter:
     def end(self) -> tuple[int, str]:
         """Press Ctrl-C; returns the exit code and what it said as error."""
         self.process.send_signal(signal.SIGINT)
-        _, errors = self.process.communicate(timeout=30)
+        _, errors = self.process.communicate(timeout=TIMEOUT)
         return self.process.returncode, errors
 
 

@@ -438,3 +438,19 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
 def test_the_true_pose_is_looked_for_where_the_simulator_puts_it():
     assert ground_truth.TOPIC == GROUND_TRUTH_TOPIC
     assert segway_truth.TYPES.items() <= RECORDED_TYPES.items()
+
+
+@pytest.mark.parametrize("recovered", [False, True])
+def test_the_place_of_lost_messages_stays_in_the_bag(tmp_path: Path, messages, recovered: bool):
+    path, topic = tmp_path / "bag.mcap", RobotState.TOPIC
+    with BagWriter(path) as bag:
+        channel = bag.add_topic(topic, TYPES[topic], QOS_LANE)
+        for tick, raw in enumerate(messages[topic][:100]):
+            lost = 3 * (tick >= 40) + 2 * (tick >= 70)
+            bag.write(channel, raw, tick * TICK_NS, tick * TICK_NS, lost)
+    if recovered:
+        recover(path, tmp_path / "recovered.mcap")
+        path = tmp_path / "recovered.mcap"
+    index = BagIndex()
+    lost = [index.lost.get(topic, 0) for _ in read_messages(path, None, index)]
+    assert lost == [0] * 40 + [3] * 30 + [5] * 30

@@ -176,7 +176,7 @@ def test_ctrl_c_ends_a_run_without_a_traceback_and_closes_its_bag(file: Path, tm
         while process.poll() is None and not (bag.is_file() and bag.stat().st_size > 100_000):
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=10)
+        output, errors = process.communicate(timeout=90)
     assert process.returncode == 130
     assert output == ""
     assert errors.splitlines()[-1] == "experiment: stopped"

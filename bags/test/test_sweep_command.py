@@ -104,7 +104,7 @@ def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, jobs: int, la
             time.sleep(0.01)
         time.sleep(later)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=90)
     assert process.returncode == 130, errors
     assert errors.splitlines()[-1] == "sweep: stopped"
     assert "Traceback" not in errors

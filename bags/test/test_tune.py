@@ -223,7 +223,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
         while process.poll() is None and not (out / "search.pickle").is_file():
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=30)
+        output, errors = process.communicate(timeout=90)
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
     assert "what was found is kept" in errors

@@ -389,6 +389,59 @@ def test_a_start_of_which_the_recorder_hears_late_is_a_start_all_the_same(
     assert found.gaps == []
 
 
+def with_losses(path: Path, node: str, ticks: range, lost: int) -> Path:
+    """A bag of a walk without a node's answers to some ticks, of which so many count as lost."""
+    experiment = resolve(parse_experiment(WALK, "walk"))
+    writer = BagWriter(path)
+    types = {**TYPES, EVENTS_TOPIC: "cassie_msgs/msg/NodeEvent"}
+    channels = {topic: writer.add_topic(topic, kind, QOS_LANE) for topic, kind in types.items()}
+    _, kind = FIELDS[node]
+
+    def observe(topic: str, raw: bytes, stamp: int) -> None:
+        tick = stamp // TICK_NS
+        if topic == kind.TOPIC and tick in ticks:
+            return
+        if topic in channels:
+            count = lost if topic == kind.TOPIC and tick >= ticks.stop else 0
+            writer.write(channels[topic], raw, stamp, stamp, count)
+
+    loop = connect(make_cores(experiment), observe)
+    for name in SECTIONS:
+        writer.write(channels[EVENTS_TOPIC], _began(experiment, name, 0), 0, 0)
+    for _ in range(TICKS // 4):
+        loop.tick()
+    writer.close()
+    return path
+
+
+@pytest.mark.parametrize("node", ["state_estimator", "gait_controller"])
+def test_answers_that_the_recorder_lost_are_computed_all_the_same(tmp_path: Path, node: str):
+    found = verify(with_losses(tmp_path / "bag.mcap", node, range(301, 312), 11))
+    assert found.differences == []
+    assert not any(gap.startswith(node) for gap in found.gaps)
+    assert len(found.replayed[FIELDS[node][1].TOPIC].recorded) == TICKS // 4 - 11
+
+
+@pytest.mark.parametrize("node", FIELDS)
+def test_where_some_answers_were_lost_and_some_never_given_nothing_is_compared(
+    tmp_path: Path, node: str
+):
+    step = 10 if node == "mode_supervisor" else 1
+    ticks = range(300 + step, 300 + 12 * step)
+    found = verify(with_losses(tmp_path / "bag.mcap", node, ticks, 4))
+    assert found.differences == []
+    gap, *rest = (gap for gap in found.gaps if gap.startswith(node))
+    assert f"4 messages from tick {ticks[0]} of episode 0 to tick {300 + 11 * step}" in gap
+    assert gap.endswith("and which is not known; followed again from its next start")
+    assert "a message before, is not in the bag" in " ".join(rest)
+
+
+def test_a_node_that_skips_samples_is_followed_and_a_false_claim_of_it_is_found(tmp_path: Path):
+    found = verify(with_losses(tmp_path / "bag.mcap", "state_estimator", range(301, 312), 0))
+    (first,) = found.differences
+    assert (first.topic, first.tick) == (RobotState.TOPIC, 312)
+
+
 def test_an_event_is_read_as_ros_writes_it():
     message = NodeEvent(
         stamp=Time(sec=1, nanosec=2),

@@ -62,7 +62,7 @@ def test_a_run_that_is_ended_leaves_its_findings_and_no_process(tmp_path, kind, 
     workers = children(run.pid)
     assert workers
     run.send_signal(kind)
-    _, error = run.communicate(timeout=10.0)
+    _, error = run.communicate(timeout=90.0)
     if kind != signal.SIGKILL:
         assert run.returncode == 130
         assert error == "optimize_gaits: stopped; --resume goes on from here\n"
@@ -84,7 +84,7 @@ def test_a_check_that_is_stopped_ends_at_once_and_leaves_no_process():
     workers = children(run.pid)
     assert len(workers) == 2
     run.send_signal(signal.SIGINT)
-    _, error = run.communicate(timeout=10.0)
+    _, error = run.communicate(timeout=90.0)
     assert (run.returncode, error) == (130, "check_gaits: stopped\n")
     assert wait_for(lambda: not any(map(is_alive, workers)), 3.0)
 

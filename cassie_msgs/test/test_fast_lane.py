@@ -27,7 +27,7 @@ def echo():
     process = subprocess.Popen([sys.executable, str(ECHO)])
     yield process
     process.terminate()
-    assert process.wait(timeout=5) == 0
+    assert process.wait(timeout=90) == 0
 
 
 @pytest.fixture

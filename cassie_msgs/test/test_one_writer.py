@@ -16,7 +16,7 @@ from cassie_msgs.ros.fast_lane import (
 from cassie_msgs.ros.one_writer import RETURN_TIME, OneWriter, WriterWatch, identity, writers
 
 
-def until(holds, timeout=10.0):
+def until(holds, timeout=90.0):
     deadline = time.monotonic() + timeout
     while not holds():
         assert time.monotonic() < deadline

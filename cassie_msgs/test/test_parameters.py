@@ -31,7 +31,7 @@ def picked():
     assert process.stdout.readline().split() == ["ready", "300.0"]
     yield process
     process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=5) == 0
+    assert process.wait(timeout=90) == 0
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ def lane():
     node.destroy_node()
     rclpy.shutdown(context=context)
     talker.terminate()
-    assert talker.wait(timeout=5) == 0
+    assert talker.wait(timeout=90) == 0
 
 
 def until(condition) -> None:

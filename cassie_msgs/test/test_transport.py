@@ -96,7 +96,7 @@ def test_processes_with_and_without_it_hear_each_other(other: str) -> None:
     ]
     try:
         for talk in talks:
-            _, errors = talk.communicate(timeout=30.0)
+            _, errors = talk.communicate(timeout=90.0)
             assert talk.returncode == 0, errors
             assert "XMLPARSER" not in errors
     finally:

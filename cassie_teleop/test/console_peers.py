@@ -163,7 +163,7 @@ class Robot:
 
 
 def again_after_a_lost_link(test):
-    """Try a test of the page twice more where it failed and its link had been lost.
+    """Try a test of the page again, up to five times, where it failed and its link had been lost.
 
     A link that is late by 0.3 s is lost, and on a busy machine that may happen at any moment. The
     robot then stops, and keys that are held count no more, which is right.
@@ -171,7 +171,7 @@ def again_after_a_lost_link(test):
 
     @functools.wraps(test)
     def tried(*args, robot, **more):
-        for left in (2, 1, 0):
+        for left in reversed(range(6)):
             robot.lost = False
             try:
                 return test(*args, robot=robot, **more)

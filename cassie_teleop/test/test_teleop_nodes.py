@@ -47,7 +47,7 @@ class Commands:
         self.waiter = LaneWaiter(node, [self.subscription])
         self.all = []
 
-    def until(self, condition, timeout=10.0, meanwhile=lambda: None):
+    def until(self, condition, timeout=90.0, meanwhile=lambda: None):
         """Take commands until one meets a condition; returns it."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
@@ -64,7 +64,7 @@ class Commands:
 
 def end(process, number=signal.SIGINT):
     process.send_signal(number)
-    assert process.wait(timeout=5) == 0
+    assert process.wait(timeout=90) == 0
 
 
 def test_rc_teleop_sends_what_the_radio_says_and_loses_the_link_without_it(node):
@@ -98,7 +98,7 @@ def test_a_stick_is_sent_on_as_it_moves_and_a_released_button_stops_once(node):
     def send(vx, *pressed):
         joy.publish(Joy(axes=[0.0, vx, *6 * [0.0]], buttons=[int(i in pressed) for i in range(11)]))
 
-    commands.until(lambda c: c.power, meanwhile=lambda: send(0.0, 7), timeout=20.0)
+    commands.until(lambda c: c.power, meanwhile=lambda: send(0.0, 7))
     commands.until(lambda c: c.mode == RobotMode.WALK, meanwhile=lambda: send(0.0, 3))
     delays = []
     for index in range(300):
@@ -151,10 +151,10 @@ def test_ctrl_c_of_rc_teleop_leaves_exactly_one_stop_while_the_radio_goes_on(nod
     def publish():
         joy.publish(Joy(axes=walking, buttons=[1, 1]))
 
-    commands.until(lambda c: c.vx == 1.0, meanwhile=publish, timeout=20.0)
+    commands.until(lambda c: c.vx == 1.0, meanwhile=publish)
     time.sleep(0.003 * run)
     radio.send_signal(signal.SIGINT)
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 90.0
     while radio.poll() is None and time.monotonic() < deadline:
         publish()
         time.sleep(0.001)
@@ -224,7 +224,7 @@ def test_keyboard_drives_and_leaves_exactly_one_stop(node):
     while b"Ctrl-C" not in shown:  # what is typed before the node listens is dropped
         shown += os.read(master, 4096)
     os.write(master, b"p2www")
-    moving = commands.until(lambda c: abs(c.vx - 0.3) < 1e-9, timeout=15.0)
+    moving = commands.until(lambda c: abs(c.vx - 0.3) < 1e-9)
     assert moving.mode == RobotMode.WALK and moving.power
     vehicle = node.create_publisher(Odometry, "/segway/ground_truth", 10)
     for length in range(4, 400, 9):  # bytes that are no message change nothing
@@ -232,7 +232,7 @@ def test_keyboard_drives_and_leaves_exactly_one_stop(node):
         time.sleep(0.005)
     commands.until(lambda c: abs(c.vx - 0.3) < 1e-9)
     os.write(master, b"x")
-    assert keyboard.wait(timeout=5) == 0
+    assert keyboard.wait(timeout=90) == 0
     commands.until(lambda c: not c.link)
     assert [bool(c.link) for c in commands.all[-2:]] == [True, False]
     os.close(master)
@@ -248,9 +248,9 @@ def test_a_closed_terminal_is_a_stop_and_the_end(node):
     while b"Ctrl-C" not in shown:
         shown += os.read(master, 4096)
     os.write(master, b"p2w")
-    commands.until(lambda c: abs(c.vx - 0.1) < 1e-9, timeout=15.0)
+    commands.until(lambda c: abs(c.vx - 0.1) < 1e-9)
     os.close(master)
-    _, err = keyboard.communicate(timeout=5)
+    _, err = keyboard.communicate(timeout=90)
     assert keyboard.returncode == 1 and b"terminal is gone" in err and b"Traceback" not in err
     commands.until(lambda c: not c.link)
 
@@ -273,6 +273,6 @@ def test_a_wrong_start_is_one_line_and_status_2(name, arguments, message):
     process = start(
         name, "--ros-args", *ros, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=90)
     assert process.returncode == 2, err
     assert err.startswith(f"{name}: error: ") and message in err and len(err.splitlines()) == 1

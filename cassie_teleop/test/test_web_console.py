@@ -257,7 +257,7 @@ def test_other_computers_need_the_token_that_it_prints():
 )
 def test_wrong_parameters_are_refused_in_one_line(arguments, words):
     command = [sys.executable, "-c", CODE, "--ros-args", *arguments]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=90)
     assert run.returncode == 2 and run.stdout == ""
     assert words in run.stderr and run.stderr.count("\n") == 1
 
@@ -265,5 +265,5 @@ def test_wrong_parameters_are_refused_in_one_line(arguments, words):
 def test_a_port_in_use_is_refused_in_one_line(console):
     port = re.search(r":(\d+)/", console.address)[1]
     command = [sys.executable, "-c", CODE, "--ros-args", "-p", f"port:={port}"]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=90)
     assert run.returncode == 2 and "in use" in run.stderr and run.stderr.count("\n") == 1

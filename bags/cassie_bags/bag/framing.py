@@ -445,7 +445,6 @@ def _decompress_lz4(data: bytes, size: int) -> bytes:
     return content
 
 
-def parse_message(body: bytes) -> tuple[int, int, int, bytes]:
-    """Channel, log time, publish time (ns) and data of a message record."""
-    channel, _, log_time, publish_time = _MESSAGE.unpack_from(body)
-    return channel, log_time, publish_time, body[_MESSAGE.size :]
+def parse_message(body: bytes) -> tuple[int, int, int, int, bytes]:
+    """Channel, sequence number, log time, publish time (ns) and data of a message record."""
+    return *_MESSAGE.unpack_from(body), body[_MESSAGE.size :]

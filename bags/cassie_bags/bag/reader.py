@@ -31,6 +31,8 @@ class BagIndex:
         metadata: Metadata records by name.
         complete: Whether the file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
+        lost: By topic, how many messages between those so far are not in the bag, as their sequence
+            numbers tell: the recorder did not get them, or the file is damaged there.
     """
 
     types: dict[str, str] = field(default_factory=dict)
@@ -41,6 +43,7 @@ class BagIndex:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
+    lost: dict[str, int] = field(default_factory=dict)
 
     def all_types(self, topic: str) -> list[str]:
         """All message types of a topic, the first one first."""
@@ -98,14 +101,20 @@ def _messages_of(
     schemas = {0: _NO_SCHEMA}
     known: set[int] = set()
     wanted: dict[int, str] = {}
+    numbers: dict[str, int] = {}
     try:
         with path.open("rb") as stream:
             reader = RecordReader(stream, str(path))
             for opcode, body in reader.records():
                 if opcode == Opcode.MESSAGE:
-                    channel, log_time, wall_time, data = parse_message(body)
+                    channel, number, log_time, wall_time, data = parse_message(body)
                     if channel in wanted:
-                        yield wanted[channel], log_time, wall_time, data
+                        topic = wanted[channel]
+                        missing = number - numbers.get(topic, number) - 1
+                        if missing > 0:
+                            index.lost[topic] = index.lost.get(topic, 0) + missing
+                        numbers[topic] = number
+                        yield topic, log_time, wall_time, data
                     elif channel not in known:
                         reader.lost_bytes += len(body)  # its channel's definition is damaged
                 elif opcode == Opcode.SCHEMA:

@@ -186,7 +186,7 @@ class _Copy:
         )
 
     def _write_message(self, body: bytes) -> None:
-        channel, log_time, publish_time, data = parse_message(body)
+        channel, number, log_time, publish_time, data = parse_message(body)
         if channel not in self._channels:
             self.lost_bytes += len(body)  # its channel's definition is damaged
             return
@@ -195,4 +195,4 @@ class _Copy:
         contents.end = max(contents.end, log_time)
         self._has_messages = True
         self._topics[channel].count += 1
-        self._writer.add_message(self._channels[channel], log_time, data, publish_time)
+        self._writer.add_message(self._channels[channel], log_time, data, publish_time, number)

@@ -112,14 +112,17 @@ class BagWriter:
             self.contents.topics[topic] = self._topics[channel]
         return self._channels[topic]
 
-    def write(self, channel: int, data: bytes, log_time: int, wall_time: int) -> None:
-        """Append one message.
+    def write(
+        self, channel: int, data: bytes, log_time: int, wall_time: int, lost: int = 0
+    ) -> None:
+        """Append one message, with a sequence number that counts the topic's lost messages, too.
 
         Args:
             channel: From `add_topic`.
             data: Serialized message.
             log_time: Robot time. In ns.
             wall_time: Time of receipt. In ns; in a run without ROS, robot time again.
+            lost: Number of messages of the topic that were lost so far.
         """
         if self._first_log is not None:
             first, last = min(self._first_log, log_time), max(self._last_log, log_time)
@@ -132,7 +135,8 @@ class BagWriter:
             self._chunk_wall = wall_time
         topic = self._topics[channel]
         topic.count += 1
-        self._writer.add_message(channel, log_time, data, wall_time, topic.count & 0xFFFFFFFF)
+        number = (topic.count + lost) & 0xFFFFFFFF
+        self._writer.add_message(channel, log_time, data, wall_time, number)
         self.flush_if_due(wall_time)
 
     def flush_if_due(self, wall_time: int) -> None:
@@ -244,14 +248,16 @@ class FolderWriter:
         self._topics.setdefault(topic, (type_name, qos))
         return channel
 
-    def write(self, channel: int, data: bytes, log_time: int, wall_time: int) -> None:
+    def write(
+        self, channel: int, data: bytes, log_time: int, wall_time: int, lost: int = 0
+    ) -> None:
         """See `BagWriter.write`."""
         if self._first_log is None:
             self._first_log = log_time
         elif self._full(log_time):
             self.split()
             self._first_log = log_time
-        self._file.write(channel, data, log_time, wall_time)
+        self._file.write(channel, data, log_time, wall_time, lost)
 
     def split(self) -> None:
         """Continue in a new file."""

@@ -116,8 +116,8 @@ def measure_apart(part: str, robot_s: float) -> dict[str, float]:
         Processes(os.environ, Path(name)) as processes,
     ):
         file = Path(name) / "figures.json"
-        words = [sys.executable, "-m", "cassie_bags.ros.bench_parts", part, f"{robot_s:g}", file]
-        processes.start(part, words)
+        program = [sys.executable, "-m", "cassie_bags.ros.bench_parts"]
+        processes.start(part, [*program, part, f"{robot_s:g}", file])
         deadline = time.monotonic() + limit
         while processes.running(part):
             if time.monotonic() > deadline:

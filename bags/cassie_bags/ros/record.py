@@ -72,8 +72,8 @@ _WITHOUT_ROBOT = (
 )
 _ANSWER = 10.0  # s, time-out of a service that waits for the loop
 _LARGEST_FILE = 16 * MIB  # bytes of a file that is attached to the bag
-_Message = tuple[int | None, RecordedTopic, bytes, int]
-"""Log time if known, topic, content and time of receipt of a message."""
+_Message = tuple[int | None, RecordedTopic, bytes, int, int]
+"""Log time if known, topic, content, time of receipt, and number of those lost before it."""
 
 _ANSWERS_FIRST = (MotorCommand, ControllerStatus, Mode, RobotState)
 _STREAM = {kind.TOPIC: place for place, kind in enumerate(_ANSWERS_FIRST)}
@@ -319,8 +319,10 @@ class Session:
         known = self._robot_clock.known
         robot = self._robot_clock.time_of(topic, raw, wall)
         if self._wall_clock:
-            return wall, subscription, raw, wall
-        return robot if known or self._robot_clock.known else None, subscription, raw, wall
+            log_time: int | None = wall
+        else:
+            log_time = robot if known or self._robot_clock.known else None
+        return log_time, subscription, raw, wall, subscription.lost
 
     def _write_waiting(self) -> None:
         """Write the messages that wait for robot time, which has not come."""
@@ -337,11 +339,12 @@ class Session:
                 each.channel,
                 raw,
                 wall,
+                lost,
             )
-            for log_time, each, raw, wall in batch
+            for log_time, each, raw, wall, lost in batch
         ]
-        for log_time, channel, raw, wall in sorted(timed, key=itemgetter(0)):
-            self._bag.write(channel, raw, log_time, wall)
+        for log_time, channel, raw, wall, lost in sorted(timed, key=itemgetter(0)):
+            self._bag.write(channel, raw, log_time, wall, lost)
         if timed:
             first, last = self._span or (timed[0][0], timed[0][0])
             self._span = (

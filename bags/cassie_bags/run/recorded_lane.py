@@ -66,10 +66,17 @@ class Setting:
 
 
 class Recorded(NamedTuple):
-    """A control message, and when the recorder received it (wall clock, in ns)."""
+    """A control message.
+
+    Attributes:
+        raw: The message.
+        received: When the recorder received it. Wall clock, in ns.
+        lost: Number of messages of its topic up to it that are not in the bag.
+    """
 
     raw: bytes
     received: int
+    lost: int
 
 
 class RecordedLane:
@@ -89,7 +96,8 @@ class RecordedLane:
                     if event.node in self.events:
                         self.events[event.node].append(event)
             elif (sample := sample_bytes(_KINDS[topic], raw)) is not None:
-                self.rows[topic].append(Recorded(sample, received))
+                lost = self.index.lost.get(topic, 0)
+                self.rows[topic].append(Recorded(sample, received, lost))
             else:
                 raise BagError(
                     f"{path}: a message of {len(raw)} bytes on {topic} is of another type"
@@ -120,7 +128,7 @@ class RecordedLane:
 
     def _by_key(self, topic: str) -> dict[Key, bytes]:
         messages: dict[Key, bytes] = {}
-        for raw, _ in self.rows[topic]:
+        for raw, *_ in self.rows[topic]:
             messages.setdefault(key_of(raw), raw)
         return messages
 
@@ -133,7 +141,7 @@ class RecordedLane:
     def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
         messages: dict[Key, bytes] = {}
         message = kind()
-        for raw, _ in self.rows[kind.TOPIC]:
+        for raw, *_ in self.rows[kind.TOPIC]:
             message.load(raw)
             messages[int(message.episode), int(message.effective_seq)] = raw
         return messages

@@ -433,19 +433,25 @@ def _replay_node(
     processed: set[bytes] = set()
     skipped: list[Key] = []
     rows = sorted(lane.rows[kind.TOPIC], key=lambda row: key_of(row.raw))  # a bag is by time
-    for number, (raw, received) in enumerate(rows):
+    step = SEQ_STEP[kind.TOPIC]
+    before: tuple[Key, int] = (-1, 0), 0
+    for number, (raw, received, lost) in enumerate(rows):
         if number % 1000 == 0:
             watch(number)
         key = key_of(raw)
+        hole = _Hole.between(before, (key, lost), step)
+        before = key, lost
         followed = core if key[0] == episode else None
         due = _take_due(events, key, received if followed is not None else _LAST)
+        began = any(event.event == "began" for event in due)
         if raw in processed and not due:
             continue  # a repeated answer
         processed.add(raw)
         try:
             if lane.has_events:
                 episode = key[0]
-                core = _apply(due, followed, start, key, SEQ_STEP[kind.TOPIC])
+                first = key[1] if followed is None or began else hole.first_answered()
+                core = _apply(due, followed, start, key, step, first)
             elif key[0] != episode:
                 episode = key[0]
                 core = start(lane.setting(node)) if key[1] == 0 else None
@@ -454,7 +460,7 @@ def _replay_node(
                 continue
             answer = core.answer(key, received).to_bytes()
             if answer != raw and (late := _take_due(events, key, _LAST)):  # told late, not a death
-                core = _apply(late, core, start, key, SEQ_STEP[kind.TOPIC])
+                core = _apply(late, core, start, key, step, key[1])
                 if core is not None:
                     answer = core.answer(key, received).to_bytes()
         except MissingInputError as error:
@@ -475,10 +481,48 @@ def _replay_node(
     )
 
 
+@dataclass(frozen=True)
+class _Hole:
+    """Messages of a node that are not in the bag, before one that is.
+
+    Attributes:
+        key: Episode and tick of the message that is in the bag.
+        ticks: Ticks before it, in turn, of which the bag has no answer.
+        lost: Number of messages that the node published and the bag does not have.
+    """
+
+    key: Key
+    ticks: range
+    lost: int
+
+    @classmethod
+    def between(cls, one: tuple[Key, int], other: tuple[Key, int], step: int) -> _Hole:
+        """The hole between two messages, each by its key and the number of those lost so far."""
+        (episode, tick), lost = one
+        key, more = other
+        first = tick + step if key[0] == episode else key[1]
+        return cls(key, range(first, key[1], step), max(0, more - lost))
+
+    def first_answered(self) -> int:
+        """The first tick from which on the node answered every one.
+
+        Raises:
+            MissingInputError: if it answered some ticks of the hole, and nothing tells which.
+        """
+        if not self.ticks or not self.lost:
+            return self.key[1]
+        if self.lost >= len(self.ticks):
+            return self.ticks[0]
+        raise MissingInputError(
+            f"{self.lost} messages from tick {self.ticks[0]} of episode {self.key[0]} to tick "
+            f"{self.ticks[-1]} are not in the bag, and which is not known"
+        )
+
+
 def _silences(lane: RecordedLane, node: str, kind: type[Sample]) -> list[str]:
     """A line for each time in which a node, once it had begun, answered no sample."""
     step = SEQ_STEP[kind.TOPIC]
-    answered = {key_of(raw) for raw, _ in lane.rows[kind.TOPIC]}
+    answered = {key_of(raw) for raw, *_ in lane.rows[kind.TOPIC]}
     if not answered:
         return []
     first = min(answered)
@@ -518,6 +562,7 @@ def _apply(
     start: Callable[[Setting], _Core],
     key: Key,
     step: int,
+    unrecorded: int,
 ) -> _Core | None:
     """Apply a node's events; returns the core from there on.
 
@@ -527,11 +572,11 @@ def _apply(
         start: Makes the node's core from its parameters and files.
         key: Episode and tick of the next message.
         step: Ticks from one message of the node to the next.
+        unrecorded: First tick from which on the core so far answered all, whatever is recorded.
 
     Raises:
         MissingInputError: naming the missing message.
     """
-    unrecorded = key[1]
     for event in events:
         if event.event == "began":
             setting = Setting(event.content["parameters"], event.content["files"])
