@@ -99,6 +99,16 @@ class Record:
                 raise TypeError(f"{type(self).__name__} has no field {name}")
             setattr(self, name, value)
 
+    def take(self, source: object, *names: str) -> None:
+        """Set numbers to the attributes of another object.
+
+        Args:
+            source: Object with attributes of these names.
+            *names: Fields to set; without any, all that are attributes of `source`.
+        """
+        for name in names or [name for name in self._parts if hasattr(source, name)]:
+            setattr(self, name, getattr(source, name))
+
     def clear(self) -> None:
         """Set every number to zero."""
         self.records[:] = np.zeros(1, self.TYPE)

@@ -33,10 +33,8 @@ def test_evenly_spaced_coefficients_give_a_straight_line():
 def test_derivatives_match_finite_differences(phase):
     step = 1e-5
     before, at, after = (bezier.evaluate(ALPHA, phase + k * step) for k in (-1, 0, 1))
-    np.testing.assert_allclose(
-        bezier.derivative(ALPHA, phase), (after - before) / (2 * step), atol=1e-7
-    )
-    second = ALPHA @ bezier.basis(phase)[:, 2]
+    _, first, second = (ALPHA @ bezier.basis(phase)).T
+    np.testing.assert_allclose(first, (after - before) / (2 * step), atol=1e-7)
     np.testing.assert_allclose(second, (after - 2 * at + before) / step**2, atol=1e-4)
 
 
@@ -44,7 +42,3 @@ def test_derivatives_match_finite_differences(phase):
 def test_fade_is_the_polynomial_of_its_coefficients(phase):
     alpha = np.array([[0.0, 0.0, 1.0, 1.0, 1.0, 1.0]])
     assert bezier.fade(phase) == pytest.approx(bezier.evaluate(alpha, phase)[0])
-
-
-def test_fade_holds_its_ends():
-    assert (bezier.fade(-1.0), bezier.fade(1.3)) == (0.0, 1.0)

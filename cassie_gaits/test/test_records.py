@@ -64,3 +64,17 @@ def test_cleared_it_is_zero_and_its_views_stay():
 def test_a_field_that_it_does_not_have_is_refused():
     with pytest.raises(TypeError, match="Wheel has no field radius"):
         Wheel(radius=1.0)
+
+
+def test_it_takes_what_another_object_has_or_what_is_named():
+    class Setting:
+        speed, steps, colour = 2.5, 3, "red"
+
+    cart = Cart()
+    cart.take(Setting())
+    assert (cart.speed, cart.steps) == (2.5, 3)
+    cart.clear()
+    cart.take(Setting(), "steps")
+    assert (cart.speed, cart.steps) == (0.0, 3)
+    with pytest.raises(AttributeError, match="wheels"):
+        cart.take(Setting(), "wheels")

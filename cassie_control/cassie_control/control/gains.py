@@ -54,9 +54,7 @@ def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains
     for late drives: the hips' set-points use the low-passed thighs alone.
     """
     result = Gains()
-    for name in Gains.TYPE.names or ():
-        if hasattr(config, name):
-            setattr(result, name, getattr(config, name))
+    result.take(config)
     result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
     if config.as_in_paper:

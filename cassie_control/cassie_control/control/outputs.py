@@ -17,7 +17,7 @@ from cassie_control.planner.placement import TORSO_PITCH_TRIM, TORSO_ROLL_TRIM, 
 from cassie_control.planner.terrain import GroundSlope, step_up_height
 from cassie_control.planner.timing import StepTiming
 from cassie_gaits import virtual_leg
-from cassie_gaits.bezier import COEFFICIENTS
+from cassie_gaits.bezier import COEFFICIENTS, fade, fill_basis
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import gait_in_stance
@@ -174,7 +174,7 @@ def evaluate_gait(
     clearance = gain.clearance + step_up_height(slopes[0])
     _start_gait(gain, gait_in_stance(row, stance), timing.step_time, clearance, step)
     basis = np.empty((6, 3))
-    _basis(min(1.0, timing.phase), basis)
+    fill_basis(min(1.0, timing.phase), basis)
     for i in range(9):
         value = rate = acceleration = 0.0
         for k in range(6):
@@ -265,7 +265,7 @@ def _contact_angles(step: Step, contact_lead: float, rate: float) -> tuple[float
     pitch, roll = gait[PITCH_SW, AT_END], gait[ROLL_SW, AT_END]
     if contact_lead > 0.0:
         basis = np.empty((6, 3))
-        _basis(1.0 - contact_lead * rate, basis)
+        fill_basis(1.0 - contact_lead * rate, basis)
         pitch = roll = 0.0
         for k in range(6):
             pitch += gait[PITCH_SW, k] * basis[k, 0]
@@ -352,33 +352,3 @@ def _extend_late_swing_leg(gain: Gains, timing: StepTiming, step: Step) -> None:
     step.desired[LENGTH_SW] += min(gain.late_reach, extension)
     if extension < gain.late_reach:
         step.desired_rates[LENGTH_SW] = gain.late_speed
-
-
-@compiled
-def fade(phase: float) -> float:
-    """See `bezier.fade`; a phase in [0, 1]."""
-    r = 1.0 - phase
-    value: float = 1.0 - r * r * r * r * (5.0 - 4.0 * r)
-    return value
-
-
-@compiled
-def _basis(phase: float, out: FloatArray) -> None:
-    """See `bezier.basis`. Shape (6, 3)."""
-    s, r = phase, 1.0 - phase
-    b0, b1, b2, b3, b4 = (
-        r * r * r * r,
-        4.0 * r * r * r * s,
-        6.0 * r * r * s * s,
-        4.0 * r * s * s * s,
-        s * s * s * s,
-    )
-    c0, c1, c2, c3 = r * r * r, 3.0 * r * r * s, 3.0 * r * s * s, s * s * s
-    out[0, 0], out[0, 1], out[0, 2] = b0 * r, -5.0 * b0, 20.0 * c0
-    out[1, 0], out[1, 1], out[1, 2] = 5.0 * b0 * s, 5.0 * (b0 - b1), 20.0 * (c1 - 2.0 * c0)
-    out[2, 0], out[2, 1] = 10.0 * c0 * s * s, 5.0 * (b1 - b2)
-    out[2, 2] = 20.0 * (c2 - 2.0 * c1 + c0)
-    out[3, 0], out[3, 1] = 10.0 * r * r * c3, 5.0 * (b2 - b3)
-    out[3, 2] = 20.0 * (c3 - 2.0 * c2 + c1)
-    out[4, 0], out[4, 1], out[4, 2] = 5.0 * r * b4, 5.0 * (b3 - b4), 20.0 * (c2 - 2.0 * c3)
-    out[5, 0], out[5, 1], out[5, 2] = b4 * s, 5.0 * b4, 20.0 * c3

@@ -299,8 +299,7 @@ class LegEstimator:
 
     def _configure(self, config: EstimatorConfig) -> None:
         self._config = config
-        for name in _CONFIGURED:
-            setattr(self._body, name, getattr(config, name))
+        self._body.take(config, *_CONFIGURED)
 
     def reset(self) -> None:
         """Begin anew: at rest, at the origin, with the height from the next sample's legs."""

@@ -18,10 +18,6 @@ _FORGETTING_RATIO = 2.5  # of forgetting to learning rate, for errors beyond `ob
 _MAP_ERROR = 0.3  # m/s, speed error in place that an offset of `_MAX_OFFSET` removes, by the map
 
 
-_FIELDS = PlacementGains.TYPE.names or ()
-_CONFIG_FIELDS = tuple(name for name in _FIELDS if not name.startswith("offset"))
-
-
 class PendulumPlacement:
     """Foot placement by the step-to-step map of a pendulum of constant height (`plan_landing`).
 
@@ -118,8 +114,7 @@ class PendulumPlacement:
     @config.setter
     def config(self, config: WalkConfig) -> None:
         self._config = config
-        for name in _CONFIG_FIELDS:
-            setattr(self.gains, name, getattr(config, name))
+        self.gains.take(config)
 
     def reset(self) -> None:
         """Reset the disturbance observer."""

@@ -37,9 +37,6 @@ class PaperGains(Record):
     touchdown_velocity: FloatArray = array(2)
 
 
-_CONFIG_FIELDS = tuple(name for name in PaperGains.TYPE.names or () if name != "touchdown_velocity")
-
-
 @compiled
 def plan_landing_by_paper(
     all_gains: Records[PaperGains],
@@ -126,8 +123,7 @@ class PaperPlacement:
     @config.setter
     def config(self, config: WalkConfig) -> None:
         self._config = config
-        for name in _CONFIG_FIELDS:
-            setattr(self.gains, name, getattr(config, name))
+        self.gains.take(config)
 
     def reset(self) -> None:
         """Forget the velocity at the last touchdown."""

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cassie_control.control.outputs import AT_END, LENGTH_ST, Step, fade
+from cassie_control.control.outputs import AT_END, LENGTH_ST, Step
 from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, Robot, aim_leg
 from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.placement import Commanded, SwingTarget
 from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import StepTiming, time_to_planned_touchdown
+from cassie_gaits.bezier import fade
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import Record, Records
 from cassie_gaits.robot import GRAVITY

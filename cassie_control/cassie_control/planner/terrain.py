@@ -115,8 +115,7 @@ class GroundSlope(Record):
     def configure(self, config: WalkConfig) -> None:
         """Use new parameters; the estimate stays. For the paper's law the ground is level."""
         self.slope_time = 0.0 if config.as_in_paper else config.slope_time
-        for name in ("slope_rise_time", "slope_share", "foothold_share"):
-            setattr(self, name, getattr(config, name))
+        self.take(config, "slope_rise_time", "slope_share", "foothold_share")
 
     def start(self) -> None:
         """Begin with level, firm ground."""
