@@ -173,6 +173,20 @@ def test_keys_drive_while_they_are_held_and_a_lost_focus_lets_go(browser, robot,
         robot.command(lambda c: c.mode == RobotMode.STAND)
 
 
+@pytest.mark.parametrize("modifier", ["Control", "Alt", "Meta"])
+@again_after_a_lost_link
+def test_a_key_that_is_released_during_a_shortcut_is_let_go(browser, robot, console, modifier):
+    with driver_of(browser, robot, console.address) as driver:
+        driver.drive()
+        keyboard = driver.page.keyboard
+        keyboard.down("w")
+        robot.moving()
+        keyboard.down(modifier)
+        keyboard.up("w")
+        keyboard.up(modifier)
+        robot.command(lambda c: c.vx == 0.0)
+
+
 @again_after_a_lost_link
 def test_a_key_is_sent_while_it_is_handled_not_by_a_timer(browser, robot, console):
     """A browser lets timers wait for the picture that follows an input: 40 ms and more here."""

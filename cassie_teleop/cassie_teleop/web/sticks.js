@@ -46,7 +46,11 @@ export class Sticks {
   }
 
   key(event, down) {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.ctrlKey || event.altKey || event.metaKey) {
+      // A shortcut, during which a browser may not tell of a key's release.
+      if (this.held.size) this.letGo();
+      return;
+    }
     this.fast = event.shiftKey;
     if (!(event.code in KEYS)) return;
     event.preventDefault();
