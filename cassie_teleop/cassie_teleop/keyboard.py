@@ -32,6 +32,7 @@ MODE_KEYS = {"1": "stand", "2": "walk", "3": "segway"}
 ORDER_KEYS = {"n": "lower", "u": "hang_up", "z": "reset", "b": "let_go_bar"}
 """Services of the simulator; `b` alternately releases and holds the bar."""
 
+_NARROWEST = 20  # characters
 _POWER_FIRST = "press p for power on first, or o for power off"
 
 
@@ -119,12 +120,19 @@ def stopped(request: Request) -> Request:
 
 @dataclass(frozen=True)
 class Status:
-    """Values of SupervisorStatus that the lines show, with their age in s."""
+    """Values of SupervisorStatus that the lines show, with their age in s.
+
+    Attributes:
+        other: Name of another operator who holds the lease; empty if there is none.
+        armed: Whether speeds count; false until they have been at zero.
+    """
 
     mode: str
     readiness: str
     faults: Sequence[str]
     age: float
+    other: str = ""
+    armed: bool = True
 
 
 @dataclass(frozen=True)
@@ -145,9 +153,15 @@ class Motion:
 def status_lines(
     request: Request | None, status: Status | None, motion: Motion, width: int
 ) -> list[str]:
-    """Lines of at most `width` characters: state of the robot, speeds, faults."""
+    """Lines of at most `width` characters: state of the robot, speeds, faults.
+
+    Below a width of `_NARROWEST` the lines are longer.
+    """
+    width = max(width, _NARROWEST)
     lines = [_robot(status)]
-    lines.append(f"{'':10}{'ahead':>8}{'left':>8}{'turn':>8}{'height':>8}")
+    if status is not None and (word := _unheard(request, status)):
+        lines.append(word)
+    lines.append(f"{'':10}{'ahead':>8}{'left':>8}{'turn':>8}{'height':>8}  m/s, rad/s, m")
     lines.append(_commanded(request))
     lines += [
         _row(name, values)
@@ -169,6 +183,15 @@ def _robot(status: Status | None) -> str:
     age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
     waits = f", not yet as asked: {status.readiness}" if status.readiness else ""
     return f"{status.mode}{age}{waits}"
+
+
+def _unheard(request: Request | None, status: Status) -> str:
+    """Why the robot does not follow the request; empty if it does."""
+    if status.other:
+        return f"{status.other} drives: c takes over while the robot rests, o cuts the power"
+    if request is not None and request != stopped(request) and not status.armed:
+        return "the speeds do not count yet: press space"
+    return ""
 
 
 def _commanded(request: Request | None) -> str:

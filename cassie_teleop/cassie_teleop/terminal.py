@@ -54,9 +54,11 @@ class Terminal:
         return [_name(key) for key in found]
 
     def show(self, lines: Sequence[str]) -> None:
-        """Draw the status lines, which must fit into the terminal's width, if they have changed."""
-        if lines != self._lines:
-            self._draw(lines)
+        """Draw the status lines if they have changed, as far as they fit into the window."""
+        columns, rows = self.size
+        fitting = [line[: columns - 1] for line in lines[:rows]]
+        if fitting != self._lines:
+            self._draw(fitting)
 
     def say(self, text: str) -> None:
         """Print lines above the status lines."""
@@ -69,9 +71,9 @@ class Terminal:
         self._lines = lines
 
     @property
-    def width(self) -> int:
-        """Number of characters in a line."""
-        return shutil.get_terminal_size().columns
+    def size(self) -> os.terminal_size:
+        """Number of columns and rows of the window."""
+        return shutil.get_terminal_size()
 
     def close(self) -> None:
         """Restore the terminal, if it still exists."""

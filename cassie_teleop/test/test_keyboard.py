@@ -122,6 +122,36 @@ def test_lines_tell_mode_reason_faults_age_and_fit():
         assert max(map(len, status_lines(typed("p2w").request, status, motion, width))) <= width
 
 
+def test_a_narrow_window_gets_lines_as_well():
+    status = Status("stand", "hanging on the gantry", ["fallen"], 0.1)
+    for width in range(-1, 30):
+        lines = status_lines(typed("p2").request, status, Motion(limited=(0.1, 0, 0, 0.9)), width)
+        assert max(map(len, lines)) <= max(width, 20)
+
+
+def test_lines_that_do_not_fit_into_the_window_are_left_out(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "11")
+    monkeypatch.setenv("LINES", "2")
+    keyboard, program = pty.openpty()
+    with os.fdopen(program) as source, io.StringIO() as sink:
+        terminal = Terminal(source, sink)
+        try:
+            terminal.show(["stand", "a line that is too long", "one line too many"])
+        finally:
+            terminal.close()
+            os.close(keyboard)
+        assert sink.getvalue().rstrip("\n").endswith("stand\na line tha")
+
+
+def test_who_else_drives_and_what_speeds_wait_for_is_told():
+    other = Status("stand", "", [], 0.1, other="rc_teleop-7")
+    text = "".join(status_lines(typed("p2w").request, other, Motion(), 80))
+    assert "rc_teleop-7 drives: c takes over" in text
+    disarmed = Status("walk", "", [], 0.1, armed=False)
+    assert "space" in "".join(status_lines(typed("p2w").request, disarmed, Motion(), 80))
+    assert "space" not in "".join(status_lines(typed("p2").request, disarmed, Motion(), 80))
+
+
 def test_nothing_sounds_wrong_before_anything_is():
     lines = status_lines(None, Status("off", "", [], 0.1), Motion(), 80)
     assert lines[0] == "off" and "fault" not in "".join(lines)

@@ -265,7 +265,7 @@ class Replay(Node):
                 while not ended.is_set():
                     for key in terminal.keys(_KEY_WAIT):
                         self._press(key)
-                    terminal.show([self._status()[: terminal.width - 1]])
+                    terminal.show([self._status()])
 
         terminal.say(KEYS)
         thread = threading.Thread(target=follow, name="keys", daemon=True)

@@ -118,7 +118,7 @@ class KeyboardTeleop(Node):
 
     def _show(self) -> None:
         self._shown = time.monotonic()
-        width = min(80, self._terminal.width - 1)
+        width = min(80, self._terminal.size.columns - 1)
         lines = status_lines(self._keyboard.request, self._status_now(), self._motion(), width)
         self._terminal.show(lines)
 
@@ -156,7 +156,9 @@ class KeyboardTeleop(Node):
         if status is None:
             return None
         age = time.monotonic() - self._heard
-        return Status(status.mode, status.readiness, list(status.faults), age)
+        other = status.holder if status.holder != self._sender.name else ""
+        faults = list(status.faults)
+        return Status(status.mode, status.readiness, faults, age, other, status.armed)
 
 
 ABOUT = About(
