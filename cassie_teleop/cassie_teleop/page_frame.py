@@ -112,6 +112,7 @@ class Picture:
         """All values that change with each frame, for JSON; None stands for unknown."""
         state, controller = self.state.sample, self.controller.sample
         known, working = self.state.fresh(now), self.controller.fresh(now)
+        factor = self.factor.value if known else None
         limited, asked = self.mode.fresh(now), self.operator.fresh(now)
         efforts = robot.efforts if robot is not None else {}
         links = robot.moving if robot is not None else []
@@ -130,7 +131,7 @@ class Picture:
             "outputs": _rounded(controller.y, 4) if working else None,
             "phase": _rounded(controller.phase.ravel(), 3)[0] if working else None,
             "latency": _rounded(controller.command_latency.ravel(), 4)[0] if working else None,
-            "factor": None if self.factor.value is None else round(self.factor.value, 2),
+            "factor": None if factor is None else round(factor, 2),
         }
 
 

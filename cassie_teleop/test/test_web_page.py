@@ -6,13 +6,23 @@ from contextlib import contextmanager
 
 import pytest
 from console_peers import Robot, WebConsole, again_after_a_lost_link
+from geometry_msgs.msg import TransformStamped
 from mcap.reader import make_reader
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from slow_wire import SlowWire
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 from cassie_msgs.layout import RobotMode, RobotState
 
 DESKTOP = {"width": 1000, "height": 620}
 PHONES = {"portrait": {"width": 390, "height": 844}, "landscape": {"width": 844, "height": 390}}
+FOOT = """
+    <link name="{0}_toe"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
+    <joint name="{0}" type="revolute"><parent link="pelvis"/><child link="{0}_toe"/></joint>
+"""
+FEET = f"<robot><link name='pelvis'/>{FOOT.format('left')}{FOOT.format('right')}</robot>"
+NONE = "\N{EN DASH}"
 PAD = """
     window.pads = [];
     navigator.getGamepads = () => window.pads;
@@ -272,6 +282,7 @@ def test_a_link_that_is_cut_or_late_a_hidden_and_a_sleeping_page_stop_it(
         if how == "cut":
             robot.until(lambda: "offline" in driver.page.locator("body").get_attribute("class"))
             assert driver.page.locator("#offline").is_visible()
+            assert (driver.text("mode"), driver.text("readiness")) == (NONE, "connecting …")
 
 
 @again_after_a_lost_link
@@ -310,6 +321,38 @@ def test_a_page_that_looks_on_can_record(browser, robot, tmp_path):
     with (tmp_path / name).open("rb") as bag:
         topics = {channel.topic for _, channel, _ in make_reader(bag).iter_messages()}
     assert {RobotState.TOPIC, "/cassie/supervisor_status"} <= topics
+
+
+@again_after_a_lost_link
+def test_the_height_is_unknown_without_a_place_or_a_state_of_the_robot(
+    browser, node, robot, console
+):
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    description = node.create_publisher(String, "/robot_description", latched)
+    description.publish(String(data=FEET))
+    places = node.create_publisher(TFMessage, "/tf", 10)
+
+    def placed(heights):
+        """Publish the heights of links, until the page shows a height of the pelvis or none."""
+        transforms = [TransformStamped(child_frame_id=name) for name in heights]
+        for transform, height in zip(transforms, heights.values(), strict=True):
+            transform.transform.translation.z = height
+        places.publish(TFMessage(transforms=transforms))
+        cells = driver.page.locator("#speeds tr[data-row='3'] td")
+        return cells.last.text_content()
+
+    feet = {"left_toe": -0.88, "right_toe": -0.88}
+    with driver_of(browser, robot, console.address) as driver:
+        robot.until(lambda: driver.page.locator("#empty").is_hidden())
+        for _ in range(10):
+            assert placed(feet) == NONE
+            driver.page.wait_for_timeout(50)
+        robot.until(lambda: placed({"pelvis": 0.9, **feet}) == "0.90")
+        deadline = time.monotonic() + 20.0
+        while placed({"pelvis": 0.9, **feet}) != NONE:  # and the robot's states are silent
+            assert time.monotonic() < deadline
+            driver.page.wait_for_timeout(50)
+        assert driver.text("factor") == NONE
 
 
 @again_after_a_lost_link

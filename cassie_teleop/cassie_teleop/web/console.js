@@ -64,6 +64,10 @@ function offline() {
   me = status = null;
   document.body.classList.add("offline");
   document.body.classList.remove("mine");
+  put("mode", "–");
+  find("mode").className = "badge";
+  put("readiness", "connecting …");
+  find("readiness").className = "";
   showDriver();
 }
 
@@ -117,11 +121,16 @@ function receive(message) {
   document.body.classList.remove("offline");
   frame = message;
   view?.show(frame.poses, frame.contact, frame.segway !== null);
-  charts.add(frame.t, frame, view?.height ?? null);
+  charts.add(frame.t, frame, height(frame));
   smooth = smooth.map((old, i) => {
     const now = frame.achieved?.[i] ?? null;
     return old === null || now === null ? now : old + SMOOTH * (now - old);
   });
+}
+
+/** Height of the pelvis; null while it is unknown. In m. */
+function height(frame) {
+  return (frame.achieved && view?.height) ?? null;
 }
 
 /** Shows everything that has changed at once: the browser lays its parts together each time. */
@@ -159,7 +168,7 @@ function showFigures(frame) {
   put("battery", frame.battery === null || frame.battery < 0 ? "–" : figure(100 * frame.battery, 0, " %"));
   find("vehicle").hidden = frame.segway === null;
   put("segway", figure(frame.segway, 2));
-  const columns = [frame.asked, frame.limited, [...smooth, view?.height ?? null]];
+  const columns = [frame.asked, frame.limited, [...smooth, height(frame)]];
   for (const row of every("#speeds tr[data-row]")) {
     columns.forEach((column, i) => {
       const text = figure(column?.[row.dataset.row] ?? null, 2).replace(/^-(0\.00)$/, "$1");
@@ -207,7 +216,7 @@ function showButtons() {
   const take = find("take");
   take.dataset.press = mine ? "leave" : "drive";
   take.textContent = mine ? "Leave" : other ? "Take over" : "Drive";
-  take.disabled = !status.heard;
+  take.disabled = !mine && !status.heard;
   take.classList.toggle("call", !mine && !other && status.heard);
   const power = find("power");
   power.disabled = !mine;

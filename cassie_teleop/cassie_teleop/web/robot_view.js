@@ -111,11 +111,12 @@ export class RobotView {
     root.visible = poses[0].length > 0;
     root.updateMatrixWorld(true);
     const feet = this.robot.soles.map((soles) => soles.map((sole) => sole.getWorldPosition(new THREE.Vector3())));
+    if (!root.visible) return;
     if (feet.every((foot) => foot.length)) {
       this.stand(feet, contact);
-      if (rides && root.visible) this.ride(feet.flat(), root);
+      if (rides) this.ride(feet.flat(), root);
     }
-    if (root.visible) this.follow(root.position);
+    this.follow(root.position);
   }
 
   /** Height of the pelvis above the mean of the soles, the level of the ground, footsteps. */
