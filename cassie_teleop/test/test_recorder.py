@@ -33,6 +33,24 @@ def recorder(tmp_path, monkeypatch):
     recorder.close()
 
 
+def test_a_recording_that_is_ended_before_it_began_says_so(tmp_path, monkeypatch):
+    program = tmp_path / "record"
+    program.write_text("#!/bin/sh\nexec sleep 100\n", encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setattr(module, "_program", lambda: program)
+    told = []
+    recorder = Recorder(tmp_path / "bags", told.append)
+    recorder.toggle()
+    recorder.toggle()
+
+    def ended():
+        recorder.look()
+        return recorder.file == ""
+
+    until(ended)
+    assert told[-1] == "no recording: it was ended before the recorder had started"
+
+
 def until(condition):
     deadline = time.monotonic() + 20.0
     while not condition():

@@ -59,9 +59,12 @@ class Recorder:
                 self._ask()
             return
         self._process = None
-        ended = self._asked is not None and status == 0
-        told = f"recorded {self._file}" if ended else f"recording ended with status {status}"
-        self._tell(told)
+        if self._asked is not None and status == 0:
+            self._tell(f"recorded {self._file}")
+        elif self._asked is not None and not self._file.exists():
+            self._tell("no recording: it was ended before the recorder had started")
+        else:
+            self._tell(f"recording ended with status {status}")
 
     def close(self) -> None:
         """End the running recording; the bag is complete."""
