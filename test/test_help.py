@@ -60,3 +60,10 @@ def test_wrong_arguments_of_ros_end_with_one_line(name: str, words: tuple[str, .
     assert answer.returncode == 2
     (line,) = answer.stderr.splitlines()
     assert line.startswith(f"{name}: error: ") and "--ros-args -p NAME:=VALUE" in line
+
+
+def test_braces_without_quotes_are_refused_with_the_quotes_that_they_need() -> None:
+    (path,) = (path for path in EXECUTABLES if path.name == "simulator")
+    answer = run(path, "--ros-args", "-p", "scene_parameters:={rise_deg: 8.0}")
+    (line,) = answer.stderr.splitlines()
+    assert answer.returncode == 2 and """NAME:="'{...}'\"""" in line

@@ -57,6 +57,8 @@ def test_a_node_that_middleware_holds_up_as_it_is_refused_ends_all_the_same():
         ("kp_knee:=soft", "kp_knee = 'soft' is not a number"),
         ("kp_knee:=.nan", "kp_knee = nan Nm/rad is outside"),
         ("grade:=perfect", "grade = 'perfect' is not one of ideal, faithful"),
+        ("grade:=7", """it needs quotes within quotes, -p grade:="'7'\""""),
+        ("grade:='7'", "grade = '7' is not one of ideal, faithful"),
         ("trims:=[0.0]", "is not a list of 2 numbers"),
         ("control_rate:=300", "control_rate = 300 Hz: must divide 2000"),
         ("kp_nee:=3.0", "unknown parameter kp_nee: did you mean kp_knee?"),

@@ -92,7 +92,13 @@ def declare(node: Node, config: ConfigT) -> ConfigT:
             value = node._parameter_overrides[entry.name].value
             replace_checked(config, **{entry.name: value})
             raise ParameterError(f"{entry.name} = {value}: {error}") from None
-        given[entry.name] = _plain(parameter.value)
+        value = parameter.value
+        if entry.kind is str and not isinstance(value, str):
+            raise ParameterError(
+                f"{entry.name} = {value} is not a text for ROS: "
+                f"it needs quotes within quotes, -p {entry.name}:=\"'{value}'\""
+            )
+        given[entry.name] = _plain(value)
     return replace_checked(config, **given)
 
 

@@ -120,7 +120,8 @@ def _argument_error(error: Exception) -> str:
     text = " ".join(str(error).partition(". Error:")[0].partition(", at ")[0].split()).rstrip(".")
     if isinstance(error, _rclpy.UnknownROSArgsError):
         text = f"unknown argument {text.strip('[]')}"
-    return f"{text}: ROS takes --ros-args -p NAME:=VALUE, or -r FROM:=TO"
+    braces = "; braces need quotes within quotes: NAME:=\"'{...}'\"" if ":={" in text else ""
+    return f"{text}: ROS takes --ros-args -p NAME:=VALUE, or -r FROM:=TO{braces}"
 
 
 def _read_arguments(name: str, about: About) -> None:
