@@ -37,7 +37,6 @@ PAUSE_WHEN_LATE = 0.5
 
 _WEB = Path(__file__).with_name("web")
 _LIBRARIES = {"scene": "scene/dist", "joystick": "joystick/dist", "echart": "echart/dist"}
-_COOKIE = "cassie_console"
 _LONGEST_REASON = 123  # bytes of a closing frame's text
 _LONGEST = 2000  # bytes of a WebSocket message; messages of a page are shorter
 _SHUTDOWN = 1.0  # s
@@ -93,11 +92,16 @@ class PageServer:
         self._token, self._pages = token, pages
         try:
             family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            self._socket = socket.create_server(address[:2], family=family, backlog=128)
+            both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
+            self._socket = socket.create_server(
+                address[:2], family=family, backlog=128, dualstack_ipv6=both
+            )
         except OSError as error:
             raise OSError(f"cannot listen on {host}, port {port}: {error.strerror}") from None
         self.port: int = self._socket.getsockname()[1]
         self._names_itself = is_loopback(host)
+        # Browsers send a cookie to every port of a host, so each console has a name of its own.
+        self._cookie = f"cassie_console_{self.port}"
         self._open: dict[int, web.WebSocketResponse] = {}
         self._number = 0
         self._frame = self._status = ""
@@ -144,7 +148,7 @@ class PageServer:
             response: web.StreamResponse = web.Response(status=403, text=f"{refused}\n")
         elif self._token and "token" in request.query:
             response = web.Response(status=302, headers={"Location": "/"})
-            response.set_cookie(_COOKIE, self._token, httponly=True, samesite="Lax")
+            response.set_cookie(self._cookie, self._token, httponly=True, samesite="Lax")
         else:
             response = await handler(request)
         if not response.prepared:
@@ -157,7 +161,7 @@ class PageServer:
         if self._names_itself and not is_loopback(_hostname(host)):
             return "this address is not the one of this server"
         if self._token:
-            shown = request.query.get("token", "") or request.cookies.get(_COOKIE, "")
+            shown = request.query.get("token", "") or request.cookies.get(self._cookie, "")
             if not hmac.compare_digest(shown.encode(), self._token.encode()):
                 return "the address that web_console has printed has a token; it is needed here"
         if request.path == "/socket":

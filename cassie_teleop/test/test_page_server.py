@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import socket
 import time
 
 import aiohttp
@@ -137,6 +138,29 @@ def test_without_the_token_nothing_is_served_and_with_it_a_cookie_is_set():
             assert (await socket.receive_json())["page"] == 1
 
     serve(test, TOKEN, "0.0.0.0")
+
+
+def test_one_browser_may_have_pages_of_two_consoles():
+    async def test(server, pages, session):
+        other = PageServer("0.0.0.0", 0, "battery-staple", FakePages())
+        async with other.serving():
+            for each, token in ((server, TOKEN), (other, "battery-staple")):
+                async with session.get(url(each, f"/?token={token}")) as answer:
+                    assert answer.status == 200
+            for each in (server, other):
+                async with session.get(url(each)) as answer:
+                    assert answer.status == 200
+
+    serve(test, TOKEN, "0.0.0.0")
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this computer has no IPv6")
+def test_all_addresses_of_ipv6_are_those_of_ipv4_as_well():
+    async def test(server, pages, session):
+        async with session.get(url(server, f"/?token={TOKEN}")) as answer:
+            assert answer.status == 200
+
+    serve(test, TOKEN, "::")
 
 
 @pytest.mark.parametrize(
