@@ -157,7 +157,6 @@ def status_lines(
 
     Below a width of `_NARROWEST` the lines are longer.
     """
-    width = max(width, _NARROWEST)
     lines = [_robot(status)]
     if status is not None and (word := _unheard(request, status)):
         lines.append(word)
@@ -170,10 +169,12 @@ def status_lines(
     if motion.segway is not None:
         lines.append(f"{'Segway':10}{motion.segway:+8.2f} m/s")
     lines += [f"fault: {fault}" for fault in (status.faults if status is not None else ())]
-    return [part for line in lines for part in _wrapped(line, width)]
+    return [part for line in lines for part in wrapped(line, width)]
 
 
-def _wrapped(line: str, width: int) -> list[str]:
+def wrapped(line: str, width: int) -> list[str]:
+    """A line as lines of at most `width` characters, and of `_NARROWEST` in a window below that."""
+    width = max(width, _NARROWEST)
     return textwrap.wrap(line, width, drop_whitespace=False, subsequent_indent="  ")
 
 

@@ -1,7 +1,9 @@
 """The nodes as processes: what they send, how they stop, what they refuse."""
 
+import contextlib
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +18,7 @@ from sensor_msgs.msg import Joy
 
 from cassie_msgs.layout import OperatorCommand, RobotMode, RobotState
 from cassie_msgs.ros.fast_lane import EVERY, LanePublisher, LaneSubscription, LaneWaiter
+from cassie_msgs.srv import Reset
 
 GOOD = [0.0] * 8 + [1.0, 0.0, -1.0] + [0.0] * 5
 
@@ -235,6 +238,35 @@ def test_keyboard_drives_and_leaves_exactly_one_stop(node):
     assert keyboard.wait(timeout=90) == 0
     commands.until(lambda c: not c.link)
     assert [bool(c.link) for c in commands.all[-2:]] == [True, False]
+    os.close(master)
+    os.close(slave)
+
+
+def test_answers_of_the_simulator_break_between_words(node):
+    def answer(_, response):
+        response.message = "the Segway rolls " * 9
+        return response
+
+    node.create_service(Reset, "/cassie/reset", answer)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    master, slave = pty.openpty()
+    environment = {**os.environ, "COLUMNS": "60"}
+    keyboard = start("keyboard_teleop", stdin=slave, stdout=slave, env=environment)
+    os.set_blocking(master, False)
+    shown = b""
+    deadline = time.monotonic() + 90.0
+    while shown.count(b"rolls") < 9:  # the key is repeated until the service has been found
+        assert time.monotonic() < deadline
+        with contextlib.suppress(BlockingIOError):
+            shown += os.read(master, 4096)
+        os.write(master, b"z")
+        executor.spin_once(timeout_sec=0.2)
+    lines = re.sub(r"\x1b\[\d*[A-Z]", "", shown.decode()).splitlines()
+    lines = [line.strip() for line in lines if "rolls" in line]
+    assert len(lines) > 1 and max(map(len, lines)) < 60
+    end(keyboard)
+    executor.shutdown()
     os.close(master)
     os.close(slave)
 

@@ -18,7 +18,7 @@ from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
 from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import replace_checked, tunable
-from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines
+from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines, wrapped
 from cassie_teleop.page_frame import achieved
 from cassie_teleop.radio import without_link
 from cassie_teleop.ros.sender import Sender
@@ -114,13 +114,17 @@ class KeyboardTeleop(Node):
         while self._keyboard.orders:
             self._simulator.call(self._keyboard.orders.pop(0), float(self._state.q[3]))
         while self._answers:
-            self._terminal.say(self._answers.popleft())
+            self._terminal.say("\n".join(wrapped(self._answers.popleft(), self._width)))
 
     def _show(self) -> None:
         self._shown = time.monotonic()
-        width = min(80, self._terminal.size.columns - 1)
-        lines = status_lines(self._keyboard.request, self._status_now(), self._motion(), width)
-        self._terminal.show(lines)
+        status, motion = self._status_now(), self._motion()
+        self._terminal.show(status_lines(self._keyboard.request, status, motion, self._width))
+
+    @property
+    def _width(self) -> int:
+        """Number of characters in a line."""
+        return min(80, self._terminal.size.columns - 1)
 
     def _motion(self) -> Motion:
         now = time.monotonic()
