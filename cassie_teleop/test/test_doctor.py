@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -168,6 +169,24 @@ def test_without_a_robot_it_says_so_and_ends_with_1():
 def test_a_wrong_command_line_ends_with_2(words):
     done = doctor(*words)
     assert done.returncode == 2 and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -15)])
+def test_it_ends_by_a_signal_without_a_word(node, number, status):
+    code = "from cassie_teleop.ros.doctor import main; main()"
+    looking = subprocess.Popen(
+        [sys.executable, "-c", code, "--seconds", "60"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60.0
+    while "doctor" not in node.get_node_names():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    looking.send_signal(number)
+    assert looking.communicate(timeout=30) == ("", "")
+    assert looking.returncode == status
 
 
 def test_it_sees_writers_rates_and_a_silent_controller(node):

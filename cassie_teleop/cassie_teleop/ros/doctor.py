@@ -23,6 +23,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, RobotState, Sensors
 from cassie_msgs.msg import SupervisorStatus
@@ -271,7 +272,7 @@ def main() -> None:
     status = 2
     try:
         use_loopback()
-        rclpy.init(args=sys.argv)
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         doctor = Doctor()
         doctor.settle()
         doctor.listen(options.seconds)
