@@ -41,6 +41,10 @@ class Terminal:
         Raises:
             EOFError: if the terminal is gone.
         """
+        with contextlib.suppress(termios.error):
+            if termios.tcgetattr(self._fd)[3] & termios.ICANON:
+                # After Ctrl-Z and fg a shell leaves its own mode. Keys that wait are kept.
+                tty.setcbreak(self._fd, termios.TCSADRAIN)
         ready, _, _ = select.select([self._fd], [], [], timeout)
         if not ready:
             return []

@@ -3,6 +3,7 @@
 import io
 import os
 import pty
+import termios
 
 from cassie_teleop.keyboard import (
     HELP,
@@ -81,6 +82,20 @@ def test_keys_without_a_character_are_named():
             terminal.close()
             os.close(keyboard)
     assert pressed == ["w", "special key", "up", "down", "special key", "Esc"]
+
+
+def test_keys_need_no_enter_after_a_shell_had_the_terminal():
+    keyboard, program = pty.openpty()
+    shell = termios.tcgetattr(program)
+    with os.fdopen(program) as source, io.StringIO() as sink:
+        terminal = Terminal(source, sink)
+        try:
+            termios.tcsetattr(program, termios.TCSADRAIN, shell)
+            os.write(keyboard, b"o")
+            assert terminal.keys(1.0) == ["o"]
+        finally:
+            terminal.close()
+            os.close(keyboard)
 
 
 def test_arrows_do_what_letters_do():
