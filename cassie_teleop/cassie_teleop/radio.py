@@ -42,6 +42,9 @@ class Radio:
         device = self.device
         axes = self._rested(axes)
         power = self._on("power", device.power, axes, buttons)
+        if not power:
+            for name in device.mode:  # power comes on only in mode stand
+                self._latched.pop(name, None)
         asked = [name for name, on in device.mode.items() if self._on(name, on, axes, buttons)]
         if power is None:
             return None

@@ -126,6 +126,17 @@ def test_the_turbo_button_alone_moves_faster_both_ways(name):
     assert pad.read(*pad_channels(name, 4, vx=1.0)).vx == pytest.approx(0.8)
 
 
+@pytest.mark.parametrize("name", PADS)
+def test_power_comes_back_in_stand_after_an_emergency_stop_in_walk(name):
+    pad = walking_pad(name)
+    _, power, walk = PADS[name]
+    assert not pad.read(*pad_channels(name, 1)).power  # circle of ps4 and ps5
+    pad.read(*pad_channels(name, walk))
+    pad.read(*pad_channels(name))
+    request = pad.read(*pad_channels(name, power))
+    assert request.power and request.mode == "stand"
+
+
 @pytest.mark.parametrize("name", ["xbox", "ps4", "ps5"])
 def test_a_trigger_that_nobody_touched_yet_counts_as_at_rest(name):
     pad = walking_pad(name)
