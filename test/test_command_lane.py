@@ -166,7 +166,6 @@ def test_strangers_on_every_topic_are_ignored_and_named(
                         0.0, f"{name}: {topic}", "stranger ignored"
                     ),
                     f"{name} to name the stranger on {topic}",
-                    timeout=20.0,
                 )
         eyes.wait_for(lambda: eyes.is_well("simulator: /cassie/motor_command"), "the end of it")
 

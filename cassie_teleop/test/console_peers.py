@@ -166,7 +166,8 @@ def again_after_a_lost_link(test):
     """Try a test of the page again, up to five times, where it failed and its link had been lost.
 
     A link that is late by 0.3 s is lost, and on a busy machine that may happen at any moment. The
-    robot then stops, and keys that are held count no more, which is right.
+    robot then stops, and keys that are held count no more, which is right. Each further try waits
+    longer for the machine to become less busy.
     """
 
     @functools.wraps(test)
@@ -178,6 +179,7 @@ def again_after_a_lost_link(test):
             except AssertionError:
                 if not (robot.lost and left):
                     raise
+                time.sleep(5.0 * (6 - left))
         return None
 
     return tried
