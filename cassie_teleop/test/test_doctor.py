@@ -185,7 +185,7 @@ def test_it_ends_by_a_signal_without_a_word(node, number, status):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     looking.send_signal(number)
-    assert looking.communicate(timeout=30) == ("", "")
+    assert looking.communicate(timeout=90) == ("", "")
     assert looking.returncode == status
 
 
