@@ -125,7 +125,7 @@ class Robot:
         """Number of nodes that get both its states and statuses."""
         return min(self._states.matched, self._statuses.get_subscription_count())
 
-    def until(self, condition, timeout=20.0):
+    def until(self, condition, timeout=90.0):
         """Live on until a condition holds; returns what it says."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
