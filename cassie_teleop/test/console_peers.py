@@ -163,7 +163,7 @@ class Robot:
 
 
 def again_after_a_lost_link(test):
-    """Try a test of the page again, up to five times, where it failed and its link had been lost.
+    """Try a test of the page again, up to five times, if its link was lost or the browser was slow.
 
     A link that is late by 0.3 s is lost, and on a busy machine that may happen at any moment. The
     robot then stops, and keys that are held count no more, which is right. Each further try waits
@@ -176,8 +176,9 @@ def again_after_a_lost_link(test):
             robot.lost = False
             try:
                 return test(*args, robot=robot, **more)
-            except AssertionError:
-                if not (robot.lost and left):
+            except Exception as error:  # the browser's own time-out is known by its name alone
+                again = robot.lost or type(error).__name__ == "TimeoutError"
+                if not (again and left):
                     raise
                 time.sleep(5.0 * (6 - left))
         return None
