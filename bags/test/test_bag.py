@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from same import differences
 from synthetic import TICK_NS, glide_messages
@@ -438,6 +439,22 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
 def test_the_true_pose_is_looked_for_where_the_simulator_puts_it():
     assert ground_truth.TOPIC == GROUND_TRUTH_TOPIC
     assert segway_truth.TYPES.items() <= RECORDED_TYPES.items()
+
+
+def test_two_channels_of_a_topic_count_apart(tmp_path: Path, messages):
+    path, topic = tmp_path / "bag.mcap", RobotState.TOPIC
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(TYPES[topic], "ros2msg", b"")
+        channels = [writer.register_channel(topic, "cdr", schema, {"of": of}) for of in "ab"]
+        for number, raw in enumerate(messages[topic][:10]):
+            for place, channel in enumerate(channels):
+                writer.add_message(channel, number, raw, number, 1 + number + 1000 * place)
+        writer.finish()
+    index = BagIndex()
+    assert len(list(read_messages(path, None, index))) == 20
+    assert index.lost == {}
 
 
 @pytest.mark.parametrize("recovered", [False, True])

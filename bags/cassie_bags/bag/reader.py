@@ -101,7 +101,7 @@ def _messages_of(
     schemas = {0: _NO_SCHEMA}
     known: set[int] = set()
     wanted: dict[int, str] = {}
-    numbers: dict[str, int] = {}
+    numbers: dict[int, int] = {}
     try:
         with path.open("rb") as stream:
             reader = RecordReader(stream, str(path))
@@ -110,10 +110,10 @@ def _messages_of(
                     channel, number, log_time, wall_time, data = parse_message(body)
                     if channel in wanted:
                         topic = wanted[channel]
-                        missing = number - numbers.get(topic, number) - 1
+                        missing = number - numbers.get(channel, number) - 1
                         if missing > 0:
                             index.lost[topic] = index.lost.get(topic, 0) + missing
-                        numbers[topic] = number
+                        numbers[channel] = number
                         yield topic, log_time, wall_time, data
                     elif channel not in known:
                         reader.lost_bytes += len(body)  # its channel's definition is damaged
