@@ -10,7 +10,7 @@ from __future__ import annotations
 from cassie_control.config import WalkConfig
 from cassie_control.planner.momentum import Masses, make_masses
 from cassie_control.planner.pendulum import PlacementGains
-from cassie_control.planner.placement import Commanded
+from cassie_control.planner.placement import Commanded, Placement
 from cassie_gaits.records import Records
 
 _MAX_OFFSET = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
@@ -18,7 +18,7 @@ _FORGETTING_RATIO = 2.5  # of forgetting to learning rate, for errors beyond `ob
 _MAP_ERROR = 0.3  # m/s, speed error in place that an offset of `_MAX_OFFSET` removes, by the map
 
 
-class PendulumPlacement:
+class PendulumPlacement(Placement):
     """Foot placement by the step-to-step map of a pendulum of constant height (`plan_landing`).
 
     After a touchdown the weight shifts to the new foot within `double_support` (t). During this
@@ -102,19 +102,8 @@ class PendulumPlacement:
 
     def __init__(self, config: WalkConfig) -> None:
         self.masses: Records[Masses] = make_masses()
-        self.gains = PlacementGains()
-        self.config = config
-        self.reset()
-
-    @property
-    def config(self) -> WalkConfig:
-        """Gains; new ones are used from the next tick on."""
-        return self._config
-
-    @config.setter
-    def config(self, config: WalkConfig) -> None:
-        self._config = config
-        self.gains.take(config)
+        self.gains: PlacementGains = PlacementGains()
+        super().__init__(config)
 
     def reset(self) -> None:
         """Reset the disturbance observer."""

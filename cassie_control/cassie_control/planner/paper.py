@@ -8,7 +8,7 @@ from cassie_control.config import WalkConfig
 from cassie_control.control.outputs import AT_END, LENGTH_SW, PITCH_SW, ROLL_SW, Step
 from cassie_control.control.robot import HIP_DOWN, HIP_Y, Robot
 from cassie_control.planner.pendulum import PendulumState, predict_com
-from cassie_control.planner.placement import Commanded, SwingTarget
+from cassie_control.planner.placement import Commanded, Placement, SwingTarget
 from cassie_control.planner.timing import StepTiming, time_to_planned_touchdown
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, Record, Records, array
@@ -87,7 +87,7 @@ def _pendulum_state(gains: PaperGains, robot: Robot, timing: StepTiming) -> Pend
     )
 
 
-class PaperPlacement:
+class PaperPlacement(Placement):
     """The paper's leg-angle adjustment (`plan_landing_by_paper`).
 
     Added to the gait's swing leg angles at touchdown, with v the low-passed pelvis velocity and
@@ -111,19 +111,8 @@ class PaperPlacement:
     """
 
     def __init__(self, config: WalkConfig) -> None:
-        self.gains = PaperGains()
-        self.config = config
-        self.reset()
-
-    @property
-    def config(self) -> WalkConfig:
-        """Gains; new ones are used from the next tick on."""
-        return self._config
-
-    @config.setter
-    def config(self, config: WalkConfig) -> None:
-        self._config = config
-        self.gains.take(config)
+        self.gains: PaperGains = PaperGains()
+        super().__init__(config)
 
     def reset(self) -> None:
         """Forget the velocity at the last touchdown."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 from cassie_control.config import WalkConfig
 from cassie_gaits.records import Record
@@ -44,14 +45,37 @@ class SwingTarget(NamedTuple):
     contact_lead: float
 
 
-class Placement(Protocol):
-    """What a law of leg-angle adjustment remembers from step to step."""
+class Placement(ABC):
+    """What a law of leg-angle adjustment remembers from step to step.
 
-    config: WalkConfig
+    Args:
+        config: Its gains.
 
+    Attributes:
+        gains: Gains and memory, for compiled functions.
+    """
+
+    gains: Record
+
+    def __init__(self, config: WalkConfig) -> None:
+        self.config = config
+        self.reset()
+
+    @property
+    def config(self) -> WalkConfig:
+        """Gains; new ones are used from the next tick on."""
+        return self._config
+
+    @config.setter
+    def config(self, config: WalkConfig) -> None:
+        self._config = config
+        self.gains.take(config)
+
+    @abstractmethod
     def reset(self) -> None:
         """Forget earlier steps."""
 
+    @abstractmethod
     def touchdown(
         self,
         mean_velocity: tuple[float, float],
