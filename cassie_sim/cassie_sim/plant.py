@@ -80,19 +80,20 @@ class Snapshot:
         self._model, self._data, self._robot = model, data, robot
         self._state = np.zeros(mujoco.mj_stateSize(model, _STATE))
         self._rotation = np.zeros(9)
+        self._records, self._attitudes = b"", np.zeros(0)
 
     def take(self, sensors: IdealSensors) -> None:
         """Store the present state."""
         mujoco.mj_getState(self._model, self._data, self._state, _STATE)
         self._rotation[:] = self._robot.rotation  # from the last kinematics, which lags by a step
-        self._records = sensors.records.copy()
+        self._records = sensors.records.tobytes()  # as a whole; numpy copies records by field
         self._attitudes = sensors.attitudes.copy()
 
     def restore(self, sensors: IdealSensors) -> None:
         """Go back to the stored state."""
         mujoco.mj_setState(self._model, self._data, self._state, _STATE)
         self._robot.rotation[:] = self._rotation
-        sensors.records[:] = self._records
+        sensors.records.view(np.uint8)[:] = np.frombuffer(self._records, np.uint8)
         sensors.attitudes[:] = self._attitudes
 
 

@@ -77,14 +77,14 @@ class ControlLoop:
         plant = self._plant
         seq, stamp = plant.seq, plant.seq * plant.tick_ns
         sensors = plant.sense()
-        self._observe(sensors, stamp)
-        truth = self._truth.write(plant)
-        self._observer(ground_truth.TOPIC, truth, stamp)
-        for topic, raw in self._segway.messages(plant):
-            self._observer(topic, raw, stamp)
-        self._operator.watch(stamp, truth)
+        truth, segway = self._truth.write(plant), self._segway.messages(plant)
         if plant.beside:
             plant.run_ahead()
+        self._observe(sensors, stamp)
+        self._observer(ground_truth.TOPIC, truth, stamp)
+        for topic, raw in segway:
+            self._observer(topic, raw, stamp)
+        self._operator.watch(stamp, truth)
         state = self._estimator.step(sensors)
         self._observe(state, stamp)
         self._note("state_estimator", self._estimator.problem, stamp)
