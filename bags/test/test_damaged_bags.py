@@ -64,6 +64,40 @@ def test_a_damaged_chunk_costs_what_is_in_it_and_no_more(tmp_path: Path, bag: Pa
     assert [seq for _, seq, *_ in read_messages(copy, [RobotState.TOPIC])] == left
 
 
+def cut_behind_the_last_chunk(path: Path, damaged: int) -> None:
+    """Make a file as a killed writer leaves it, with damage in one of its chunks."""
+    content = bytearray(path.read_bytes())
+    chunks = [part for part in parts(path) if part[0] == Opcode.CHUNK]
+    content[chunks[damaged][2] - 50] ^= 4
+    path.write_bytes(content[: chunks[-1][2]])
+
+
+def test_without_its_first_chunk_an_open_bag_keeps_its_definitions(tmp_path: Path, bag: Path):
+    """A bag that was not closed has no copy of them at its end."""
+    cut_behind_the_last_chunk(bag, 0)
+    recover(bag, tmp_path / "saved.mcap")
+    for path in (bag, tmp_path / "saved.mcap"):
+        assert len(list(read_messages(path, [RobotState.TOPIC]))) == 1000 - 200
+
+
+def test_a_bag_that_lost_all_definitions_says_so(tmp_path: Path):
+    """Other writers have them in the first chunk alone."""
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema("std_msgs/msg/Empty", "ros2msg", b"")
+        channel = writer.register_channel("/empty", "cdr", schema)
+        for time in range(4):
+            writer.add_message(channel, time, bytes(1000), time)
+            writer.flush()
+        writer.finish()
+    cut_behind_the_last_chunk(path, 0)
+    with pytest.raises(BagError, match="3 messages without a definition of their topic"):
+        recover(path, tmp_path / "saved.mcap")
+    assert not (tmp_path / "saved.mcap").exists()
+
+
 def test_an_index_that_became_a_message_by_one_bit_is_none(bag: Path):
     """Its channel is a known one: what it holds was given as a message of that."""
     before = list(read_messages(bag))
@@ -262,7 +296,7 @@ def test_what_comes_after_a_damaged_start_is_recovered(
     content = whole if closed else whole[: chunks[-1][1] + 100]
     bag.write_bytes(heads(content, chunks[0][1])[kind])
     lost = (kind in ("chunk lost", "zeros")) + (not closed)
-    if lost == 2:  # all definitions are lost, too
+    if kind == "chunk lost" and not closed:  # all definitions are lost, too
         with pytest.raises(BagError, match="nothing to recover"):
             recover(bag, tmp_path / "saved.mcap")
         return

@@ -72,6 +72,11 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
             copies = [_recovered_file(source, part, target.name)]
         filled = [copy.contents for copy in copies if copy.contents.count]
         if not filled:
+            if undefined := sum(copy.undefined for copy in copies):
+                raise BagError(
+                    f"{source} has {undefined} messages without a definition of their topic: "
+                    "nothing to recover"
+                )
             raise BagError(f"no whole chunk of messages in {source}: nothing to recover")
         if source.is_dir():
             write_metadata(part, [copy.contents for copy in copies])
@@ -113,6 +118,7 @@ class _Copy:
     Attributes:
         contents: Contents of the new file.
         complete, lost_bytes: As in `Recovered`.
+        undefined: Number of messages left out, as the definition of their topic is damaged.
     """
 
     def __init__(self, output: BinaryIO, name: str) -> None:
@@ -122,6 +128,7 @@ class _Copy:
         self._has_messages = False
         self.complete = False
         self.lost_bytes = 0
+        self.undefined = 0
         self._schemas: dict[int, int] = {0: 0}
         self._types: dict[int, str] = {0: ""}
         self._channels: dict[int, int] = {}
@@ -188,7 +195,8 @@ class _Copy:
     def _write_message(self, body: bytes) -> None:
         channel, number, log_time, publish_time, data = parse_message(body)
         if channel not in self._channels:
-            self.lost_bytes += len(body)  # its channel's definition is damaged
+            self.undefined += 1
+            self.lost_bytes += len(body)
             return
         contents = self.contents
         contents.start = min(contents.start, log_time) if self._has_messages else log_time

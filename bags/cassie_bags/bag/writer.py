@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from cassie_bags.bag.definitions import definition
@@ -102,11 +103,12 @@ class BagWriter:
         if topic not in self._channels:
             if type_name not in self._schemas:
                 text = definition(type_name).encode()
-                self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text)
-            metadata = {QOS_KEY: qos.text}
-            channel = self._writer.register_channel(
-                topic, "cdr", self._schemas[type_name], metadata
-            )
+                number = self._writer.register_schema(type_name, "ros2msg", text)
+                self._repeat(Schema(data=text, encoding="ros2msg", id=number, name=type_name))
+                self._schemas[type_name] = number
+            schema, metadata = self._schemas[type_name], {QOS_KEY: qos.text}
+            channel = self._writer.register_channel(topic, "cdr", schema, metadata)
+            self._repeat(Channel(channel, topic, "cdr", metadata, schema))
             self._channels[topic] = channel
             self._topics[channel] = Topic(type_name, [qos.profile])
             self.contents.topics[topic] = self._topics[channel]
@@ -185,6 +187,13 @@ class BagWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _repeat(self, definition: Schema | Channel) -> None:
+        """Write a definition between the chunks, too: `mcap` has it in the next chunk alone.
+
+        So a damaged chunk costs no definition, also in a file without an index.
+        """
+        definition.write(self._writer._Writer__record_builder)
 
     def _close_chunk(self) -> None:
         with self._reporting_errors():
