@@ -48,7 +48,15 @@ from cassie_bags.report.view import events_of_bag
 from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
 from cassie_gaits import gait_library, names
-from cassie_msgs.layout import SAMPLE_TYPES, Mode, MotorCommand, RobotMode, RobotState, Sensors
+from cassie_msgs.layout import (
+    SAMPLE_TYPES,
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotMode,
+    RobotState,
+    Sensors,
+)
 
 EVENT = "cassie_msgs/msg/NodeEvent"
 STATUS = "cassie_msgs/msg/SupervisorStatus"
@@ -151,7 +159,7 @@ def test_a_summary_without_the_supervisors_status_has_what_the_estimator_rejecte
     assert (fault.t0, fault.t1) == (pytest.approx(0.4), pytest.approx(0.6))
     shown = command("info", path).stdout
     assert "faults       drive_position.3 (left_knee) rejected by the estimator" in shown
-    assert f"without reasons: {STATUS_TOPIC}" in " ".join(shown.split())
+    assert f"sensors alone: {STATUS_TOPIC} was not recorded" in " ".join(shown.split())
     assert summarize(bag).faults == []
     assert channels.names((1 << len(SENSOR_CHANNELS)) - 1) == SENSOR_CHANNELS
     assert len(SENSOR_CHANNELS) == len(channels.CHANNELS)
@@ -213,6 +221,36 @@ def test_modes_have_their_reasons_and_faults_their_time(tmp_path: Path, messages
         ("stand", 2.0, ""),
     ]
     assert [(f.name, f.t0, f.t1) for f in summary.faults] == [("no state for 0.1 s", 1.0, 2.0)]
+
+
+def test_without_the_supervisors_status_commands_and_sensors_give_reasons(tmp_path: Path):
+    """As in a bag of a run in one process, which has the control lane alone."""
+    path = tmp_path / "lane.mcap"
+    with BagWriter(path) as writer:
+        kinds = (RobotState, OperatorCommand, Mode)
+        topics = {kind: writer.add_topic(kind.TOPIC, kind.TYPE) for kind in kinds}
+        state, command_, mode = RobotState(), OperatorCommand(), Mode()
+        command_.mode[...] = RobotMode.WALK
+        for second, (power, faults, now) in enumerate(
+            [
+                (0.0, 0, RobotMode.OFF),
+                (1.0, 0, RobotMode.STAND),
+                (1.0, 0, RobotMode.WALK),
+                (1.0, 1 << 10, RobotMode.STAND),
+            ]
+        ):
+            time = second * 1_000_000_000
+            state.power[...], state.sensor_faults[...], mode.mode[...] = power, faults, now
+            for sample in (state, command_, mode):
+                sample.seq[...] = second * 10
+                sample.stamp_ns = time
+                writer.write(topics[type(sample)], sample.to_bytes(), time, time)
+    assert [(mode.name, mode.reason) for mode in summarize(path).modes] == [
+        ("off", "the drives have no power"),
+        ("stand", "walk was asked for"),
+        ("walk", "the operator asked for it"),
+        ("stand", "the estimator rejects drive_position.3 (left_knee); walk was asked for"),
+    ]
 
 
 def test_what_befell_nodes_is_told(tmp_path: Path):

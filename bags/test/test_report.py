@@ -123,6 +123,11 @@ def test_a_bag_without_a_true_pose_is_shown_by_its_estimate(tmp_path: Path):
     assert estimate(view) is None  # it would be without error
 
 
+def test_a_page_says_where_reasons_come_from_without_the_supervisors_status(file: Path):
+    text = " ".join(file.read_text(encoding="utf-8").split())
+    assert "the supervisor&#39;s status is not in the bag" in text
+
+
 def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():
     """Times of a bag go on over episodes; those of a track begin anew."""
     recording = glide(2.0, episode=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress
@@ -22,7 +23,7 @@ from cassie_bags.bag.rows import runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
-from cassie_msgs.layout import Mode, RobotMode, RobotState, Sensors
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
 
 STATUS_TOPIC = "/cassie/supervisor_status"
 DIAGNOSTICS_TOPIC = "/diagnostics"
@@ -99,7 +100,8 @@ class Summary:
         topics: Topics in the order of their names.
         gaps: Missing samples of the control lane, one line each.
         strays: Messages from publishers outside of the run, one line for each topic.
-        episodes, modes: Intervals in order.
+        episodes, modes: Intervals in order. Reasons of modes are the supervisor's; where there is
+            none, commands and sensors give it.
         faults: Faults that the supervisor reported; where its status was not recorded, the sensors
             that the estimator rejected.
         has_status: Whether the supervisor's status, which has the reasons of modes, was recorded.
@@ -183,7 +185,7 @@ def summarize(bag: Path | str) -> Summary:
         gaps=gaps(recording, from_start=False),
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
         episodes=_episodes(recording, of_run[Sensors.TOPIC]),
-        modes=_modes(recording, of_run[Mode.TOPIC], status),
+        modes=_modes(recording, of_run, status),
         faults=_faults(status) if status else _rejected(recording, of_run[RobotState.TOPIC]),
         has_status=bool(status),
         nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
@@ -204,7 +206,7 @@ def modes_of(bag: Path | str) -> list[Interval]:
     for _, log_time, _, data in read_messages(bag, [Mode.TOPIC]):
         messages.append(data)
         times.append(log_time)
-    return _modes(from_messages({Mode.TOPIC: messages}, 0.0), times, ())
+    return _modes(from_messages({Mode.TOPIC: messages}, 0.0), {Mode.TOPIC: times}, ())
 
 
 def intervals_of_mode(
@@ -256,16 +258,15 @@ def _episodes(recording: Recording, times: list[int]) -> list[Interval]:
 
 
 def _modes(
-    recording: Recording, times: list[int], status: Sequence[tuple[int, Any]]
+    recording: Recording, times: Mapping[str, list[int]], status: Sequence[tuple[int, Any]]
 ) -> list[Interval]:
-    rows = recording.lane[Mode.TOPIC]
+    rows, own = recording.lane[Mode.TOPIC], times[Mode.TOPIC]
     modes = []
     key = rows["mode"].astype(np.int64) + (rows["episode"].astype(np.int64) << 8)
     for start, end in runs(key):
-        t0, t1 = times[start], times[min(end, len(times) - 1)]
-        modes.append(
-            Interval(_mode_name(rows["mode"][start]), t0 * 1e-9, t1 * 1e-9, _reason(status, t0))
-        )
+        mode, t0, t1 = rows["mode"][start], own[start], own[min(end, len(own) - 1)]
+        reason = _reason(status, t0) or _shown_reason(recording, times, mode, t0)
+        modes.append(Interval(_mode_name(mode), t0 * 1e-9, t1 * 1e-9, reason))
     return modes
 
 
@@ -286,6 +287,28 @@ def _reason(status: Sequence[tuple[int, Any]], since: int) -> str:
             if words:
                 return "; ".join(words)
     return ""
+
+
+def _shown_reason(
+    recording: Recording, times: Mapping[str, list[int]], mode: int, since: int
+) -> str:
+    """The reason of a mode that began, as far as the state and the operator's command show it."""
+
+    def newest(topic: str) -> Any:
+        index = bisect_right(times.get(topic, ()), since)
+        return recording.lane[topic][index - 1] if index else None
+
+    state, command = newest(RobotState.TOPIC), newest(OperatorCommand.TOPIC)
+    if mode == RobotMode.OFF:
+        return "the drives have no power" if state is not None and state["power"] <= 0.5 else ""
+    if command is not None and command["mode"] == mode:
+        return "the operator asked for it"
+    faults = int(state["sensor_faults"]) if state is not None else 0
+    failed = [name for bit, name in enumerate(SENSOR_CHANNELS) if faults >> bit & 1]
+    words = [f"the estimator rejects {', '.join(failed)}"] if failed else []
+    if command is not None:
+        words.append(f"{_mode_name(command['mode'])} was asked for")
+    return "; ".join(words)
 
 
 def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:

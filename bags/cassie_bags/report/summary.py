@@ -66,7 +66,8 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
     yield from _section("modes", map(_with_reason, summary.modes))
     if summary.modes and not summary.has_status:
-        yield from _section("", [f"(without reasons: {STATUS_TOPIC} was not recorded)"])
+        words = f"(reasons by commands and sensors alone: {STATUS_TOPIC} was not recorded)"
+        yield from _section("", [words])
     yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])
     yield from _section("nodes", [f"{n.t0:.2f} s  {n.name}" for n in summary.nodes])
     yield from _section("diagnostics", summary.problems)

@@ -83,6 +83,11 @@ def view_of(
     modes = list(intervals_of_mode(track.time, track.mode))
     events = [*events_of(scenario, end)]
     begins = [each.t0 for each in summary.episodes if each.name == str(shown)] if summary else []
+    if summary is not None and modes and not summary.has_status:
+        notes.append(
+            "Reasons of modes are what commands and sensors show: the supervisor's status is not "
+            "in the bag."
+        )
     if summary is not None and begins:
         # Times of a bag continue over episodes; times of a track begin at 0 in each episode.
         begun = begins[0] - float(track.time[0])
