@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import cassie_bags.cli
+from cassie_bags.cli import recover
 
 SECONDS = {"matplotlib", "mujoco", "numba", "pinocchio", "rclpy", "scipy"}
 """Modules that load for a second or more."""
@@ -78,3 +81,22 @@ def test_what_is_not_there_is_told_before_the_robot_loads(words: tuple[str, ...]
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("nosuch") >= 1
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_usage_says_what_each_argument_is(verb: str):
+    usage = " ".join(play(verb, "--help").stdout.split("\n\n")[0].split())
+    named = re.findall(r"--([a-z-]+) ([A-Z_]+)(?![.|])", usage)
+    assert [option for option, what in named if what == option.upper().replace("-", "_")] == []
+    assert re.findall(r"[ \[]([a-z]\w*)(?= |$|\])", usage.partition("[-h]")[2]) == []
+
+
+def test_replay_verify_has_a_usage_line_of_its_own():
+    usage = " ".join(play("replay", "--verify", "--help").stdout.split("\n\n")[0].split())
+    assert usage.startswith("usage: replay --verify [-h]") and usage.endswith(" BAG")
+
+
+def test_a_command_leaves_the_signal_handlers_as_they_were(tmp_path: Path):
+    before = signal.getsignal(signal.SIGTERM)
+    assert recover.main([str(tmp_path / "nosuch.mcap")]) == 2
+    assert signal.getsignal(signal.SIGTERM) is before

@@ -23,7 +23,7 @@ from cassie_bags.studies.learn_torques import (
 )
 from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, walk
-from cassie_bags.studies.trial import left_over
+from cassie_bags.studies.trial import ratio_to_reference
 from cassie_control.learning.torque_table import JOINTS, save_torques, zero_torques
 
 
@@ -32,9 +32,14 @@ def outcome(speed: float, torque: float, *, fell: bool = False) -> LearningResul
 
 
 def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, float]:
-    found = {"fell": fell, "beside_fell": 0.0, "tracking": with_it, "beside_tracking": without}
+    found = {
+        "fell": fell,
+        "reference_fell": 0.0,
+        "tracking": with_it,
+        "reference_tracking": without,
+    }
     found |= dict.fromkeys(TRACKING, with_it)
-    return found | {f"beside_{name}": without for name in TRACKING}
+    return found | {f"reference_{name}": without for name in TRACKING}
 
 
 def test_every_robot_has_a_lesson_at_every_speed():
@@ -58,8 +63,8 @@ def test_errors_are_compared_over_the_robots_that_walked_both_ways():
     assert found.total_after == pytest.approx(math.sqrt((0.01**2 + 0.03**2) / 2))
     assert found.total_before == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2))
     assert (found.fell_before, found.fell_after, found.runs) == (0, 1, 3)
-    assert left_over(figures(0.01, 0.02)) == pytest.approx(0.5)
-    assert math.isnan(left_over(figures(0.01, 0.02, fell=1.0)))
+    assert ratio_to_reference(figures(0.01, 0.02)) == pytest.approx(0.5)
+    assert math.isnan(ratio_to_reference(figures(0.01, 0.02, fell=1.0)))
     assert "71 %" in table([found])
 
 
@@ -73,8 +78,8 @@ def test_a_lesson_takes_tracking_error_away():
 
 def test_the_torques_of_the_package_take_three_tenths_of_the_tracking_error_away():
     found = run_trial(comparison(1004, 0.5, 4.0, ()))
-    assert left_over(found) < 0.7
-    assert left_over(found, "tracking_torso_roll") < 1.05
+    assert ratio_to_reference(found) < 0.7
+    assert ratio_to_reference(found, "tracking_torso_roll") < 1.05
 
 
 def test_a_damaged_file_is_an_error_before_anything_runs(tmp_path):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
-    bag_argument,
+    add_bag,
     exit_codes,
     labels,
     new_file,
@@ -37,11 +37,14 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("the same", "different", runs=False),
     )
     for name in ("a", "b"):
-        parser.add_argument(
-            name, metavar=name.upper(), type=bag_argument, help="MCAP file, or folder of ros2 bag"
-        )
+        add_bag(parser, name, metavar=name.upper())
     parser.add_argument(
-        "-o", "--output", type=picture, default=None, help="also plot both: .png, .svg or .pdf"
+        "-o",
+        "--output",
+        type=picture,
+        default=None,
+        metavar="FILE",
+        help="also plot both: .png, .svg or .pdf",
     )
     return parser
 

@@ -30,7 +30,9 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("done", ""),
     )
     parser.add_argument("grounds", nargs="*", metavar="GROUND", help="grounds (default: all)")
-    parser.add_argument("--seed", type=count, default=1, help="seed of robot and noise (default 1)")
+    parser.add_argument(
+        "--seed", type=count, default=1, metavar="N", help="seed of robot and noise (default 1)"
+    )
     add_results(parser, "all grounds")
     return parser
 

@@ -36,10 +36,14 @@ def _parser() -> argparse.ArgumentParser:
         "files it writes bags, pictures and one page, report.html.",
         epilog=exit_codes("as expected", "not as expected"),
     )
-    parser.add_argument("files", nargs="*", type=Path, help="YAML files, see bags/README.md")
+    parser.add_argument(
+        "files", nargs="*", type=Path, metavar="FILE.yaml", help="YAML files, see bags/README.md"
+    )
     parser.add_argument("--all", action="store_true", help="run all experiments of the package")
     seeds = parser.add_mutually_exclusive_group()
-    seeds.add_argument("--seed", type=count, default=None, help="seed instead of the file's seed")
+    seeds.add_argument(
+        "--seed", type=count, default=None, metavar="N", help="seed instead of the file's seed"
+    )
     seeds.add_argument(
         "--seeds", type=positive, default=0, metavar="N", help="run each file with seeds 1 to N"
     )
@@ -55,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         default=None,
+        metavar="FOLDER",
         help="keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
         "folder in it (build/experiments). Results of an earlier run are replaced",
     )
@@ -78,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
         "--sweeps",
         type=Path,
         default=Path("build/sweeps"),
+        metavar="FOLDER",
         help="folder of sweeps' results, which the page of several runs shows if it exists",
     )
     return parser

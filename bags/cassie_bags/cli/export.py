@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, run_command, stem
+from cassie_bags.cli.frame import OK, add_bag, exit_codes, run_command, stem
 
 FORMATS = ("csv", "parquet", "npz")
 
@@ -25,18 +25,24 @@ def _parser() -> argparse.ArgumentParser:
         "fields.csv with the unit of every column.",
         epilog=exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
+    add_bag(parser, "bag")
     parser.add_argument(
         "--format",
         type=one_of(FORMATS, "format"),
         default="csv",
+        metavar="csv|npz|parquet",
         help=f"{', '.join(FORMATS)} (default csv)",
     )
     parser.add_argument(
         "--topics", nargs="+", metavar="TOPIC", default=None, help="topics (default: all)"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, default=None, help="target folder (default: BAG_FORMAT)"
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="FOLDER",
+        help="target folder (default: BAG_FORMAT)",
     )
     return parser
 

@@ -31,16 +31,22 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("rows", nargs="*", metavar="ROW", help="rows (default: all)")
     parser.add_argument("--list", action="store_true", help="list all rows and exit")
-    parser.add_argument("--phases", type=positive, default=20, help="runs of each row (default 20)")
+    parser.add_argument(
+        "--phases", type=positive, default=20, metavar="N", help="runs of each row (default 20)"
+    )
     parser.add_argument(
         "--first",
         type=count,
         default=0,
+        metavar="N",
         help="number of the first run; it decides time and robot (default 0)",
     )
     add_jobs(parser)
     parser.add_argument(
-        "--write", type=Path, metavar="README", help="write the table into a README and run no test"
+        "--write",
+        type=Path,
+        metavar="FILE.md",
+        help="write the table into a README and run no test",
     )
     return parser
 

@@ -46,7 +46,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--modes", nargs="+", metavar="MODE", help="standing, walking (default: both)"
     )
-    parser.add_argument("--seed", type=count, default=1, help="seed of robot and noise (default 1)")
+    parser.add_argument(
+        "--seed", type=count, default=1, metavar="N", help="seed of robot and noise (default 1)"
+    )
     add_jobs(parser)
     add_results(parser, "all channels, kinds and modes")
     return parser

@@ -36,7 +36,11 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("as recorded", "not"),
     )
     parser.add_argument(
-        "files", nargs="*", type=Path, help="experiments (default: all of the package)"
+        "files",
+        nargs="*",
+        type=Path,
+        metavar="FILE.yaml",
+        help="experiments (default: all of the package)",
     )
     parser.add_argument(
         "--fast", action="store_true", help="run only the first part of a few experiments"
@@ -49,7 +53,11 @@ def _parser() -> argparse.ArgumentParser:
         help="read bags of the command experiment from this folder instead of running them",
     )
     parser.add_argument(
-        "--file", type=Path, default=None, help="file of fingerprints (default: the package's)"
+        "--file",
+        type=Path,
+        default=None,
+        metavar="FILE.yaml",
+        help="file of fingerprints (default: the package's)",
     )
     add_jobs(parser)
     return parser

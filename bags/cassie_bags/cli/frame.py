@@ -44,7 +44,7 @@ def run_command(
     run: Callable[[argparse.Namespace], int],
     argv: Sequence[str] | None,
 ) -> int:
-    """Read a command line and run it; returns the exit code.
+    """Read a command line and run it; returns the exit code. SIGTERM ends it as Ctrl-C does.
 
     Args:
         parser: Parser of the command.
@@ -52,7 +52,7 @@ def run_command(
         argv: Words after the command's name; those of this process if None.
     """
     arguments = parser.parse_args(argv)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = run(arguments)
         if sys.stdout is not None:  # None if stdout is closed
@@ -70,6 +70,8 @@ def run_command(
     except (ValueError, OSError) as error:
         print(f"{parser.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return WRONG_INPUT
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def node_words(name: str) -> list[str]:
@@ -85,7 +87,15 @@ def node_words(name: str) -> list[str]:
     return words_without_ros(name)
 
 
-def bag_argument(word: str) -> Path:
+def add_bag(
+    parser: argparse.ArgumentParser, name: str, metavar: str = "BAG", nargs: str | None = None
+) -> None:
+    """Add a bag, or several, to the arguments of a command."""
+    words = "MCAP file, or folder of ros2 bag"
+    parser.add_argument(name, nargs=nargs, metavar=metavar, type=_bag, help=words)
+
+
+def _bag(word: str) -> Path:
     """A bag from a command line, checked before slow modules are loaded.
 
     Raises:

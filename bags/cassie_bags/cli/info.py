@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, run_command
+from cassie_bags.cli.frame import OK, add_bag, exit_codes, run_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -21,7 +21,7 @@ def _parser() -> argparse.ArgumentParser:
         "episodes, modes over time, faults, falls, values drawn, versions.",
         epilog=exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
+    add_bag(parser, "bag")
     parser.add_argument(
         "--json", action="store_true", help="print one line of JSON instead of text"
     )

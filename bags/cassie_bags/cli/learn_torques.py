@@ -34,27 +34,33 @@ def _parser() -> argparse.ArgumentParser:
         "--rounds",
         type=positive,
         default=2,
+        metavar="N",
         help="rounds of learning; each begins at the last mean (default 2)",
     )
     parser.add_argument(
         "--seconds",
         type=seconds,
         default=10.0,
+        metavar="S",
         help="time of learning at each speed, in s (default 10)",
     )
     parser.add_argument(
         "--held-out",
         type=positive,
         default=3,
+        metavar="N",
         help="number of other robots for the comparison (default 3)",
     )
     parser.add_argument(
         "--measured",
         type=seconds,
         default=8.0,
+        metavar="S",
         help="length of the runs of the comparison, in s (default 8)",
     )
-    parser.add_argument("--speeds", type=float, nargs="+", default=None, help="speeds in m/s")
+    parser.add_argument(
+        "--speeds", type=float, nargs="+", default=None, metavar="V", help="speeds in m/s"
+    )
     parser.add_argument(
         "--begin",
         type=Path,

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, bag_argument, exit_codes, new_file, picture, run_command, stem
+from cassie_bags.cli.frame import OK, add_bag, exit_codes, new_file, picture, run_command, stem
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -23,12 +23,17 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
         "/imu/data.linear_acceleration.x. " + exit_codes("done", runs=False),
     )
-    parser.add_argument("bag", type=bag_argument, help="MCAP file, or folder of ros2 bag")
+    add_bag(parser, "bag")
     parser.add_argument(
         "fields", nargs="*", metavar="TOPIC.FIELD", help="one panel each; /cassie/ may be left out"
     )
     parser.add_argument(
-        "-o", "--output", type=picture, default=None, help=".png, .svg or .pdf (default: BAG.png)"
+        "-o",
+        "--output",
+        type=picture,
+        default=None,
+        metavar="FILE",
+        help=".png, .svg or .pdf (default: BAG.png)",
     )
     return parser
 

@@ -35,7 +35,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "names",
         nargs="*",
-        metavar="topics",
+        metavar="TOPIC",
         type=_topic,
         help="topics to record (as with --topics)",
     )
@@ -44,6 +44,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         nargs="+",
         type=_topic,
         default=[],
+        metavar="TOPIC",
         help="topics to record (default: the control lane and the usual ones)",
     )
     parser.add_argument(
@@ -51,6 +52,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         "--output",
         type=Path,
         default=None,
+        metavar="NAME.mcap|FOLDER",
         help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
     )
     parser.add_argument("-a", "--all", action="store_true", help="record every topic")
@@ -62,19 +64,26 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
     )
     parser.add_argument(
-        "-b", "--max-bag-size", type=count, default=0, help="bytes after which a new file begins"
+        "-b",
+        "--max-bag-size",
+        type=count,
+        default=0,
+        metavar="BYTES",
+        help="bytes after which a new file begins",
     )
     parser.add_argument(
         "-d",
         "--max-bag-duration",
         type=count,
         default=0,
+        metavar="SECONDS",
         help="seconds of log_time after which a new file begins",
     )
     parser.add_argument(
         "--compression-format",
         type=one_of(("zstd", "none"), "compression"),
         default="zstd",
+        metavar="zstd|none",
         help="compression of the chunks: zstd or none (default zstd)",
     )
     parser.add_argument(
@@ -88,7 +97,11 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         help="end when less space is free on the disk (default: 100)",
     )
     parser.add_argument(
-        "--metadata", type=Path, default=None, help="YAML file of records to put into the bag"
+        "--metadata",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="YAML file of records to put into the bag",
     )
     arguments = parser.parse_args(words)
     arguments.topics = [*arguments.names, *arguments.topics]

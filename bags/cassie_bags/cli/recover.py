@@ -23,9 +23,16 @@ def _parser() -> argparse.ArgumentParser:
         epilog="The bag itself and anything that exists stay as they are. "
         + exit_codes("messages were recovered", runs=False),
     )
-    parser.add_argument("file", type=Path, help="the damaged bag: a file, or a folder of ros2 bag")
     parser.add_argument(
-        "-o", "--output", type=Path, default=None, help="new bag (default: FILE_recovered.mcap)"
+        "file", type=Path, metavar="BAG", help="the damaged bag: a file, or a folder of ros2 bag"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="BAG",
+        help="new bag (default: FILE_recovered.mcap)",
     )
     return parser
 

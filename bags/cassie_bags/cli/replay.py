@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from cassie_bags.bag.playback import RATES
 from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import in_range
-from cassie_bags.cli.frame import exit_codes, node_words
+from cassie_bags.cli.frame import add_bag, exit_codes, node_words
 
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 """Keys on a terminal."""
@@ -45,15 +44,18 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             node=True,
         ),
     )
-    parser.add_argument("file", type=Path, help="MCAP file, or a folder as ros2 bag writes it")
+    add_bag(parser, "file")
     parser.add_argument(
         "-r",
         "--rate",
         type=in_range(*RATES, "a rate of {:g} .. {:g}".format(*RATES)),
         default=1.0,
+        metavar="RATIO",
         help="ratio of robot time to wall time (default: 1)",
     )
-    parser.add_argument("--topics", nargs="+", default=[], help="play only these topics")
+    parser.add_argument(
+        "--topics", nargs="+", default=[], metavar="TOPIC", help="play only these topics"
+    )
     parser.add_argument(
         "--commands",
         action="store_true",
@@ -81,7 +83,11 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
     parser.add_argument(
-        "--wait", type=seconds, default=0.0, help="time-out for subscribers, in s (default: 0)"
+        "--wait",
+        type=seconds,
+        default=0.0,
+        metavar="SECONDS",
+        help="time-out for subscribers, in s (default: 0)",
     )
     return parser.parse_args(words)
 

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
-    bag_argument,
+    add_bag,
     exit_codes,
     labels,
     new_file,
@@ -32,11 +32,14 @@ def _parser() -> argparse.ArgumentParser:
         "images and a video. Up to three bags stand side by side.",
         epilog=exit_codes("done", "an experiment was not as expected", runs=False),
     )
+    add_bag(parser, "bags", nargs="+")
     parser.add_argument(
-        "bags", nargs="+", metavar="BAG", type=bag_argument, help="MCAP file, or folder of ros2 bag"
-    )
-    parser.add_argument(
-        "-o", "--output", type=_page, default=Path("report.html"), help="default: report.html"
+        "-o",
+        "--output",
+        type=_page,
+        default=Path("report.html"),
+        metavar="FILE.html",
+        help="default: report.html",
     )
     parser.add_argument("--no-video", action="store_true", help="make no video")
     return parser

@@ -39,14 +39,27 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     library = "gait library: a file, optimized (default) or dense"
     add("file", nargs="?", metavar="FILE", help=library)
-    add("--speeds", nargs="+", type=float, help="m/s (default: those of the library's gaits)")
+    add(
+        "--speeds",
+        nargs="+",
+        type=float,
+        metavar="V",
+        help="m/s (default: those of the library's gaits)",
+    )
     add(
         "--seed",
         type=count,
         default=0,
+        metavar="N",
         help="seed of robot and noise (default 0, the nominal robot)",
     )
-    add("--impulse", type=float, default=4.0, help="impulse of each push, in N s (default 4)")
+    add(
+        "--impulse",
+        type=float,
+        default=4.0,
+        metavar="NS",
+        help="impulse of each push, in N s (default 4)",
+    )
     add_jobs(parser)
     add(
         "--out", type=Path, metavar="FOLDER", help="draw the decay into this folder: return_map.png"

@@ -38,6 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scene",
         type=_scene,
+        metavar="NAME",
         help="scene of the simulator, such as grass, slope or segway (default flat)",
     )
     parser.add_argument("--view", action="store_true", help="show the simulator's window")
@@ -58,7 +59,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NODE:NAME:=VALUE",
         help="parameter of a node, such as simulator:max_rate:=1.0",
     )
-    parser.add_argument("--logs", type=Path, help="folder for the nodes' output (~/.ros/log/...)")
+    parser.add_argument(
+        "--logs", type=Path, metavar="FOLDER", help="folder for the nodes' output (~/.ros/log/...)"
+    )
     return parser
 
 

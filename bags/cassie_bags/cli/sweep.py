@@ -43,27 +43,34 @@ def _parser() -> argparse.ArgumentParser:
 def _add_extent(parser: argparse.ArgumentParser) -> None:
     """Add the options about the number and length of runs."""
     parser.add_argument(
-        "rows", nargs="*", help="rows or groups of rows (default: all promised rows)"
+        "rows", nargs="*", metavar="ROW", help="rows or groups of rows (default: all promised rows)"
     )
     parser.add_argument(
         "--list",
         action="store_true",
         help="list all rows and exit; `beyond` is the group of rows that are not promised",
     )
-    parser.add_argument("--seeds", type=positive, help="robots for each setting (10)")
+    parser.add_argument("--seeds", type=positive, metavar="N", help="robots for each setting (10)")
     parser.add_argument(
         "--first",
         type=positive,
         default=1,
+        metavar="SEED",
         help="seed of the first robot (1); another one makes a column of results of its own",
     )
     parser.add_argument(
-        "--phases", type=positive, help="times within two steps for pushes and stops (10)"
+        "--phases",
+        type=positive,
+        metavar="N",
+        help="times within two steps for pushes and stops (10)",
     )
-    parser.add_argument("--seconds", type=seconds, help="length of the measured part, in s (40)")
+    parser.add_argument(
+        "--seconds", type=seconds, metavar="S", help="length of the measured part, in s (40)"
+    )
     parser.add_argument(
         "--beyond",
         type=count,
+        metavar="N",
         help="harder levels to try after a met target (default: until one fails)",
     )
     parser.add_argument(
@@ -90,6 +97,7 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compare-seeds",
         type=positive,
+        metavar="N",
         help="robots and times for the comparison (default: as many)",
     )
     parser.add_argument("--no-compare", action="store_true", help="measure without a comparison")

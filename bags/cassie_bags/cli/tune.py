@@ -32,6 +32,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "parameters",
         nargs="*",
+        metavar="PATTERN",
         help="patterns of controller parameters, such as 'walk.joints.*' (default: the joint, "
         "torso and leg-angle gains)",
     )
@@ -39,31 +40,50 @@ def _parser() -> argparse.ArgumentParser:
         "--objective",
         type=Path,
         default=None,
+        metavar="FILE",
         help="file of courses, model errors and costs (default: the package's)",
     )
     parser.add_argument(
-        "--seeds", type=positive, default=2, help="new robots in each generation (%(default)s)"
+        "--seeds",
+        type=positive,
+        default=2,
+        metavar="N",
+        help="new robots in each generation (%(default)s)",
     )
     parser.add_argument(
-        "--held-out", type=count, default=10, help="other robots for the final report (%(default)s)"
+        "--held-out",
+        type=count,
+        default=10,
+        metavar="N",
+        help="other robots for the final report (%(default)s)",
     )
-    parser.add_argument("--generations", type=count, default=30, help="total number (%(default)s)")
     parser.add_argument(
-        "--population", type=_population, default=0, help="size of a generation; 0: auto (0)"
+        "--generations", type=count, default=30, metavar="N", help="total number (%(default)s)"
+    )
+    parser.add_argument(
+        "--population",
+        type=_population,
+        default=0,
+        metavar="N",
+        help="size of a generation; 0: auto (0)",
     )
     parser.add_argument(
         "--factor",
         type=in_range(1.01, 100.0, "1.01 .. 100"),
         default=2.0,
+        metavar="RATIO",
         help="largest factor on a value, up and down (%(default)s)",
     )
     parser.add_argument(
         "--step",
         type=in_range(0.001, 1.0, "0.001 .. 1"),
         default=0.3,
+        metavar="RATIO",
         help="first step as a share of the range (%(default)s)",
     )
-    parser.add_argument("--seed", type=positive, default=1, help="seed of the search (%(default)s)")
+    parser.add_argument(
+        "--seed", type=positive, default=1, metavar="N", help="seed of the search (%(default)s)"
+    )
     parser.add_argument(
         "--set",
         action="append",

@@ -11,6 +11,7 @@ from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     WRONG_INPUT,
+    add_bag,
     exit_codes,
     new_file,
     picture,
@@ -82,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
         "motor commands with the recorded ones, to the last bit.",
         epilog=exit_codes("identical", "not"),
     )
-    parser.add_argument("file", type=Path, help="bag")
+    add_bag(parser, "file")
     parser.add_argument("--verify", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--with",

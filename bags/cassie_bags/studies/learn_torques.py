@@ -157,18 +157,18 @@ class Comparison:
 
 def compared(speed: float, results: Sequence[Measures]) -> Comparison:
     """Results of `comparison` at one speed, combined."""
-    both = [r for r in results if not (r["fell"] or r["beside_fell"])]
+    both = [r for r in results if not (r["fell"] or r["reference_fell"])]
 
     def rms(name: str) -> float:
         return math.sqrt(sum(r[name] ** 2 for r in both) / len(both)) if both else math.nan
 
     return Comparison(
         speed,
-        np.array([rms(f"beside_{name}") for name in TRACKING]),
+        np.array([rms(f"reference_{name}") for name in TRACKING]),
         np.array([rms(name) for name in TRACKING]),
-        rms("beside_tracking"),
+        rms("reference_tracking"),
         rms("tracking"),
-        sum(int(r["beside_fell"]) for r in results),
+        sum(int(r["reference_fell"]) for r in results),
         sum(int(r["fell"]) for r in results),
         len(results),
     )

@@ -53,22 +53,23 @@ def run_trial(trial: Trial) -> Measures:
         Measures by name: fell (0 or 1), end (s), ahead (m), end_speed (m/s), standing (0 or 1), and
         false_alarms, the number of healthy channels that were rejected at any time. Those of the
         window are from `measure_window`, `measure_effort` and `measure_ride`, NaN if the run ended
-        before the window did. Measures of the second run have the prefix "beside_".
+        before the window did. Measures of the reference run have the prefix "reference_".
 
     Raises:
         ExperimentError: naming the key, its value and what is permitted.
     """
     measures = _measures_of(trial)
-    if trial.beside is not None:
-        changed = dataclasses.replace(trial, changes=(*trial.changes, *trial.beside), beside=None)
-        measures |= {f"beside_{name}": value for name, value in _measures_of(changed).items()}
+    if trial.reference is not None:
+        changes = (*trial.changes, *trial.reference)
+        changed = dataclasses.replace(trial, changes=changes, reference=None)
+        measures |= {f"reference_{name}": value for name, value in _measures_of(changed).items()}
     return measures
 
 
 def _measures_of(trial: Trial) -> Measures:
     experiment = experiment_of(trial)
     cores = make_cores(experiment)
-    store = Store() if trial.kept is None else RecentStore(trial.kept)
+    store = Store() if trial.history is None else RecentStore(trial.history)
     loop = connect(cores, store)
     fell = False
     start = _heading_line(cores.plant)

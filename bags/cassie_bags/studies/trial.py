@@ -25,9 +25,9 @@ class Trial:
         window: Part of the run to measure. In s.
         ahead: Distance along the first heading at which the run ends early, or None. In m.
         changes: `key=value` words that replace values of the content.
-        beside: Further such words for a second run, or None for no second run.
-        kept: Least length of the last part of the run that is held in memory; None for all of it.
-            Earlier parts are not measured. In s.
+        reference: Further such words for a reference run, or None for no reference run.
+        history: Least length of the last part of the run that is held in memory; None for all of
+            it. Earlier parts are not measured. In s.
     """
 
     content: Mapping[str, Any]
@@ -35,12 +35,12 @@ class Trial:
     window: tuple[float, float]
     ahead: float | None = None
     changes: tuple[str, ...] = field(default=())
-    beside: tuple[str, ...] | None = None
-    kept: float | None = None
+    reference: tuple[str, ...] | None = None
+    history: float | None = None
 
 
-def left_over(measures: Measures, name: str = "tracking") -> float:
-    """Ratio of a trial's measure to that of its second run; NaN if a robot fell."""
-    if measures["fell"] or measures["beside_fell"]:
+def ratio_to_reference(measures: Measures, name: str = "tracking") -> float:
+    """Ratio of a trial's measure to that of its reference run; NaN if a robot fell."""
+    if measures["fell"] or measures["reference_fell"]:
         return math.nan
-    return measures[name] / measures[f"beside_{name}"]
+    return measures[name] / measures[f"reference_{name}"]

@@ -57,8 +57,8 @@ FIVE_KILOMETRES = 5000.0
 COURSE_SPEED = 0.6
 """Speed on a course of all grounds. In m/s."""
 
-KEPT = 20.0
-"""Length of the part of long runs that is kept in memory. In s."""
+HISTORY = 20.0
+"""`Trial.history` of long runs. In s."""
 
 MOST = 0.9
 """Share of the trials that must hold in rows that ask for 18 of 20."""
@@ -178,7 +178,7 @@ def _course() -> Row:
         lambda _, seed, __: {"seed": seed},
         distance=lambda metres: metres,
         speed=COURSE_SPEED,
-        kept=KEPT,
+        history=HISTORY,
     )
 
 

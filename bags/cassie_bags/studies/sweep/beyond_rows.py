@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cassie_bags.studies.sweep.beyond_ground_rows import FIVE_KILOMETRES, KEPT
+from cassie_bags.studies.sweep.beyond_ground_rows import FIVE_KILOMETRES, HISTORY
 from cassie_bags.studies.sweep.course import (
     AFTER_EVENT,
     SETTLING,
@@ -80,7 +80,9 @@ def beyond_rows() -> list[Row]:
 def _far() -> Row:
     def trial(budget: Budget, seed: int, speed: float) -> Trial:
         end = reached_at(speed) + 1.2 * FIVE_KILOMETRES / speed
-        return walk(budget, seed, (end - 1.0, end), vx=speed, ahead=FIVE_KILOMETRES, kept=KEPT)
+        return walk(
+            budget, seed, (end - 1.0, end), vx=speed, ahead=FIVE_KILOMETRES, history=HISTORY
+        )
 
     return Row(
         "far.level",

@@ -110,9 +110,9 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
         seed: Seed of the robot.
         window: Part to measure. In s.
         commanded: vx, vy, yaw_rate of the operator; `then` with further steps of the operator;
-            `ahead` and `kept` of the trial; other words are sections of the experiment.
+            `ahead` and `history` of the trial; other words are sections of the experiment.
     """
-    ahead, kept = commanded.pop("ahead", None), commanded.pop("kept", None)
+    ahead, history = commanded.pop("ahead", None), commanded.pop("history", None)
     command: dict[str, float] = {
         key: commanded.pop(key) for key in ("vx", "vy", "yaw_rate") if key in commanded
     }
@@ -130,7 +130,7 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
         "supervisor": opened_limits(command),
         **commanded,
     }
-    return Trial(content, seed, window, ahead, budget.changes, kept=kept)
+    return Trial(content, seed, window, ahead, budget.changes, history=history)
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:

@@ -49,7 +49,7 @@ def crossing(
         parameters: Parameters of the scene.
         distance: Distance to walk beyond the level part. In m.
         speed: Commanded speed. In m/s.
-        more: Other sections of the experiment, or `kept` of the trial.
+        more: Other sections of the experiment, or `history` of the trial.
     """
     ahead = LEVEL_PART + distance
     return walk(
@@ -81,7 +81,7 @@ def crossed(
     *,
     distance: Callable[[float], float] = lambda level: DISTANCE,
     speed: float | None = SPEED,
-    kept: float | None = None,
+    history: float | None = None,
     sections: dict[str, Any] | None = None,
     **more: Any,
 ) -> Row:
@@ -93,7 +93,7 @@ def crossed(
         parameters: Parameters of the scene.
         distance: Distance to walk beyond the level part, by the level. In m.
         speed: Commanded speed. In m/s; None: the level.
-        kept: See `Trial`. In s.
+        history: See `Trial`. In s.
         sections: Other sections of the experiment.
         more: Other fields of the row.
     """
@@ -103,7 +103,9 @@ def crossed(
 
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         ground = parameters(level, seed, budget)
-        return crossing(budget, seed, scene, ground, *way(level), kept=kept, **(sections or {}))
+        return crossing(
+            budget, seed, scene, ground, *way(level), history=history, **(sections or {})
+        )
 
     def holds(measures: Measures, level: float) -> bool:
         return got_across(measures, *way(level))

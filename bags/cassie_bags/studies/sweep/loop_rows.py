@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cassie_bags.studies.sweep.course import Budget, comparison, robots, steady, walk
 from cassie_bags.studies.sweep.row import Figure, Row
-from cassie_bags.studies.trial import Trial, left_over
+from cassie_bags.studies.trial import Trial, ratio_to_reference
 
 SPEED = 0.5
 """Walking speed of the rows about delays and the estimator. In m/s."""
@@ -64,8 +64,8 @@ def _tracking(speed: float) -> Row:
         70.0,
         (speed,),
         robots(trial),
-        holds=lambda measures, _: not measures["beside_fell"],
-        figure=lambda measures, _: 100.0 * left_over(measures),
+        holds=lambda measures, _: not measures["reference_fell"],
+        figure=lambda measures, _: 100.0 * ratio_to_reference(measures),
         at_least=False,
     )
 

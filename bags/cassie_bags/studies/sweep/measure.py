@@ -130,10 +130,10 @@ def _measure(
         own,
         arguments.first,
     )
-    kept, every = arguments.out / "sweeps.json", all_rows()
+    file, every = arguments.out / "sweeps.json", all_rows()
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     if arguments.resume:
-        for name, found in load(kept, every, budget).items():
+        for name, found in load(file, every, budget).items():
             results.setdefault(name, {}).update(found)
     fewer = {} if arguments.compare_seeds is None else _fewer(budget, arguments.compare_seeds)
     open_rows = [
@@ -145,19 +145,19 @@ def _measure(
     try:
         for row, name, result in _measured(open_rows, arguments):
             results[name][row.name] = dataclasses.replace(result, origin=made)
-            save(kept, every, results, budget)
+            save(file, every, results, budget)
     finally:
         if measured := _done(rows, results[shipped]):
             print(table(measured, results))
         if done := _done(every, results[shipped]):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
-            stored = read_rows(kept)
+            stored = read_rows(file)
             _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
             from cassie_bags.studies.sweep.picture import draw  # loading matplotlib takes a second
 
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
-        _merge(arguments.results, _text(arguments.results), read_rows(kept))
+        _merge(arguments.results, _text(arguments.results), read_rows(file))
     return results
 
 
