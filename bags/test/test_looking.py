@@ -437,6 +437,26 @@ def test_log_times_of_64_bits_are_read_as_they_are(tmp_path: Path, log_time: int
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("form", ["csv", "npz", "parquet"])
+def test_numbers_of_64_bits_keep_all_bits(tmp_path: Path, form: str):
+    path, values = tmp_path / "large.mcap", [0, 2**63 + 1, 2**64 - 1]
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/count", "std_msgs/msg/UInt64")
+        for time, value in enumerate(values):
+            writer.write(channel, b"\0\1\0\0" + value.to_bytes(8, "little"), time, time)
+    if form == "parquet":
+        parquet = pytest.importorskip("pyarrow.parquet", reason="the extra parquet")
+    export(read_tables(path), tmp_path / "out", form)
+    file = tmp_path / "out" / f"count.{form}"
+    if form == "csv":
+        with file.open(newline="") as stream:
+            assert [int(row["data"]) for row in csv.DictReader(stream)] == values
+    elif form == "npz":
+        assert np.load(file)["data"].tolist() == values
+    else:
+        assert parquet.read_table(file)["data"].to_pylist() == values
+
+
 def write_mixed_bag(path: Path, encodings: dict[str, str]) -> None:
     """A bag with one message for each topic, in the given encoding; only "cdr" can be read."""
     with path.open("wb") as stream:

@@ -18,7 +18,7 @@ from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
 
 Array = npt.NDArray[Any]
-Times = npt.NDArray[np.int64] | npt.NDArray[np.uint64]
+Integers = npt.NDArray[np.int64] | npt.NDArray[np.uint64]
 
 MAX_ENTRIES = 256
 """Longest array in a table; longer ones, as of images and point clouds, are left out."""
@@ -39,7 +39,7 @@ class Table:
 
     Attributes:
         topic, type: Name of the topic, and its message type.
-        log_time, publish_time: Times of each message. Shape (n,), int64, in ns; uint64 if one of
+        log_time, publish_time: Integers of each message. Shape (n,), int64, in ns; uint64 if one of
             them does not fit into int64.
         fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
             entry that a message does not have is NaN or empty.
@@ -48,8 +48,8 @@ class Table:
 
     topic: str
     type: str
-    log_time: Times
-    publish_time: Times
+    log_time: Integers
+    publish_time: Integers
     fields: Mapping[str, Array]
     left_out: tuple[str, ...] = ()
 
@@ -198,8 +198,8 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
         raise BagError(index.unreadable[topic])
     kind = index.types[topic]
     raw = [data for _, _, data in messages]
-    log_time = _times([time for time, _, _ in messages])
-    publish_time = _times([time for _, time, _ in messages])
+    log_time = _integers([time for time, _, _ in messages])
+    publish_time = _integers([time for _, time, _ in messages])
     rows = _known_rows(topic, raw)
     if rows is not None:
         names = rows.dtype.names or ()
@@ -210,8 +210,11 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
     return Table(topic, kind, log_time, publish_time, fields, left_out)
 
 
-def _times(values: list[int]) -> Times:
-    """Times in ns. MCAP allows 64 bits without a sign."""
+def _integers(values: list[int]) -> Integers:
+    """Integers as int64, or as uint64 where one needs 64 bits without a sign, as MCAP's times may.
+
+    NumPy itself makes floating-point numbers of both kinds together.
+    """
     if max(values) < 1 << 63:
         return np.array(values, np.int64)
     return np.array(values, np.uint64)
@@ -289,4 +292,6 @@ def _column(values: list[Any]) -> Array:
         return np.array(["" if value is None else value for value in values], dtype=np.str_)
     if any(value is None for value in values):
         return np.array([np.nan if value is None else value for value in values], np.float64)
+    if all(type(value) is int for value in values):
+        return _integers(values)
     return np.array(values)
