@@ -52,6 +52,7 @@ SENSOR_CHANNELS = (
 """Channels of the sensors in the order of their bits in `RobotState.sensor_faults`."""
 
 _SOON = 300_000_000  # ns after a change of mode in which the supervisor reports the reason
+_LATE = 50_000_000  # ns by which a command may be recorded after the mode that answers it
 _OK = 0
 
 
@@ -294,11 +295,12 @@ def _shown_reason(
 ) -> str:
     """The reason of a mode that began, as far as the state and the operator's command show it."""
 
-    def newest(topic: str) -> Any:
-        index = bisect_right(times.get(topic, ()), since)
+    def newest(topic: str, until: int) -> Any:
+        index = bisect_right(times.get(topic, ()), until)
         return recording.lane[topic][index - 1] if index else None
 
-    state, command = newest(RobotState.TOPIC), newest(OperatorCommand.TOPIC)
+    state = newest(RobotState.TOPIC, since)
+    command = newest(OperatorCommand.TOPIC, since + _LATE)
     if mode == RobotMode.OFF:
         return "the drives have no power" if state is not None and state["power"] <= 0.5 else ""
     if command is not None and command["mode"] == mode:
