@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     add_bag,
+    command,
     exit_codes,
     labels,
     new_file,
     picture,
-    run_command,
 )
 from cassie_bags.errors import BagError
 
 if TYPE_CHECKING:
     from cassie_bags.bag.recording import Recording
     from cassie_bags.bag.summary import Summary
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags compare`."""
-    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -110,6 +104,8 @@ def _metrics_of(recording: Recording) -> dict[str, float]:
 
     return measure(recording, make_track(recording), ()).run
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,15 +5,9 @@ from __future__ import annotations
 import argparse
 import datetime
 import sys
-from collections.abc import Sequence
 
 from cassie_bags.cli.arguments import add_results, count
-from cassie_bags.cli.frame import exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags estimators`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -36,6 +30,8 @@ def _parser() -> argparse.ArgumentParser:
     add_results(parser, "all grounds")
     return parser
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

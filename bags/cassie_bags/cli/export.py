@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import OK, add_bag, exit_codes, run_command, stem
+from cassie_bags.cli.frame import OK, add_bag, command, exit_codes, stem
 
 FORMATS = ("csv", "parquet", "npz")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags export`."""
-    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -70,6 +64,8 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"{count} messages of {len(tables)} topics in {len(files)} files in {folder}")
     return OK
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

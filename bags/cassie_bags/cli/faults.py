@@ -5,15 +5,9 @@ from __future__ import annotations
 import argparse
 import datetime
 import sys
-from collections.abc import Sequence
 
 from cassie_bags.cli.arguments import add_jobs, add_results, count, one_of
-from cassie_bags.cli.frame import exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags faults`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -65,6 +59,8 @@ def _kind(word: str) -> str:
 
     return one_of(FAULT_KINDS, "kind")(word)
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs
-from cassie_bags.cli.frame import exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags fingerprint`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -62,6 +56,8 @@ def _parser() -> argparse.ArgumentParser:
     add_jobs(parser)
     return parser
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

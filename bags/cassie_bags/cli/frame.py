@@ -12,6 +12,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from cassie_bags.errors import BagError, RunError
 
@@ -39,39 +40,53 @@ def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True, node: b
     return f"Exit codes: {', '.join(words)}."
 
 
-def run_command(
-    parser: argparse.ArgumentParser,
-    run: Callable[[argparse.Namespace], int],
-    argv: Sequence[str] | None,
-) -> int:
-    """Read a command line and run it; returns the exit code. SIGTERM ends it as Ctrl-C does.
+class Main(Protocol):
+    """Entry point of a command, as setup.py names it."""
+
+    def __call__(self, argv: Sequence[str] | None = None) -> int:
+        """Run the command; returns the exit code.
+
+        Args:
+            argv: Words after the command's name; those of this process if None.
+        """
+        ...
+
+
+def command(
+    parser: Callable[[], argparse.ArgumentParser], run: Callable[[argparse.Namespace], int]
+) -> Main:
+    """Entry point of a command. SIGTERM ends the command as Ctrl-C does.
 
     Args:
-        parser: Parser of the command.
+        parser: Makes the parser of the command.
         run: Gets the arguments, returns the exit code.
-        argv: Words after the command's name; those of this process if None.
     """
-    arguments = parser.parse_args(argv)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        code = run(arguments)
-        if sys.stdout is not None:  # None if stdout is closed
-            sys.stdout.flush()
-        return code
-    except KeyboardInterrupt:
-        print(f"{parser.prog}: stopped", file=sys.stderr)
-        return STOPPED
-    except BrokenPipeError:  # the reader of our output has ended, such as `head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
-    except RunError as error:
-        print(f"{parser.prog}: error: {error}", file=sys.stderr)
-        return NO_RUN
-    except (ValueError, OSError) as error:
-        print(f"{parser.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return WRONG_INPUT
-    finally:
-        signal.signal(signal.SIGTERM, before)
+
+    def main(argv: Sequence[str] | None = None) -> int:
+        options = parser()
+        arguments = options.parse_args(argv)
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            code = run(arguments)
+            if sys.stdout is not None:  # None if stdout is closed
+                sys.stdout.flush()
+            return code
+        except KeyboardInterrupt:
+            print(f"{options.prog}: stopped", file=sys.stderr)
+            return STOPPED
+        except BrokenPipeError:  # the reader of our output has ended, such as `head`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return OK
+        except RunError as error:
+            print(f"{options.prog}: error: {error}", file=sys.stderr)
+            return NO_RUN
+        except (ValueError, OSError) as error:
+            print(f"{options.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
+            return WRONG_INPUT
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+    return main
 
 
 def node_words(name: str) -> list[str]:

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 
-from cassie_bags.cli.frame import OK, add_bag, exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags info`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import OK, add_bag, command, exit_codes
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -40,6 +34,8 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     return OK
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

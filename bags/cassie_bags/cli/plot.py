@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, add_bag, exit_codes, new_file, picture, run_command, stem
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags plot`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import OK, add_bag, command, exit_codes, new_file, picture, stem
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -60,6 +54,8 @@ def _run(arguments: argparse.Namespace) -> int:
     print(path)
     return OK
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

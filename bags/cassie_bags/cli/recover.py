@@ -5,15 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags recover`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import OK, command, exit_codes
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,6 +44,8 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f"{saved.messages} messages, {saved.duration:.2f} s saved to {target}; {state}")
     return OK
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,16 +11,11 @@ from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     add_bag,
+    command,
     exit_codes,
     labels,
     new_file,
-    run_command,
 )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags report`."""
-    return run_command(_parser(), _run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -72,6 +66,8 @@ def _page(word: str) -> Path:
         raise argparse.ArgumentTypeError(f"{word} does not end in .html")
     return Path(word)
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

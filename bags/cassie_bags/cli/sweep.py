@@ -5,15 +5,9 @@ from __future__ import annotations
 import argparse
 import datetime
 import sys
-from collections.abc import Sequence
 
 from cassie_bags.cli.arguments import add_jobs, add_out, add_results, count, positive, seconds
-from cassie_bags.cli.frame import exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags sweep`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -102,6 +96,8 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-compare", action="store_true", help="measure without a comparison")
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

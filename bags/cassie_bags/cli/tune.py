@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, count, in_range, positive
-from cassie_bags.cli.frame import exit_codes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run cassie_bags tune`."""
-    return run_command(_parser(), _run, argv)
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -102,6 +96,8 @@ def _population(word: str) -> int:
         raise argparse.ArgumentTypeError("1 is not 0 (auto), or 2 or more")
     return size
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

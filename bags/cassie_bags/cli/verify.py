@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.frame import (
@@ -12,19 +11,14 @@ from cassie_bags.cli.frame import (
     OK,
     WRONG_INPUT,
     add_bag,
+    command,
     exit_codes,
     new_file,
     picture,
-    run_command,
 )
 
 _PICTURE = Path("replay.png")
 """Picture of what other parameters would have given, in the working folder."""
-
-
-def main(argv: Sequence[str]) -> int:
-    """Entry point of `ros2 run cassie_bags replay --verify`."""
-    return run_command(_parser(), _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -110,3 +104,6 @@ def _parser() -> argparse.ArgumentParser:
         f"(default: {_PICTURE})",
     )
     return parser
+
+
+main = command(_parser, _run)
