@@ -753,6 +753,21 @@ def test_the_first_difference_has_its_field_tick_and_values(tmp_path: Path, mess
     assert not command.same
 
 
+def test_a_truth_value_that_is_another_byte_is_a_difference(messages):
+    """Damage may leave any byte where a message has true or false."""
+    recordings = []
+    for byte in (1, 2):
+        recording = glide(1.0)
+        rows = recording.lane[OperatorCommand.TOPIC].copy()
+        rows["power"].view(np.uint8)[3] = byte
+        lane = {**recording.lane, OperatorCommand.TOPIC: rows}
+        recordings.append(recording.with_rows({**lane, **recording.stamped}))
+    one, other = recordings
+    (found,) = [each for each in compare_recordings(one, other) if not each.same]
+    assert found.first is not None
+    assert (found.first.field, found.first.values) == ("power", (True, 2))
+
+
 def test_compare_tells_a_difference_by_its_exit_code_and_draws_both(tmp_path: Path, bag: Path):
     other = tmp_path / "other.mcap"
     write_bag(other, glide_messages(2.0, vx=0.4))

@@ -96,9 +96,19 @@ def first_unequal(a: Rows, b: Rows, names: Sequence[str]) -> tuple[int, str, int
     if not unequal.any():
         return None
     row = int(np.argmax(unequal))
-    entries = {name: _unequal(a[name][row], b[name][row]) for name in names}
+    one, other = a[row : row + 1], b[row : row + 1]  # a single truth value would lose its byte
+    entries = {name: _unequal(one[name], other[name]) for name in names}
     field = next(name for name in names if entries[name].any())
     return row, field, int(np.argmax(entries[field]))
+
+
+def value_at(rows: Rows, place: tuple[int, str, int]) -> float:
+    """The value at a row, field and entry; a truth value that is neither 0 nor 1 as its byte."""
+    row, name, entry = place
+    value = np.ascontiguousarray(rows[name][row : row + 1]).ravel()[entry : entry + 1]
+    byte = int(value.view(np.uint8)[0])
+    found: float = byte if value.dtype == np.bool_ and byte > 1 else value[0].item()
+    return found
 
 
 def _unequal(a: Rows, b: Rows) -> BoolArray:
@@ -131,10 +141,9 @@ def _first(topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys) -> Di
     if place is None:
         return None
     row, name, entry = place
-    values = (np.atleast_1d(rows[name][row])[entry].item() for rows in (a, b))
     return Difference(
         entry_name(topic, name, entry),
         int(a["seq"][row]) if "seq" in names else int(keys[row]),
         float(stamps(a)[row]),
-        (next(values), next(values)),
+        (value_at(a, place), value_at(b, place)),
     )

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.comparison import first_unequal, unequal_rows
+from cassie_bags.bag.comparison import first_unequal, unequal_rows, value_at
 from cassie_bags.bag.continuity import SEQ_STEP
 from cassie_bags.bag.fields import entry_name
 from cassie_bags.bag.node_events import Event
@@ -118,7 +118,6 @@ class Replayed:
         if place is None:
             return None
         row, name, index = place
-        one, other = (np.atleast_1d(each[name][row]) for each in (self.recorded, self.computed))
         at = self.recorded[row]
         return ReplayDifference(
             topic,
@@ -126,8 +125,8 @@ class Replayed:
             int(at["episode"]),
             int(at["seq"]),
             float(at["sec"]) + 1e-9 * float(at["nanosec"]),
-            one[index].item(),
-            other[index].item(),
+            value_at(self.recorded, place),
+            value_at(self.computed, place),
         )
 
     def different_count(self) -> int:

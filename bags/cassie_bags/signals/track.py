@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -239,7 +240,7 @@ def _commanded(
     return _held(source, sensors, TRACKED)
 
 
-def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatArray]:
+def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, npt.NDArray[Any]]:
     """Fields of a scheduled message at each tick, held from `effective_seq` on.
 
     The first values also hold before they take effect, so that means are those of the set-points.
@@ -249,4 +250,4 @@ def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, FloatA
         return {name: np.zeros(len(sensors)) for name in names}
     rows = rows[np.argsort(rows["effective_seq"], kind="stable")]
     index = np.searchsorted(rows["effective_seq"], sensors["seq"], side="right") - 1
-    return {name: rows[name].astype(np.float64)[index.clip(0)] for name in names}
+    return {name: rows[name][index.clip(0)] for name in names}
