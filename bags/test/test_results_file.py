@@ -12,7 +12,8 @@ import pytest
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin, machine, origin, revision
-from cassie_bags.studies.sweep.results_file import NOT_NOTED, merge, section, titles
+from cassie_bags.studies.results import table_of
+from cassie_bags.studies.sweep.results_file import NOT_NOTED, SECTIONS, merge, section
 from cassie_bags.studies.sweep.table import StoredRow, all_rows, read_rows
 
 HERE = Path(__file__).resolve().parent
@@ -72,6 +73,12 @@ def line(text: str, title: str) -> list[str]:
 def run(text: str, number: int) -> list[str]:
     """Cells of the line of a run."""
     return line(text.partition("\n## Runs\n")[2].partition("\n## ")[0], str(number))
+
+
+def titles(text: str) -> list[str]:
+    """Titles of all rows in a file of results, in the order of its sections."""
+    found = {heading: table_of(text, heading)[2:] for heading in SECTIONS.values()}
+    return [row[0] for heading in sorted(found, key=text.find) for row in found[heading]]
 
 
 def test_the_results_of_this_repository_are_read_and_written_without_a_change():

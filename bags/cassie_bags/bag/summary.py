@@ -196,20 +196,6 @@ def summarize(bag: Path | str) -> Summary:
     )
 
 
-def modes_of(bag: Path | str) -> list[Interval]:
-    """Modes over time, as in `Summary` but without their reasons.
-
-    Raises:
-        BagError: if the bag cannot be read.
-    """
-    messages: list[bytes] = []
-    times: list[int] = []
-    for _, log_time, _, data in read_messages(bag, [Mode.TOPIC]):
-        messages.append(data)
-        times.append(log_time)
-    return _modes(from_messages({Mode.TOPIC: messages}, 0.0), {Mode.TOPIC: times}, ())
-
-
 def intervals_of_mode(
     time: npt.NDArray[np.float64], modes: npt.NDArray[np.int64]
 ) -> list[Interval]:

@@ -36,7 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     name = stem(arguments.bag)
     path = new_file(arguments.output or Path(f"{name}.png"))
     from cassie_bags.bag.output import new_files
-    from cassie_bags.bag.summary import modes_of, summarize
+    from cassie_bags.bag.summary import summarize
     from cassie_bags.bag.tables import read_curves
     from cassie_bags.report.plots import save_curves, save_overview
     from cassie_bags.report.view import events_of_bag, view_of_bag
@@ -46,7 +46,7 @@ def _run(arguments: argparse.Namespace) -> int:
         summary = summarize(arguments.bag)
         events = events_of_bag(summary)
         with new_files([path]) as (part,):
-            save_curves(curves, modes_of(arguments.bag), events, name, part)
+            save_curves(curves, summary.modes, events, name, part)
     else:
         view = view_of_bag(arguments.bag, name)
         with new_files([path]) as (part,):

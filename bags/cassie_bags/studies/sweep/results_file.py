@@ -96,11 +96,6 @@ def section(name: str) -> str:
     return next(heading for begin, heading in SECTIONS.items() if name.startswith(begin))
 
 
-def titles(text: str) -> list[str]:
-    """Titles of all rows in a file of results."""
-    return [line[0] for heading in _ORDER for line in table_of(text, heading)[2:]]
-
-
 def _cell(result: RowResult) -> _Cell:
     return _Cell(" ".join(reached(result)).strip(), "yes" if result.met else "no", result.origin)
 
