@@ -208,6 +208,17 @@ def test_words_of_a_bag_are_text_and_never_markup():
     assert "&lt;script&gt;" in text
 
 
+def test_what_cannot_be_measured_is_a_dash():
+    """As where one sample of the pose is not a number."""
+    recording = glide(1.0)
+    view = view_of(recording, "glide")
+    metrics = measure(recording, view.track, view.phases)
+    unknown = replace(metrics, run=dict.fromkeys(metrics.run, np.nan) | {"duration": 1.0})
+    text = page("glide", [drive_entry(view, unknown, {}, {})], {})
+    for name in ("steps", "distance", "greatest tilt", "peak torque"):
+        assert re.search(rf"<dt>{name}</dt><dd>\s*–", text)
+
+
 def test_an_experiment_is_held_against_its_file(tmp_path: Path):
     """Its bag alone says what was expected of it."""
     experiment = tmp_path / "try.yaml"
