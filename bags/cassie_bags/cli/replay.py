@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from cassie_bags.bag.playback import RATES
 from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import in_range
-from cassie_bags.cli.frame import add_bag, exit_codes, node_words
+from cassie_bags.cli.frame import exit_codes, node_words
 
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 """Keys on a terminal."""
@@ -44,7 +45,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             node=True,
         ),
     )
-    add_bag(parser, "file")
+    parser.add_argument("file", type=Path, metavar="BAG", help="MCAP file, or folder of ros2 bag")
     parser.add_argument(
         "-r",
         "--rate",

@@ -10,7 +10,6 @@ from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     WRONG_INPUT,
-    add_bag,
     command,
     exit_codes,
     new_file,
@@ -77,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
         "motor commands with the recorded ones, to the last bit.",
         epilog=exit_codes("identical", "not"),
     )
-    add_bag(parser, "file")
+    parser.add_argument("file", type=Path, metavar="BAG", help="MCAP file, or folder of ros2 bag")
     parser.add_argument("--verify", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--with",
