@@ -745,7 +745,9 @@ def test_the_first_difference_has_its_field_tick_and_values(tmp_path: Path, mess
     found = {
         c.topic: c for c in compare_recordings(replace(one, lane=same), replace(other, lane=lane))
     }
-    assert found[RobotState.TOPIC].first == Difference("v.x", 650, 1.3, (0.0, -0.0))
+    assert found[RobotState.TOPIC].first == Difference(
+        RobotState.TOPIC, "v.x", 1, 650, 1.3, (0.0, -0.0)
+    )
     assert found[RobotState.TOPIC].different == 301
     assert found[Sensors.TOPIC].same
     command = found[MotorCommand.TOPIC]

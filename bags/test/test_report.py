@@ -216,7 +216,7 @@ def test_what_cannot_be_measured_is_a_dash():
     unknown = replace(metrics, run=dict.fromkeys(metrics.run, np.nan) | {"duration": 1.0})
     text = page("glide", [drive_entry(view, unknown, {}, {})], {})
     for name in ("steps", "distance", "greatest tilt", "peak torque"):
-        assert re.search(rf"<dt>{name}</dt><dd>\s*–", text)
+        assert re.search(rf"<dt>{name}</dt><dd>\s*\u2013", text)
 
 
 def test_an_experiment_is_held_against_its_file(tmp_path: Path):

@@ -123,7 +123,7 @@ def test_one_bit_is_found_with_its_place_and_both_values(bag: Path, tmp_path: Pa
     first = verify(path).differences[0]
     assert (first.topic, first.field, first.tick) == (RobotState.TOPIC, "q.yaw", 700)
     assert first.time == pytest.approx(1.4)
-    assert first.recorded == np.nextafter(first.computed, 1.0)
+    assert first.values[0] == np.nextafter(first.values[1], 1.0)
     assert main([str(path)]) == 1
 
 

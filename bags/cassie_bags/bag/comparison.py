@@ -23,16 +23,20 @@ _EPISODE_SHIFT = 40  # bits of a key for the number of a sample within its episo
 
 @dataclass(frozen=True)
 class Difference:
-    """The first sample of a topic in which two recordings differ.
+    """The first message of a topic that differs in any bit.
 
     Attributes:
+        topic: Topic of the message.
         field: Name of the field, with the name of the component.
-        tick: `seq` of the sample; the sample's key for a topic without `seq`.
+        episode: Episode of the simulator in the first recording; -1 for a topic without.
+        tick: `seq` of the message; its key for a topic without `seq`.
         time: Robot time within the episode. In s.
-        values: Values in the two recordings.
+        values: Both values.
     """
 
+    topic: str
     field: str
+    episode: int
     tick: int
     time: float
     values: tuple[Any, Any]
@@ -77,7 +81,7 @@ def _compare(topic: str, one: Recording, other: Recording) -> TopicComparison:
     a, b = rows_a[in_a], rows_b[in_b]
     names = [name for name in a.dtype.names or () if name != "episode"]
     different = int(unequal_rows(a, b, names).sum())
-    first = _first(topic, a, b, names, keys)
+    first = first_difference(topic, a, b, names, keys)
     return TopicComparison(topic, (len(rows_a), len(rows_b)), len(keys), different, first)
 
 
@@ -90,8 +94,17 @@ def unequal_rows(a: Rows, b: Rows, names: Sequence[str]) -> BoolArray:
     return unequal
 
 
-def first_unequal(a: Rows, b: Rows, names: Sequence[str]) -> tuple[int, str, int] | None:
-    """Row, field and entry of the first difference of some fields; None if there is none."""
+def first_difference(
+    topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys | None = None
+) -> Difference | None:
+    """The first row that differs in some fields, and its first field that does; None if none does.
+
+    Args:
+        topic: Topic of the rows.
+        a, b: Rows of equal length.
+        names: Names of the compared fields.
+        keys: Key of each row, for a topic without `seq`.
+    """
     unequal = unequal_rows(a, b, names)
     if not unequal.any():
         return None
@@ -99,16 +112,23 @@ def first_unequal(a: Rows, b: Rows, names: Sequence[str]) -> tuple[int, str, int
     one, other = a[row : row + 1], b[row : row + 1]  # a single truth value would lose its byte
     entries = {name: _unequal(one[name], other[name]) for name in names}
     field = next(name for name in names if entries[name].any())
-    return row, field, int(np.argmax(entries[field]))
+    entry = int(np.argmax(entries[field]))
+    numbered = "seq" in (a.dtype.names or ())
+    return Difference(
+        topic,
+        entry_name(topic, field, entry),
+        int(a["episode"][row]) if numbered else -1,
+        int(a["seq"][row] if numbered or keys is None else keys[row]),
+        float(stamps(one)[0]),
+        (_value(one[field], entry), _value(other[field], entry)),
+    )
 
 
-def value_at(rows: Rows, place: tuple[int, str, int]) -> float:
-    """The value at a row, field and entry; a truth value that is neither 0 nor 1 as its byte."""
-    row, name, entry = place
-    value = np.ascontiguousarray(rows[name][row : row + 1]).ravel()[entry : entry + 1]
+def _value(values: Rows, entry: int) -> Any:
+    """The value of an entry; a truth value that is neither 0 nor 1 as its byte."""
+    value = np.ascontiguousarray(values).ravel()[entry : entry + 1]
     byte = int(value.view(np.uint8)[0])
-    found: float = byte if value.dtype == np.bool_ and byte > 1 else value[0].item()
-    return found
+    return byte if value.dtype == np.bool_ and byte > 1 else value[0].item()
 
 
 def _unequal(a: Rows, b: Rows) -> BoolArray:
@@ -134,16 +154,3 @@ def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
     keys = (ordinal << _EPISODE_SHIFT) + times // 1000  # in us, to fit into the lower bits
     keys, index = np.unique(keys, return_index=True)
     return rows[index], keys
-
-
-def _first(topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys) -> Difference | None:
-    place = first_unequal(a, b, names)
-    if place is None:
-        return None
-    row, name, entry = place
-    return Difference(
-        entry_name(topic, name, entry),
-        int(a["seq"][row]) if "seq" in names else int(keys[row]),
-        float(stamps(a)[row]),
-        (value_at(a, place), value_at(b, place)),
-    )

@@ -45,10 +45,11 @@ def _run(arguments: argparse.Namespace) -> int:
         count = len(replayed.recorded)
         print(f"{topic:24} {count:7} messages  {result if count else 'none could be replayed'}")
     for first in verification.differences:
+        recorded, computed = first.values
         print(
             f"{first.topic}: {first.field} differs first at tick {first.tick} of episode "
-            f"{first.episode} ({first.time:.3f} s): recorded {first.recorded!r}, "
-            f"computed {first.computed!r}"
+            f"{first.episode} ({first.time:.3f} s): recorded {recorded!r}, "
+            f"computed {computed!r}"
         )
     if verification.environment_changes:
         print(f"not as recorded: {'; '.join(verification.environment_changes)}")

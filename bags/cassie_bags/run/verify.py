@@ -22,9 +22,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cassie_bags.bag.comparison import first_unequal, unequal_rows, value_at
+from cassie_bags.bag.comparison import Difference, first_difference, unequal_rows
 from cassie_bags.bag.continuity import SEQ_STEP
-from cassie_bags.bag.fields import entry_name
 from cassie_bags.bag.node_events import Event
 from cassie_bags.bag.reader import read_attachment
 from cassie_bags.errors import BagError, ExperimentError
@@ -79,29 +78,6 @@ _SILENT_TICKS = 100  # in which a node answers no sample: it was lost; less is l
 
 
 @dataclass(frozen=True)
-class ReplayDifference:
-    """Where a recomputed message first differs from the recorded one.
-
-    Attributes:
-        topic: Topic of the message.
-        field: Field of the message, with the index in an array: "q[3]".
-        episode: Episode of the simulator.
-        tick: Control tick, the message's seq.
-        time: Robot time of the message. In s.
-        recorded: Value in the bag.
-        computed: Value now.
-    """
-
-    topic: str
-    field: str
-    episode: int
-    tick: int
-    time: float
-    recorded: float
-    computed: float
-
-
-@dataclass(frozen=True)
 class Replayed:
     """The messages of a topic, as recorded and as computed again. Two arrays of equal length."""
 
@@ -112,22 +88,9 @@ class Replayed:
     def _names(self) -> Sequence[str]:
         return self.recorded.dtype.names or ()
 
-    def first_difference(self, topic: str) -> ReplayDifference | None:
-        """The first message that differs in any bit, and its first field that does."""
-        place = first_unequal(self.recorded, self.computed, self._names)
-        if place is None:
-            return None
-        row, name, index = place
-        at = self.recorded[row]
-        return ReplayDifference(
-            topic,
-            entry_name(topic, name, index),
-            int(at["episode"]),
-            int(at["seq"]),
-            float(at["sec"]) + 1e-9 * float(at["nanosec"]),
-            value_at(self.recorded, place),
-            value_at(self.computed, place),
-        )
+    def first_difference(self, topic: str) -> Difference | None:
+        """The first message that differs in any bit; the recorded value comes first."""
+        return first_difference(topic, self.recorded, self.computed, self._names)
 
     def different_count(self) -> int:
         """Number of messages that differ in any bit."""
@@ -164,7 +127,7 @@ class Verification:
     environment_changes: Sequence[str] = field(default_factory=list)
 
     @property
-    def differences(self) -> list[ReplayDifference]:
+    def differences(self) -> list[Difference]:
         """The first difference of each topic that has one."""
         firsts = (each.first_difference(topic) for topic, each in self.replayed.items())
         return [difference for difference in firsts if difference is not None]
