@@ -24,7 +24,7 @@ from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
-from cassie_bags.studies.results import check_folder, put_table
+from cassie_bags.studies.results import check_folder, markdown, put_table
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
 from cassie_msgs.experiment.file import Experiment
@@ -282,12 +282,11 @@ def table(cells: Iterable[Cell]) -> list[str]:
     rows: dict[tuple[str, str], dict[str, Cell]] = {}
     for cell in cells:
         rows.setdefault((cell.channel, cell.mode), {})[cell.kind] = cell
-    lines = ["| channel | mode | " + " | ".join(FAULT_KINDS) + " |"]
-    lines.append("|---" * (2 + len(FAULT_KINDS)) + "|")
+    lines = [["channel", "mode", *FAULT_KINDS]]
     for (channel, mode), row in rows.items():
         words = [describe(row[kind]) if kind in row else "" for kind in FAULT_KINDS]
-        lines.append(f"| `{channel}` | {mode} | " + " | ".join(words) + " |")
-    return lines
+        lines.append([f"`{channel}`", mode, *words])
+    return markdown(lines)
 
 
 def describe(cell: Cell) -> str:
