@@ -91,6 +91,28 @@ def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> Non
         )
 
 
+def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
+    """Option `--seed`: the seed of the robot."""
+    words = f"seed of robot and noise, 0 for the nominal robot (default {default})"
+    parser.add_argument("--seed", type=count, default=default, metavar="N", help=words)
+
+
+def add_set(parser: argparse.ArgumentParser, words: str) -> None:
+    """Option `--set`: values that replace those of the experiments.
+
+    Args:
+        parser: Parser of the command.
+        words: Use of the values, for the help.
+    """
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help=f"{words}; or the values of a file: @FILE",
+    )
+
+
 def add_seeds(parser: argparse.ArgumentParser, default: int, use: str) -> None:
     """Option `--seeds`: the number of drawn robots; their seeds begin at 1."""
     words = f"robots {use}, drawn by seeds 1 to N (default {default})"

@@ -36,7 +36,6 @@ def _parser() -> argparse.ArgumentParser:
         "-o",
         "--output",
         type=picture,
-        default=None,
         metavar="FILE",
         help="also plot both: .png, .svg or .pdf",
     )

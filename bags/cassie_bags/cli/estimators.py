@@ -6,7 +6,7 @@ import argparse
 import datetime
 import sys
 
-from cassie_bags.cli.arguments import add_results, count
+from cassie_bags.cli.arguments import add_results, add_seed
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -24,9 +24,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("done", ""),
     )
     parser.add_argument("grounds", nargs="*", metavar="GROUND", help="grounds (default: all)")
-    parser.add_argument(
-        "--seed", type=count, default=1, metavar="N", help="seed of robot and noise (default 1)"
-    )
+    add_seed(parser, 1)
     add_results(parser, "all grounds")
     return parser
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, count, positive
+from cassie_bags.cli.arguments import add_jobs, add_set, count, positive
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -35,24 +35,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--all", action="store_true", help="run all experiments of the package")
     seeds = parser.add_mutually_exclusive_group()
-    seeds.add_argument(
-        "--seed", type=count, default=None, metavar="N", help="seed instead of the file's seed"
-    )
+    seeds.add_argument("--seed", type=count, metavar="N", help="seed instead of the file's seed")
     seeds.add_argument(
         "--seeds", type=positive, default=0, metavar="N", help="run each file with seeds 1 to N"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6; "
-        "or use the values of another file: @tuned.yaml",
-    )
+    add_set(parser, "replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6")
     parser.add_argument(
         "--out",
         type=Path,
-        default=None,
         metavar="FOLDER",
         help="keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
         "folder in it (build/experiments). Results of an earlier run are replaced",

@@ -27,14 +27,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="csv|npz|parquet",
         help=f"{', '.join(FORMATS)} (default csv)",
     )
-    parser.add_argument(
-        "--topics", nargs="+", metavar="TOPIC", default=None, help="topics (default: all)"
-    )
+    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="topics (default: all)")
     parser.add_argument(
         "-o",
         "--output",
         type=Path,
-        default=None,
         metavar="FOLDER",
         help="target folder (default: BAG_FORMAT)",
     )

@@ -6,7 +6,7 @@ import argparse
 import datetime
 import sys
 
-from cassie_bags.cli.arguments import add_jobs, add_results, count, one_of
+from cassie_bags.cli.arguments import add_jobs, add_results, add_seed, one_of
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -40,9 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--modes", nargs="+", metavar="MODE", help="standing, walking (default: both)"
     )
-    parser.add_argument(
-        "--seed", type=count, default=1, metavar="N", help="seed of robot and noise (default 1)"
-    )
+    add_seed(parser, 1)
     add_jobs(parser)
     add_results(parser, "all channels, kinds and modes")
     return parser

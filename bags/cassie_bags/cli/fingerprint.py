@@ -49,7 +49,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--file",
         type=Path,
-        default=None,
         metavar="FILE.yaml",
         help="file of fingerprints (default: the package's)",
     )

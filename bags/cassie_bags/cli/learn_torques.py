@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, positive, seconds
+from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, add_set, positive, seconds
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -52,17 +52,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="length of the runs of the comparison, in s (default 8)",
     )
-    parser.add_argument(
-        "--speeds", type=float, nargs="+", default=None, metavar="V", help="speeds in m/s"
-    )
+    parser.add_argument("--speeds", type=float, nargs="+", metavar="V", help="speeds in m/s")
     parser.add_argument(
         "--begin",
         type=Path,
-        default=None,
         metavar="FILE",
         help="file of torques from which learning begins",
     )
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    add_set(parser, "value for every run")
     add_jobs(parser, elsewhere=True)
     add_out(parser, "learn_torques")
     return parser

@@ -25,7 +25,6 @@ def _parser() -> argparse.ArgumentParser:
         "-o",
         "--output",
         type=picture,
-        default=None,
         metavar="FILE",
         help=".png, .svg or .pdf (default: BAG.png)",
     )

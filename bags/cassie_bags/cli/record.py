@@ -51,7 +51,6 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         "-o",
         "--output",
         type=Path,
-        default=None,
         metavar="NAME.mcap|FOLDER",
         help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
     )
@@ -99,7 +98,6 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--metadata",
         type=Path,
-        default=None,
         metavar="FILE",
         help="YAML file of records to put into the bag",
     )

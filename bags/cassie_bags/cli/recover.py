@@ -24,7 +24,6 @@ def _parser() -> argparse.ArgumentParser:
         "-o",
         "--output",
         type=Path,
-        default=None,
         metavar="BAG",
         help="new bag (default: FILE_recovered.mcap)",
     )

@@ -75,7 +75,6 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         "--duration",
         "--playback-duration",
         type=in_range(1e-9, 1e6, "more than 0 s"),
-        default=None,
         metavar="SECONDS",
         help="length of the played part",
     )

@@ -7,7 +7,7 @@ import datetime
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_results, count
+from cassie_bags.cli.arguments import add_jobs, add_results, add_seed
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -40,13 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="V",
         help="m/s (default: those of the library's gaits)",
     )
-    add(
-        "--seed",
-        type=count,
-        default=0,
-        metavar="N",
-        help="seed of robot and noise (default 0, the nominal robot)",
-    )
+    add_seed(parser, 0)
     add(
         "--impulse",
         type=float,

@@ -6,7 +6,15 @@ import argparse
 import datetime
 import sys
 
-from cassie_bags.cli.arguments import add_jobs, add_out, add_results, count, positive, seconds
+from cassie_bags.cli.arguments import (
+    add_jobs,
+    add_out,
+    add_results,
+    add_set,
+    count,
+    positive,
+    seconds,
+)
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -74,16 +82,9 @@ def _add_extent(parser: argparse.ArgumentParser) -> None:
 
 def _add_comparison(parser: argparse.ArgumentParser) -> None:
     """Add the options about the law that is measured."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="value for every run, such as controller.walk.map_gain_y=0.9",
-    )
+    add_set(parser, "value for every run, such as controller.walk.map_gain_y=0.9")
     parser.add_argument(
         "--compare",
-        default=None,
         metavar="KEY=VALUE",
         help="measure also with this value, or with the values in @FILE (default: the paper's own "
         "law, with drive gains with which the robot walks)",

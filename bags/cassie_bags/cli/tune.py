@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_out, count, in_range, positive
+from cassie_bags.cli.arguments import add_jobs, add_out, add_set, count, in_range, positive
 from cassie_bags.cli.frame import command, exit_codes
 
 
@@ -33,7 +33,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--objective",
         type=Path,
-        default=None,
         metavar="FILE",
         help="file of courses, model errors and costs (default: the package's)",
     )
@@ -78,13 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--seed", type=positive, default=1, metavar="N", help="seed of the search (%(default)s)"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="value for every run; the search begins at controller parameters given here",
-    )
+    add_set(parser, "value for every run; the search begins at controller parameters given here")
     parser.add_argument("--resume", action="store_true", help="continue the search in --out")
     add_jobs(parser, elsewhere=True)
     add_out(parser, "tune")

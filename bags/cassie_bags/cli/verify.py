@@ -91,14 +91,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--gaits",
         type=Path,
-        default=None,
         metavar="FILE",
         help="draw what another gait library would have given on the same data",
     )
     parser.add_argument(
         "--plot",
         type=picture,
-        default=None,
         metavar="FILE",
         help="draw a picture, .png, .svg or .pdf; --with and --gaits draw one in any case "
         f"(default: {_PICTURE})",
