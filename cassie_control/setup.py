@@ -30,10 +30,10 @@ setup(
     extras_require={"test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
-            "state_estimator = cassie_control.ros.state_estimator:main",
-            "gait_controller = cassie_control.ros.gait_controller:main",
-            "mode_supervisor = cassie_control.ros.mode_supervisor:main",
-            "stack = cassie_control.ros.stack:main",
+            "state_estimator = cassie_control.executables:state_estimator",
+            "gait_controller = cassie_control.executables:gait_controller",
+            "mode_supervisor = cassie_control.executables:mode_supervisor",
+            "stack = cassie_control.executables:stack",
         ],
     },
 )

@@ -36,10 +36,10 @@ setup(
     extras_require={"test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
-            "optimize_gaits = cassie_gaits.ros.optimize_gaits:main",
-            "check_gaits = cassie_gaits.ros.check_gaits:main",
-            "gait_optimizer = cassie_gaits.ros.gait_optimizer:main",
-            "plot_gaits = cassie_gaits.ros.plot_gaits:main",
+            "optimize_gaits = cassie_gaits.executables:optimize_gaits",
+            "check_gaits = cassie_gaits.executables:check_gaits",
+            "gait_optimizer = cassie_gaits.executables:gait_optimizer",
+            "plot_gaits = cassie_gaits.executables:plot_gaits",
         ],
     },
 )

@@ -55,7 +55,7 @@ setup(
     extras_require={"test": ["pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
-            "simulator = cassie_sim.ros.simulator:main",
+            "simulator = cassie_sim.executables:simulator",
         ],
     },
 )

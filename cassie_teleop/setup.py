@@ -34,13 +34,13 @@ setup(
     extras_require={"test": ["playwright", "pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": [
-            "rc_teleop = cassie_teleop.ros.rc_teleop:main",
-            "doctor = cassie_teleop.ros.doctor:main",
-            "cmd_vel = cassie_teleop.ros.cmd_vel:main",
-            "joystick = cassie_teleop.ros.joystick:main",
-            "keyboard_teleop = cassie_teleop.ros.keyboard_teleop:main",
-            "scripted_operator = cassie_teleop.ros.scripted_operator:main",
-            "web_console = cassie_teleop.ros.web_console:main",
+            "rc_teleop = cassie_teleop.executables:rc_teleop",
+            "doctor = cassie_teleop.executables:doctor",
+            "cmd_vel = cassie_teleop.executables:cmd_vel",
+            "joystick = cassie_teleop.executables:joystick",
+            "keyboard_teleop = cassie_teleop.executables:keyboard_teleop",
+            "scripted_operator = cassie_teleop.executables:scripted_operator",
+            "web_console = cassie_teleop.executables:web_console",
         ],
     },
 )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -188,6 +190,28 @@ def test_a_package_says_whose_it_is_and_what_for(name: str) -> None:
         keys = ("name", "version", "maintainer", "maintainer_email", "url")
         assert tuple(setup["metadata"][key] for key in keys) == told
         assert setup["metadata"]["license"] == "Apache-2.0"
+
+
+@pytest.mark.parametrize("name", sorted(set(PACKAGES) - {"cassie_msgs"}))
+def test_ctrl_c_is_heeded_before_a_program_imports_what_takes_long(name: str) -> None:
+    """Console scripts go through `cassie_msgs.processes.entry_point`, which imports the rest."""
+    module = f"{name}.executables"
+    scripts = setup_arguments(PACKAGES[name].folder)["entry_points"]["console_scripts"]
+    names = [script.partition(" = ")[0] for script in scripts]
+    assert scripts == [f"{each} = {module}:{each}" for each in names]
+    code = f"import sys, {module}; assert callable({module}.{names[0]}); print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert not {"numpy", "rclpy", "mujoco", "argparse"} & set(loaded.stdout.split())
+    found = dict(re.findall(r'(\w+) = entry_point\("([\w.]+)"\)', source(name)))
+    assert sorted(found) == sorted(names)
+    assert all(find_spec(target) for target in found.values())
+
+
+def source(name: str) -> str:
+    """Text of the module that names a package's executables."""
+    return (PACKAGES[name].modules / "executables.py").read_text(encoding="utf-8")
 
 
 def test_all_packages_have_one_version() -> None:

@@ -50,13 +50,13 @@ def source_of(package: str, executable: str) -> str:
 
     Functions `add_...`, with which commands share options, come along.
 
-    The test fails if a package's setup.py has none.
+    The test fails if the package has none.
     """
-    setups = [path for path in ROOT.glob("*/setup.py") if f'"{package}"' in path.read_text()]
-    assert setups, f"there is no package {package}"
-    module = re.search(rf'"{executable} = ([\w.]+):main"', setups[0].read_text())
+    assert package in FOLDERS, f"there is no package {package}"
+    listed = (FOLDERS[package] / "executables.py").read_text(encoding="utf-8")
+    module = re.search(rf'^{executable} = entry_point\("([\w.]+)"\)', listed, re.MULTILINE)
     assert module, f"{package} has no {executable}"
-    folder = setups[0].parent
+    folder = FOLDERS[package].parent
     source = (folder / f"{module[1].replace('.', '/')}.py").read_text(encoding="utf-8")
     for parent, name in re.findall(rf"^from ({package}[\w.]*) import (\w+)$", source, re.MULTILINE):
         path = folder / parent.replace(".", "/") / f"{name}.py"

@@ -11,11 +11,12 @@ import pytest
 
 from cassie_bags.__main__ import COMMANDS, main
 
-SETUP = Path(__file__).resolve().parents[1] / "setup.py"
+EXECUTABLES = Path(__file__).resolve().parents[1] / "cassie_bags" / "executables.py"
 
 
 def test_it_lists_every_executable_of_the_package():
-    scripts = dict(re.findall(r'"(\w+) = cassie_bags\.([\w.]+):main"', SETUP.read_text()))
+    text = EXECUTABLES.read_text()
+    scripts = dict(re.findall(r'(\w+) = entry_point\("cassie_bags\.([\w.]+)"\)', text))
     del scripts["cassie_bags"]
     assert scripts == {
         name: module for group in COMMANDS.values() for name, (module, _) in group.items()

@@ -1,12 +1,20 @@
-"""How local processes end: with the process that started them, and within a time-out."""
+"""How local processes start, and how they end: by Ctrl-C, with their parent, at a time-out."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import os
 import signal
 import time
+from collections.abc import Callable
+from importlib import import_module
+from types import FrameType
 
+STOPPED = 130
+"""Exit code of a process that Ctrl-C stopped, as shells have it."""
+
+_IMPORT = "<frozen importlib._bootstrap>"  # file name of the functions that import
 _PARENT_DIES = 1  # PR_SET_PDEATHSIG
 _BY_THREAD = 2  # SIGEV_THREAD
 
@@ -30,6 +38,38 @@ class _Timer(ctypes.Structure):
     _fields_ = tuple(
         (name, ctypes.c_long) for name in ("period_s", "period_ns", "value_s", "value_ns")
     )
+
+
+def entry_point(module: str) -> Callable[[], int | None]:
+    """Function for a console script: imports a module, and returns what its `main()` returns.
+
+    The imports of a node take up to a second. A Ctrl-C during any import ends the process at once
+    with `STOPPED` and without output. `main()` may handle a Ctrl-C itself; otherwise it also ends
+    the process with `STOPPED`. A process that ignores Ctrl-C, as in the background, continues to.
+    """
+
+    def start() -> int | None:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _interrupt)
+        try:
+            main: Callable[[], int | None] = import_module(module).main
+            return main()
+        except KeyboardInterrupt:
+            return STOPPED
+
+    return start
+
+
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, but not during an import.
+
+    Compiled modules turn an exception during their imports into an error of their own, or lose it.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename == _IMPORT:
+            os._exit(STOPPED)
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 def end_with_parent() -> None:
