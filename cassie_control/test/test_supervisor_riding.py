@@ -6,6 +6,7 @@ import pytest
 from supervised import CONFIG, SEGWAY, STAND, WALK
 
 from cassie_control.estimator.channels import ACCELEROMETER, GYRO
+from cassie_msgs.operators import RIDE_STOP
 
 
 def test_riding_begins_crouched_at_rest_and_ends_when_it_is_confirmed(standing):
@@ -190,3 +191,7 @@ def test_a_rider_who_asks_for_another_mode_stays_crouched_and_upright(riding, mo
     assert float(answer.vx) == 0.0
     assert (float(answer.roll), float(answer.pitch)) == (-CONFIG.ride_tilt, CONFIG.ride_tilt)
     assert float(answer.height) == pytest.approx(kept)
+
+
+def test_the_lease_waits_until_the_segway_has_braked():
+    assert CONFIG.ride_stop_time == RIDE_STOP

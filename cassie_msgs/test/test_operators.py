@@ -7,6 +7,7 @@ from cassie_msgs.layout import OperatorCommand, RobotMode
 from cassie_msgs.operators import (
     COMMAND_AGE,
     MAX_OPERATORS,
+    RIDE_STOP,
     Operators,
     key_of,
     sender_of,
@@ -110,6 +111,28 @@ def test_taking_over_needs_the_holder_at_rest_and_an_explicit_act(driven):
     assert driven.holder == "a-1"
     driven.say(B, command("b-2", take_over=True))  # still the same press of the button
     assert driven.holder == "a-1"
+
+
+def test_a_segway_that_brakes_is_not_taken_over(driven):
+    """It was, as soon as its operator asked for stand: while it still rolled."""
+    driven.say(A, command("a-1", mode=RobotMode.SEGWAY, com_x=0.03))
+    for _ in range(int((RIDE_STOP - 0.1) / 0.06)):
+        driven.say(A, command("a-1"))
+        driven.say(B, command("b-2"))
+        driven.say(B, command("b-2", take_over=True))
+    assert driven.holder == "a-1"
+    driven.now += 0.2
+    driven.say(A, command("a-1"))
+    driven.say(B, command("b-2"))
+    driven.say(B, command("b-2", take_over=True))
+    assert driven.holder == "b-2"
+
+
+def test_a_segway_without_power_is_taken_over_at_once(driven):
+    driven.say(A, command("a-1", mode=RobotMode.SEGWAY, com_x=0.03))
+    driven.say(A, command("a-1", power=False))
+    driven.say(B, command("b-2", power=False, take_over=True))
+    assert driven.holder == "b-2"
 
 
 def test_a_new_holder_whose_switch_is_off_leaves_the_power_until_it_was_on(driven):

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from cassie_msgs.operators import RIDE_STOP
 from cassie_msgs.request import MODES, Request
 from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import stopped
@@ -85,7 +86,7 @@ class Console:
         self._base = Request()  # set by buttons and sliders; without speeds
         self._holder = ""
         self._powered: bool | None = None
-        self._taken = self._linked = self._stopped = self._cycled = -1e9
+        self._taken = self._linked = self._stopped = self._cycled = self._rode = -1e9
         self._parting = False
         self.armed = False
 
@@ -178,6 +179,8 @@ class Console:
                 self._rest()
             return without_link(self._base)
         self._linked = now
+        if self._base.mode == "segway":
+            self._rode = now
         motion = self._motion(self._pages[self.driver].sticks)
         asks = self._holder not in ("", self._name) and now - self._taken < ASKING
         power = self._base.power and now - self._cycled >= _CYCLE
@@ -208,6 +211,7 @@ class Console:
             return ""
         if self.driver is not None:
             rests = self._base.mode == "stand" and self._pages[self.driver].sticks.at_rest
+            rests = rests and (now - self._rode >= RIDE_STOP or not self._base.power)
             if not rests and self.linked(now):
                 return f"{self._who_drives()}; it can be taken over once the robot stands"
             self.notice = f"{self._pages[page].name} has taken over from {self.driver_name}"

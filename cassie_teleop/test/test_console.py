@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from cassie_msgs.operators import RIDE_STOP
 from cassie_teleop.console import GRANT_TIME, LAPSE, LINK_AGE, STOP_TIME, Console, Reach
 from cassie_teleop.page_messages import Beat, Press, Slide, Sticks
 
@@ -277,6 +278,19 @@ def test_power_of_a_robot_that_says_nothing_is_not_switched_off_by_the_power_but
         pages.press(1, "power")
         pages.beat(1)
         assert pages.request().power
+
+
+def test_no_page_takes_over_a_segway_that_brakes():
+    pages = driving(2, mode="segway")
+    pages.request()
+    pages.press(1, "stand")
+    pages.now += RIDE_STOP - 0.1
+    pages.beat(1)
+    pages.beat(2)
+    assert "page 1 drives" in pages.press(2, "drive")
+    pages.now += 0.2
+    pages.beat(1)
+    assert pages.press(2, "drive") == "" and pages.console.driver == 2
 
 
 def test_a_new_episode_asks_for_stand():

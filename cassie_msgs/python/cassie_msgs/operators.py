@@ -25,6 +25,9 @@ MAX_OPERATORS = 32
 REQUEST_TIME = 2.0
 """Time for which a request for the lease is valid while the robot is not at rest yet. In s."""
 
+RIDE_STOP = 6.0
+"""Time for which a Segway brakes after its operator let it rest. In s."""
+
 STILL = 0.02
 """Dead band of commanded speeds and leans, for a stick in the middle. In m/s, rad/s and m."""
 
@@ -121,22 +124,32 @@ def key_of(writer: bytes) -> int:
 
 @dataclass
 class _Operator:
+    """An operator's newest command, and wall times: of it, of a request, of riding. In s."""
+
     name: str = ""
     heard: float = 0.0
     power: bool = False
     asks: bool = False
     asked: float = -1e9
+    rode: float = -1e9
     command: OperatorCommand = field(default_factory=OperatorCommand)
+
+    def lets_rest(self, now: float) -> bool:
+        """Whether the robot can rest by now: a Segway needs time to brake."""
+        command = self.command
+        stops = resting(command) and now - self.rode >= RIDE_STOP
+        return stops or not command.power
 
 
 class Operators:
     """The operators that send commands, the lease, the power switch and the arming of speeds.
 
     - Lease: the first operator that sends a command holds the lease. Another one gets it on request
-      (`take_over`) while the holder lets the robot rest. After `COMMAND_AGE` without a command of
-      the holder, the robot stops and stands. Then the lease goes to an operator with a name that
-      lets the robot rest: its command asks for stand without a speed, or has the power off. On a
-      Segway, which cannot stand at once, `take_over` without a lean is enough.
+      (`take_over`) while the holder lets the robot rest, on a Segway for `RIDE_STOP`. After
+      `COMMAND_AGE` without a command of the holder, the robot stops and stands. Then the lease goes
+      to an operator with a name that lets the robot rest: its command asks for stand without a
+      speed, or has the power off. On a Segway, which cannot stand at once, `take_over` without a
+      lean is enough.
     - Power: follows the holder's switch. Power comes on only while the holder commands the mode
       stand without a speed. While a new holder's switch is off, power does not change until that
       switch was on once.
@@ -216,6 +229,8 @@ class Operators:
         if stopped:
             self._stop(operator.name)
         operator.command.copy_from(command)
+        if int(command.mode) == RobotMode.SEGWAY:
+            operator.rode = now
         if holds:
             self.refused = refused
         if refused:
@@ -303,7 +318,7 @@ class Operators:
             lets_rest = resting(command) or (asks and rides and neutral(command))
             if lets_rest and sender_of(command):
                 self._give(writer)
-        elif asks and resting(holder.command):
+        elif asks and holder.lets_rest(now):
             self._give(writer)
 
     def _give(self, writer: bytes) -> None:
