@@ -118,6 +118,15 @@ def test_random_leans_do_not_throw_it_off():
     assert not run_trial(shorter)["fell"]
 
 
+def test_a_lean_that_is_held_overcomes_the_limiter():
+    """The README of cassie_sim says so: the limiter tilts the platform, but not the robot."""
+    lean = [{"t": GO, "com_x": 0.03}]
+    trial = segway_ride(Budget(seeds=1), 0, (GO, GO + 16.0), [], then=lean)
+    experiment, store = experiment_of(trial), Store()
+    run(make_loop(experiment, store), range(tick_count(experiment)))
+    assert 5.5 < store.recording(0.0).segway["linear"][-1, 0] < 6.5
+
+
 def test_he_finds_another_heading_without_swinging():
     """He looked 0.2 s late and leant by too much: the heading swung, and ever more so."""
     window = (GO + 6.0, GO + 9.0)
