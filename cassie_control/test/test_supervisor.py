@@ -42,8 +42,9 @@ def test_walking_needs_standing_first(scene):
     assert scene.core.status.walk == "stand first"
 
 
-def test_hanging_it_stands_and_says_that_it_waits_to_be_let_down(scene):
-    scene.state.foot_force[:] = 0.0
+@pytest.mark.parametrize("estimated", [0.0, -6.5])
+def test_hanging_it_stands_and_says_that_it_waits_to_be_let_down(scene, estimated):
+    scene.state.foot_force[:] = estimated
     scene.run(1.0)
     assert scene.mode is STAND
     assert scene.readiness == f"the feet carry 0 N of {WEIGHT:.0f} N: let it down"

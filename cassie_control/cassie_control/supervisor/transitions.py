@@ -86,6 +86,7 @@ def carries_weight(now: TransitionInputs) -> str:
     loaded = carried >= now.config.weight_share * WEIGHT
     if loaded and float(now.state.contact_probability.min()) >= 0.5:
         return ""
+    carried = max(0.0, carried)  # in the air the estimate may be below zero
     return f"the feet carry {carried:.0f} N of {WEIGHT:.0f} N: let it down"
 
 
