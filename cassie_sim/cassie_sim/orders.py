@@ -32,7 +32,7 @@ def push(plant: Plant, body: str, force: Sequence[float], duration: float) -> st
     mapping = {"t": 0.0, "body": body or "pelvis", "force": list(force), "duration": duration}
     event = from_mapping(Push, mapping)
     plant.events.push(event, plant.seq * plant.substeps)
-    x, y, z = event.force
+    x, y, z = (round(value, 1) + 0.0 for value in event.force)  # 0, not -0
     return f"{event.body} pushed with ({x:g}, {y:g}, {z:g}) N for {duration:g} s"
 
 

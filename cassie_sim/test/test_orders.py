@@ -38,6 +38,11 @@ def test_a_push_lasts_its_time_and_moves_the_pelvis(plant: Plant) -> None:
     assert plant.data.xfrc_applied[pelvis, 0] == pytest.approx(plant.gantry.wrench[0])
 
 
+def test_the_answer_to_a_push_has_the_digits_of_a_push(plant: Plant) -> None:
+    answer = push(plant, "", (119.99999, 0.00513814, -0.01), 0.1)
+    assert answer == "pelvis pushed with (120, 0, 0) N for 0.1 s"
+
+
 def test_release_drops_the_robot(plant: Plant) -> None:
     _run(plant, 50)
     move_gantry(plant, "release", 0.0, 0.0)
