@@ -119,6 +119,7 @@ class Picture:
         limits = np.array([efforts.get(name, math.inf) for name in _DRIVES])
         return {
             "stamp": round(state.stamp_ns * 1e-9, 3) if known else None,
+            "episode": int(state.episode) if self.state.at > -math.inf else None,
             "poses": [_pose(self.poses.get(name, ())) for name in links],
             "achieved": _rounded(achieved(state), 3) if known else None,
             "segway": finite(self.segway[0], 2) if now - self.segway[1] <= SILENCE else None,

@@ -357,6 +357,27 @@ def test_the_height_is_unknown_without_a_place_or_a_state_of_the_robot(
 
 
 @again_after_a_lost_link
+def test_a_new_episode_has_no_footsteps_of_before(browser, robot, console, node):
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    description = node.create_publisher(String, "/robot_description", latched)
+    description.publish(String(data=FEET))
+    places = node.create_publisher(TFMessage, "/tf", 10)
+    transforms = [TransformStamped(child_frame_id=f) for f in ("left_toe", "right_toe", "pelvis")]
+    robot.state.contact_probability[...] = 1.0
+
+    def steps():
+        places.publish(TFMessage(transforms=transforms))
+        return driver.page.locator("#view").get_attribute("data-steps")
+
+    with driver_of(browser, robot, console.address) as driver:
+        robot.until(lambda: steps() == "2")
+        robot.state.contact_probability[...] = 0.0
+        assert steps() == "2"
+        robot.state.episode[...] += 1
+        robot.until(lambda: steps() == "0")
+
+
+@again_after_a_lost_link
 def test_words_say_what_the_robot_waits_for(browser, robot, console):
     robot.status.faults = ["left knee is warm"]
     with driver_of(browser, robot, console.address) as driver:

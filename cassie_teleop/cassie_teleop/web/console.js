@@ -119,6 +119,7 @@ function receive(message) {
   silent = 0;
   echo = message.t;
   document.body.classList.remove("offline");
+  if (frame && frame.episode !== message.episode && message.episode !== null) view?.restart();
   frame = message;
   view?.show(frame.poses, frame.contact, frame.segway !== null);
   charts.add(frame.t, frame, height(frame));

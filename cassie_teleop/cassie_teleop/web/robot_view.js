@@ -94,10 +94,16 @@ export class RobotView {
 
   clear() {
     if (this.robot) this.scene.remove(this.robot.root);
+    this.robot = null;
+    this.restart();
+  }
+
+  /** Forgets where the robot was: a new episode begins at another place. */
+  restart() {
     for (const step of this.steps ?? []) this.scene.remove(step);
     this.steps = [];
+    this.canvas.dataset.steps = 0;
     this.contact = [false, false];
-    this.robot = null;
     this.height = null;
     this.level = null;
   }
@@ -153,6 +159,7 @@ export class RobotView {
     mark.rotation.z = Math.atan2(b.y - a.y, b.x - a.x);
     this.scene.add(mark);
     this.steps.push(mark);
+    this.canvas.dataset.steps = this.steps.length;
   }
 
   follow(base) {
