@@ -18,6 +18,8 @@ import pytest
 from bringup import Eyes
 
 from cassie_bags.ros.processes import environment, executable, own_domain
+from cassie_bags.ros.robot import console_address
+from cassie_msgs.ros.process import Stop
 
 TIMEOUT = 90.0
 
@@ -147,6 +149,31 @@ def said_and_traced(text):
 robot._say = said_and_traced
 sys.exit(main())
 """
+
+
+class SlowConsole:
+    """Processes of which the console is the last one to come up."""
+
+    def __init__(self, folder: Path) -> None:
+        self._log, self._checks = folder / "web_console.log", 0
+        self._log.write_text("")
+
+    def log(self, name: str) -> Path:
+        """File of a process's output."""
+        assert name == "web_console"
+        return self._log
+
+    def check(self) -> None:
+        """Go on by one check, at the third of which the console listens."""
+        self._checks += 1
+        if self._checks == 3:
+            self._log.write_text("web_console: open http://127.0.0.1:8080/?token=abc\n")
+
+
+def test_it_waits_for_the_address_of_a_console_that_comes_up_last(tmp_path: Path) -> None:
+    """It printed "web_console starts" in place of the address."""
+    processes: Any = SlowConsole(tmp_path)
+    assert console_address(processes, Stop()) == "http://127.0.0.1:8080/?token=abc"
 
 
 def test_ctrl_c_as_it_begins_to_wait_ends_it(tmp_path: Path, domain: int) -> None:

@@ -90,7 +90,9 @@ def _watch(
                 processes.start(name, command)
             _say(f"starting {', '.join(commands)}; logs in {logs}")
             if _await_robot(node, executor, processes, stop):
-                _say(_ready(processes, arguments))
+                address = console_address(processes, stop) if arguments.console else ""
+                if not stop.requested:
+                    _say(_ready(arguments, address))
             names = [n for name in commands for n in (STACK if name == "stack" else (name,))]
             silent = SilentNodes(names)
             while not stop.wait(_CHECK_PERIOD):
@@ -218,19 +220,34 @@ def _await_robot(
     return heard.is_set()
 
 
-def _ready(processes: Processes, arguments: argparse.Namespace) -> str:
+def console_address(processes: Processes, stop: Stop) -> str:
+    """Address that web_console prints once it listens, which may be after the robot is ready.
+
+    Empty if stopped before.
+
+    Raises:
+        RunError: if a node ends, or at the time-out.
+    """
+    deadline = time.monotonic() + TIMEOUT
+    while not stop.requested:
+        processes.check()
+        printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
+        if address := re.search(r"open (https?://\S+)\n", printed):
+            return address[1]
+        if time.monotonic() > deadline:
+            raise RunError(f"web_console does not listen after {TIMEOUT:g} s")
+        stop.wait(_CHECK_PERIOD)
+    return ""
+
+
+def _ready(arguments: argparse.Namespace, address: str) -> str:
     where = f" in scene {arguments.scene}" if arguments.scene != "flat" else ""
     stands = "simulator:start:=standing" in arguments.parameter
     starts = "hangs in the gantry"
     if stands:
         starts = "begins on its feet, without power, and sinks down unless that comes at once"
     lines = [f"ready: Cassie {starts}{where}; Ctrl-C ends all"]
-    if arguments.console:
-        printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
-        address = re.search(r"https?://\S+", printed)
-        lines.append(f"see and drive it: {address[0] if address else 'web_console starts'}")
-    else:
-        lines.append("see and drive it: ros2 run cassie_teleop web_console")
+    lines.append(f"see and drive it: {address or 'ros2 run cassie_teleop web_console'}")
     lines.append("or in a terminal: ros2 run cassie_teleop keyboard_teleop")
     return "\n       ".join(lines)
 
