@@ -6,6 +6,7 @@ Times come in as arguments: monotonic, in s.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
@@ -24,6 +25,25 @@ LARGEST = 10.0
 
 
 _SET_POINTS = {"linear.x": "vx", "linear.y": "vy", "angular.z": "yaw_rate"}
+
+
+def obstacle(name: str, holder: str, faults: Sequence[str], armed: bool) -> str:
+    """Why the robot does not follow velocity commands, and what to do; empty if it follows.
+
+    Args:
+        name: Name of the sender of the commands.
+        holder: Name of the lease's holder, by the supervisor; empty if there is none.
+        faults: Faults, by the supervisor.
+        armed: Whether the holder's speeds count, by the supervisor.
+    """
+    if holder not in ("", name):
+        return f"{holder} drives: call /cmd_vel/take_over while the robot stands"
+    refused = next((fault for fault in faults if fault.startswith("no power: ")), "")
+    if "switch the power off" in refused:
+        return f"{refused}: call /cmd_vel/power"
+    if refused:
+        return f"{refused}: pause the velocity commands"
+    return "" if armed else "speeds do not count until the velocity was zero once"
 
 
 class VelocityError(ValueError):
@@ -72,6 +92,16 @@ class VelocityCommands:
             if value != held:
                 return f"{name} is held within {RANGES[set_point].range_text}"
         return ""
+
+    @property
+    def active(self) -> bool:
+        """Whether there are requests: power was commanded or cut once."""
+        return self._base is not None
+
+    @property
+    def powered(self) -> bool:
+        """Whether power is commanded."""
+        return self._base is not None and self._base.power
 
     def power(self, on: bool, now: float) -> None:
         """Command power, or cut it."""

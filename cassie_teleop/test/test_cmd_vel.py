@@ -15,7 +15,8 @@ from std_srvs.srv import SetBool
 from test_teleop_nodes import Commands
 
 from cassie_msgs.layout import RobotMode
-from cassie_teleop.cmd_vel import AT_REST, VelocityCommands, VelocityError
+from cassie_msgs.msg import SupervisorStatus
+from cassie_teleop.cmd_vel import AT_REST, VelocityCommands, VelocityError, obstacle
 
 
 @pytest.fixture
@@ -151,6 +152,52 @@ def test_a_flood_is_thinned_out_and_its_end_in_mid_drive_is_a_stop(node):
         assert commands.until(lambda c: c.mode == RobotMode.STAND).power
     finally:
         process.kill()
+
+
+@pytest.mark.parametrize(
+    ("holder", "faults", "armed", "words"),
+    [
+        ("", [], True, ""),
+        ("cmd_vel-1", ["IMU lost"], True, ""),
+        ("keyboard_teleop-2", [], True, "keyboard_teleop-2 drives: call /cmd_vel/take_over"),
+        ("cmd_vel-1", ["no power: power comes on only with stand"], True, "pause the velocity"),
+        ("cmd_vel-1", ["no power: stopped by x: switch the power off and on"], True, "cmd_vel/po"),
+        ("cmd_vel-1", [], False, "until the velocity was zero"),
+    ],
+)
+def test_what_keeps_the_robot_from_following_is_said(holder, faults, armed, words):
+    found = obstacle("cmd_vel-1", holder, faults, armed)
+    assert words in found and bool(words) == bool(found)
+
+
+def test_a_node_that_starts_before_the_robot_says_so_and_follows_once_it_comes(node):
+    commands, told = Commands(node), []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda m: told.extend(s.message for s in m.status if s.name == "cmd_vel: robot"),
+        10,
+    )
+    statuses = node.create_publisher(SupervisorStatus, "/cassie/supervisor_status", 10)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+
+    def says(words, status=None):
+        deadline = time.monotonic() + 30.0
+        while words not in told[-1:]:
+            assert time.monotonic() < deadline, told
+            if status is not None:
+                statuses.publish(status)
+            executor.spin_once(timeout_sec=0.05)
+
+    process = start("-p", "power:=true")
+    try:
+        says("no robot answers on /cassie/supervisor_status; its power comes on once it does")
+        commands.until(lambda c: bool(c.power))
+        says("ok", SupervisorStatus(armed=True))
+    finally:
+        process.kill()
+        executor.shutdown()
 
 
 def test_two_writers_at_once_are_named(node):

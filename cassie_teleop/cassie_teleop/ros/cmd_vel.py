@@ -16,11 +16,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
+from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import tunable
-from cassie_teleop.cmd_vel import VelocityCommands, VelocityError
+from cassie_teleop.cmd_vel import VelocityCommands, VelocityError, obstacle
 from cassie_teleop.radio import without_link
 from cassie_teleop.ros.sender import Sender
 
@@ -29,7 +30,8 @@ TOPIC = "/cmd_vel"
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _APART = 0.005  # s, least time between commands, at any rate of velocity commands
-_LOOK = 0.5  # s between two checks of the topic's writers
+_LOOK = 0.5  # s between two checks of the topic's writers and of the robot
+_SILENCE = 3.0  # s without a status of the robot, after which this is reported
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +73,17 @@ class CmdVel(Node):
         self._subscription: Any = None
         self._problem = ""
         self._sent = -math.inf
+        self._status: SupervisorStatus | None = None
+        self._heard = time.monotonic()
+        topic = "/cassie/supervisor_status"
+        self.create_subscription(SupervisorStatus, topic, self._on_status, 10)
         self.create_service(SetBool, "/cmd_vel/power", self._on_power)
         self.create_service(Trigger, "/cmd_vel/take_over", self._on_take_over)
         if config.power:
             self._commands.power(True, time.monotonic())
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_LOOK, self._look, clock=steady)
+        self.create_timer(_LOOK, self._check_robot, clock=steady)
         self.create_timer(1.0 / config.rate, self._send, clock=steady)
         self._look()
 
@@ -114,6 +121,21 @@ class CmdVel(Node):
         level = diagnostics.WARN if problem else diagnostics.OK
         self._diagnostics.set(TOPIC, level, problem or "ok", type=self._type)
 
+    def _on_status(self, status: SupervisorStatus) -> None:
+        self._status, self._heard = status, time.monotonic()
+
+    def _check_robot(self) -> None:
+        """Report why the robot does not follow."""
+        status, problem = self._status, ""
+        if self._commands.active and time.monotonic() - self._heard > _SILENCE:
+            problem = "no robot answers on /cassie/supervisor_status"
+            if self._commands.powered:
+                problem += "; its power comes on once it does"
+        elif self._commands.active and status is not None:
+            problem = obstacle(self._sender.name, status.holder, status.faults, status.armed)
+        level = diagnostics.WARN if problem else diagnostics.OK
+        self._diagnostics.set("robot", level, problem or "ok")
+
     def _on_velocity(self, message: Any) -> None:
         twist: Twist = message.twist if isinstance(message, TwistStamped) else message
         now = time.monotonic()
@@ -150,7 +172,7 @@ ABOUT = About(
     package="cassie_teleop",
     text="Walks the robot by velocity commands, as Nav2, teleop_twist_keyboard and others send "
     "them. It sends nothing until power is commanded or cut.",
-    reads=(TOPIC,),
+    reads=(TOPIC, "/cassie/supervisor_status"),
     writes=("/cassie/operator_command", "/diagnostics"),
     services=("/cmd_vel/power", "/cmd_vel/take_over"),
     parameters=(Config(),),
