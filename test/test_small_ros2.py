@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -217,6 +218,34 @@ def test_each_verb_has_usage(words: tuple[str, ...]) -> None:
     assert code == 0
     assert said.startswith(" ".join(("usage: ros2", *words)))
     assert ros2(0, *words, "--nonsense")[0] == 2
+
+
+COMMANDS = {
+    "run": [""],
+    "pkg": ["list", "executables"],
+    "topic": ["list", "info", "echo", "hz", "pub"],
+    "node": ["list", "info"],
+    "param": ["list", "get", "set", "describe", "dump", "load"],
+    "service": ["list", "call"],
+    "interface": ["show"],
+}
+
+
+@pytest.mark.parametrize("verb", COMMANDS)
+def test_each_argument_is_explained(verb: str) -> None:
+    for command in COMMANDS[verb]:
+        code, said = ros2(0, verb, *filter(None, [command]), "--help")
+        assert code == 0
+        # an argument without a help text is alone on the last line that it has
+        lines = said.splitlines()
+        bare = [
+            line
+            for line, after in zip(lines, [*lines[1:], ""], strict=True)
+            if re.fullmatch(r"  (-\S.*|\w+)", line)
+            and "  " not in line.strip()
+            and not after.startswith(" " * 8)
+        ]
+        assert not bare, said
 
 
 def test_another_verb_goes_to_a_real_ros2_where_one_is_installed(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def play(verb: str, *words: str, heavy: set[str] = HEAVY) -> subprocess.Complete
 def test_help_is_there_at_once_and_tells_the_exit_codes(verb: str):
     done = play(verb, "--help")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(f"usage: {verb}")
+    assert done.stdout.startswith(f"usage: ros2 run cassie_bags {verb} [")
     assert "Exit codes: 0 " in " ".join(done.stdout.split())
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
+    CommandParser,
     add_bag,
     command,
     exit_codes,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="compare",
         description="Say whether two bags hold the same samples, where they first differ, and how "
         "much the metrics of the runs differ.",

@@ -7,7 +7,7 @@ import datetime
 import sys
 
 from cassie_bags.cli.arguments import add_results, add_seed
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -17,7 +17,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="estimators",
         description="Walk on each ground once, give the recorded samples to both estimators and "
         "print their errors against the truth.",

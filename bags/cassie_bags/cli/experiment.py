@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_set, count, positive
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -23,7 +23,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="experiment",
         description="Run experiment files, with all nodes as processes. For one file it prints a "
         "table on stderr and, where stdout is no terminal, one line of JSON on stdout; for several "

@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import OK, add_bag, command, exit_codes, stem
+from cassie_bags.cli.frame import OK, CommandParser, add_bag, command, exit_codes, stem
 
 FORMATS = ("csv", "parquet", "npz")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="export",
         description="Write topics of a bag into files for other programs, one for each topic, and "
         "fields.csv with the unit of every column.",

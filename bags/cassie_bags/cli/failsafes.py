@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, count, positive
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -17,7 +17,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="failsafes",
         description="Test every row of the table of fail-safes at random times, in one process, "
         "and report where the robot does not do what the table promises.",

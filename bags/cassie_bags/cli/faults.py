@@ -7,7 +7,7 @@ import datetime
 import sys
 
 from cassie_bags.cli.arguments import add_jobs, add_results, add_seed, one_of
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -17,7 +17,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="faults",
         description="Let sensors fail while Cassie stands and walks; print a table of what Cassie "
         "does, and of the time from the error's bound until the channel is reported.",

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -21,7 +21,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="fingerprint",
         description="Run experiments in one process, without ROS, and compare each topic with "
         "its recorded SHA-256. A change of structure alone must change none of them. With other "

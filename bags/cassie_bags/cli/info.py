@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from cassie_bags.cli.frame import OK, add_bag, command, exit_codes
+from cassie_bags.cli.frame import OK, CommandParser, add_bag, command, exit_codes
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="info",
         description="Say what is in a bag: duration, topics and their rates, missing samples, "
         "episodes, modes over time, faults, falls, values drawn, versions.",

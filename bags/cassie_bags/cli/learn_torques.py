@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, add_set, positive, seconds
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -17,7 +17,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="learn_torques",
         description="Drawn robots walk at each speed and learn torques over their steps; "
         "their mean is kept. Other robots then walk with and without it, for comparison.",

@@ -6,11 +6,20 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, add_bag, command, exit_codes, new_file, picture, stem
+from cassie_bags.cli.frame import (
+    OK,
+    CommandParser,
+    add_bag,
+    command,
+    exit_codes,
+    new_file,
+    picture,
+    stem,
+)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="plot",
         description="Draw fields of a bag over time, or without a field the modes, tracking, "
         "forces and torques of the run.",

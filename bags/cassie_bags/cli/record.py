@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import count, in_range, one_of
-from cassie_bags.cli.frame import exit_codes, node_words
+from cassie_bags.cli.frame import CommandParser, exit_codes, node_words
 
 MIB = 1 << 20
 """Bytes of a MiB."""
@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
     """Read the words of a command line."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="record",
         description="Record topics into an MCAP bag until Ctrl-C.",
         epilog="While it runs, the services /recorder/record (std_srvs/SetBool) end this recording "

@@ -7,11 +7,11 @@ import os
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.frame import OK, command, exit_codes
+from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="recover",
         description="Make an indexed bag from one that is damaged or whose writer was killed.",
         epilog="The bag itself and anything that exists stay as they are. "

@@ -10,7 +10,7 @@ from pathlib import Path
 from cassie_bags.bag.playback import RATES
 from cassie_bags.cli import verify
 from cassie_bags.cli.arguments import in_range
-from cassie_bags.cli.frame import exit_codes, node_words
+from cassie_bags.cli.frame import CommandParser, exit_codes, node_words
 
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 """Keys on a terminal."""
@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def parse(words: Sequence[str]) -> argparse.Namespace:
     """Read the words of a command line."""
     seconds = in_range(0.0, 1e6, "0 s or more")
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="replay",
         description="Publish the messages of a bag on their topics, with /clock.",
         epilog=f"Keys on a terminal: {KEYS}. Services: /replay/pause (std_srvs/SetBool), "

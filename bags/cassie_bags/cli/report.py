@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
+    CommandParser,
     add_bag,
     command,
     exit_codes,
@@ -19,7 +20,7 @@ from cassie_bags.cli.frame import (
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="report",
         description="Make one page about recorded runs, of experiments or drives by hand: "
         "expectations and results, modes, tracking, outputs, forces, torques, estimate, footsteps, "

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_results, add_seed
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -18,7 +18,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="return_map",
         description="Push Cassie gently while it walks and compare each touchdown with that of "
         "the same run without the push. A deviation d is the norm of the differences in the CoM's "

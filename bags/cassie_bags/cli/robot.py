@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.cli.arguments import one_of
+from cassie_bags.cli.frame import CommandParser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -26,7 +27,7 @@ def _scene(word: str) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="robot",
         description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
         "when the robot can be driven, and end them all on Ctrl-C, or when one of them ends. "

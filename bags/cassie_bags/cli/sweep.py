@@ -15,7 +15,7 @@ from cassie_bags.cli.arguments import (
     positive,
     seconds,
 )
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -25,7 +25,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="sweep",
         description="Measure what the robot can do: a table of target, result, and result with "
         "the paper's own law. Runs in process, without ROS, as fast as possible.",

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, add_set, count, in_range, positive
-from cassie_bags.cli.frame import command, exit_codes
+from cassie_bags.cli.frame import CommandParser, command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -17,7 +17,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="tune",
         description="Search for controller parameters by CMA-ES, in process, on local processes "
         "or a Dask cluster. Ctrl-C keeps the result so far.",

@@ -10,6 +10,7 @@ from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     WRONG_INPUT,
+    CommandParser,
     command,
     exit_codes,
     new_file,
@@ -70,7 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="replay --verify",
         description="Feed a bag's samples, operator commands and parameters through estimator, "
         "supervisor and controller again, as fast as possible, and compare their states, modes and "

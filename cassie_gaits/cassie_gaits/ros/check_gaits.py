@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "--ros-args" in given:
         given = given[: given.index("--ros-args")]
-    parser = argparse.ArgumentParser(prog="check_gaits", description=__doc__)
+    parser = argparse.ArgumentParser(prog="ros2 run cassie_gaits check_gaits", description=__doc__)
     named = f"library to check: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=library_path, metavar="FILE", help=named)
     jobs = "processes (default: one for each core)"

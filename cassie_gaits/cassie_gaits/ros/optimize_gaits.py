@@ -81,7 +81,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="optimize_gaits", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="ros2 run cassie_gaits optimize_gaits", description=__doc__
+    )
     add = parser.add_argument
     many: dict[str, Any] = {"type": float, "nargs": "+"}
     add("--speeds", **many, help="mean sagittal speeds, m/s")

@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "--ros-args" in given:
         given = given[: given.index("--ros-args")]
-    parser = argparse.ArgumentParser(prog="plot_gaits", description=__doc__)
+    parser = argparse.ArgumentParser(prog="ros2 run cassie_gaits plot_gaits", description=__doc__)
     named = f"library to draw: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=Path, metavar="FILE", help=named)
     parser.add_argument("--out", type=Path, help="folder for the pictures; by default FILE's name")
