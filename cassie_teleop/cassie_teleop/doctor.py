@@ -279,6 +279,19 @@ def _time(facts: Facts) -> Iterator[Finding]:
 
 
 _OPERATOR_GONE = ("operator lost", "no operator commands")
+_DRIVE = "drive again: Drive on the page, or a key of keyboard_teleop"
+_ADVICE = {
+    "fallen": "cut the power, hang it up, switch the power on, let it down; or reset",
+    "no power: ": "the operator asks for stand without a speed, and switches power off and on",
+    **dict.fromkeys(_OPERATOR_GONE, _DRIVE),
+}
+"""What to do about a problem that begins with these words."""
+
+
+def _advice(problem: str, otherwise: str) -> str:
+    """What to do about a problem that a node reports."""
+    known = (advice for words, advice in _ADVICE.items() if problem.startswith(words))
+    return next(known, otherwise)
 
 
 def _words(facts: Facts) -> Iterator[Finding]:
@@ -287,18 +300,15 @@ def _words(facts: Facts) -> Iterator[Finding]:
     for fault in facts.faults:
         if nobody and fault.startswith(_OPERATOR_GONE):
             continue  # it never ran, or has ended: `_operators` reports that
-        advice = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
-        yield Finding(ERROR, "fault", fault, advice)
+        otherwise = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
+        yield Finding(ERROR, "fault", fault, _advice(fault, otherwise))
     for level, name, message in facts.diagnostics:
         known = message in facts.faults or (nobody and message.startswith(_OPERATOR_GONE))
         if level > 0 and not known:
             node = name.partition(":")[0]
-            yield Finding(
-                WARNING if level == 1 else ERROR,
-                name,
-                message,
-                f"look at the log of {node}, and ros2 topic echo /diagnostics",
-            )
+            otherwise = f"look at the log of {node}, and ros2 topic echo /diagnostics"
+            severity = WARNING if level == 1 else ERROR
+            yield Finding(severity, name, message, _advice(message, otherwise))
 
 
 def _operators(facts: Facts) -> Iterator[Finding]:
