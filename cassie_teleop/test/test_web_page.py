@@ -356,6 +356,25 @@ def test_the_height_is_unknown_without_a_place_or_a_state_of_the_robot(
         assert driver.text("factor") == NONE
 
 
+LEVEL = """
+    async (heights) => {
+        const { RobotView } = await import("/web/robot_view.js");
+        const view = Object.create(RobotView.prototype);
+        view.robot = { root: { position: { z: 1 } }, soles: [[{ radius: 0 }], [{ radius: 0 }]] };
+        Object.assign(view, { level: null, contact: [false, false] });
+        for (const z of heights) view.stand([[{ z }], [{ z }]], [0, 0]);
+        return view.level;
+    }
+"""
+
+
+def test_the_ground_hides_no_foot_of_a_robot_that_hangs(browser, robot, console):
+    """After a reset the feet were in the ground: the first picture still had the old place."""
+    with driver_of(browser, robot, console.address) as driver:
+        assert driver.page.evaluate(LEVEL, [0.0, -0.2]) == -0.2
+        assert driver.page.evaluate(LEVEL, [0.0, 0.2]) == 0.0
+
+
 @again_after_a_lost_link
 def test_a_new_episode_has_no_footsteps_of_before(browser, robot, console, node):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -417,6 +436,7 @@ def test_on_a_phone_everything_is_in_view_and_nothing_covers_the_stop(
         for panel in (False, True):
             if panel:
                 page.locator("#open-panel").tap()
+                assert driver.text("open-panel") == "close"
                 robot.until(lambda: page.locator("#panel").bounding_box()["x"] < width - 100)
             x, y = middle(page.locator("#stop"))
             top = page.evaluate(f"document.elementFromPoint({x}, {y}).closest('button')?.id")

@@ -280,7 +280,7 @@ for (const button of every("[data-press]")) {
 }
 find("stop").addEventListener("pointerdown", () => press("stop"));
 find("stop").addEventListener("click", () => press("stop")); // by keyboard, too
-find("open-panel").addEventListener("click", () => document.body.classList.toggle("panel"));
+find("open-panel").addEventListener("click", () => put("open-panel", document.body.classList.toggle("panel") ? "Close" : "More"));
 for (const slider of every("[data-slide]")) {
   slider.addEventListener("pointerdown", () => (dragged = slider));
   slider.addEventListener("input", () => say({ slide: slider.dataset.slide, value: Number(slider.value) }));

@@ -136,6 +136,8 @@ export class RobotView {
     if (levels.length) {
       const level = levels.reduce((a, b) => a + b) / levels.length;
       this.level += (Math.abs(level - this.level) > 0.3 ? 1 : 0.1) * (level - this.level);
+    } else {
+      this.level = Math.min(this.level, ...low); // no foot in the air is below the ground
     }
     standing.forEach((now, i) => now && !this.contact[i] && this.step(i, feet[i]));
     this.contact = standing;
