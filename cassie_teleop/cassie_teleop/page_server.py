@@ -97,7 +97,9 @@ class PageServer:
                 address[:2], family=family, backlog=128, dualstack_ipv6=both
             )
         except OSError as error:
-            raise OSError(f"cannot listen on {host}, port {port}: {error.strerror}") from None
+            # create_server adds the address once more
+            reason = str(error.strerror).partition(" (while")[0]
+            raise OSError(f"cannot listen on {host}, port {port}: {reason}") from None
         self.port: int = self._socket.getsockname()[1]
         self._names_itself = is_loopback(host)
         # Browsers send a cookie to every port of a host, so each console has a name of its own.

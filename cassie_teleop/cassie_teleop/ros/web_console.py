@@ -92,7 +92,8 @@ class WebConsole(Node):
         try:
             self._server = PageServer(self._config.host, self._config.port, token, self)
         except OSError as error:
-            raise OSError(f"{error}; -p port:=NUMBER takes another port") from None
+            other = "-p port:=0 takes a free one (with robot: -p web_console:port:=0)"
+            raise OSError(f"{error}; {other}") from None
         self._address = _address(self._config.host, self._server.port, token)
 
     def loop(self) -> None:
