@@ -54,6 +54,19 @@ def leave(riding):
     riding.run()
 
 
+def test_a_command_without_meaning_ends_a_lean(standing):
+    """The Segway sped up under the last good lean while the operator sent NaN."""
+    ride(standing)
+    standing.ask(height=0.6, com_x=0.02)
+    assert standing.run(1.0).com_x == pytest.approx(0.02)
+    standing.ask(yaw_rate=float("nan"))
+    mode = standing.run(1.0)
+    assert (float(mode.com_x), float(mode.com_y)) == (0.0, 0.0)
+    assert standing.mode is SEGWAY
+    standing.ask(yaw_rate=0.0)
+    assert standing.run(1.0).com_x == pytest.approx(0.02)
+
+
 def test_riding_is_refused_with_a_foot_in_the_air(standing):
     standing.state.q[2] = CONFIG.ride_height
     standing.state.foot_force[:] = (300.0, 0.0)

@@ -45,7 +45,7 @@ class ModeSupervisor:
       missed control ticks: stop and stand; on a Segway, brake and stay on it. With an empty battery
       the robot then sits down.
     - A command without meaning (not a number, an unknown mode) is refused: the last good command
-      holds, without its speeds.
+      holds, without its speeds and, for riding, without its lean.
     - After damping with feet on the ground, standing begins from the present pelvis height.
 
     All decisions use the state's own clock, so that a recording replays to the same bits.
@@ -216,6 +216,8 @@ class ModeSupervisor:
         self._last_command, self._command_refusal = command, command_fault(operator)
         if self._command_refusal:
             self._commanded = replace(self._commanded, vx=0.0, vy=0.0, yaw_rate=0.0)
+            if self._requested is RobotMode.SEGWAY:
+                self._commanded = replace(self._commanded, com_x=0.0, com_y=0.0)
         else:
             self._requested = requested_mode(operator)
             limits = command_limits(self._requested, self.config)
