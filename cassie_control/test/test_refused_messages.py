@@ -9,7 +9,7 @@ import pytest
 from cassie_control.ros.common import RateCheck
 from cassie_control.ros.mode_source import ModeSource
 from cassie_control.ros.operator_source import OperatorSource
-from cassie_msgs.layout import Mode, OperatorCommand, RobotState
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneSubscription
 from cassie_msgs.ros.process import Stop
 
@@ -55,6 +55,21 @@ def test_an_operator_command_of_another_layout_is_told_until_a_good_one_comes(no
     publisher.publish(OperatorCommand())
     until(lambda: operator.at(RobotState()) is not None)
     until(lambda: operator.at(RobotState()) is None or not told["operator_command"])
+
+
+def test_a_supervisor_that_joins_a_walking_robot_names_no_refused_power(node):
+    """It said "no power" until stand was asked for, while the robot walked on."""
+    states = LaneSubscription(node, RobotState)
+    operator = OperatorSource(node, Stop(), states, Told(), scripted=False)
+    command, state = OperatorCommand(), RobotState()
+    command.power[...] = command.link[...] = True
+    command.mode[...], command.vx[...] = int(RobotMode.WALK), 0.5
+    for power, words in ((1.0, ""), (0.0, "no power: power comes on only with stand"), (1.0, "")):
+        state.power[...] = power
+        operator.at(state)
+        operator.operators.take(command, b"writer", time.monotonic())
+        assert " ".join(operator.faults).startswith(words)
+        assert bool(operator.faults) == bool(words)
 
 
 class Logging:

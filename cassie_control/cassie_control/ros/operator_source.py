@@ -97,6 +97,7 @@ class OperatorSource:
             command = self._of_script(self._seq)
         else:
             self.operators.follow(int(state.operator_lease))
+            self.operators.power = float(state.power) > 0.5  # this node may have joined later
             command = self.operators.command(time.monotonic())
         # Before the first command no operator counts as lost: the robot has no power yet.
         ever = bool(self._script) if self._scripted else self.operators.ever
