@@ -9,23 +9,29 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
 
 from cassie_bags.ros.processes import own_domain
 from cassie_control.ros.common import Conditions
 from cassie_control.ros.watch import Watch
-from cassie_msgs.schedule import ANSWER_AFTER, REPEAT_PERIOD, START_TIMEOUT
+from cassie_msgs.schedule import ANSWER_AFTER, REPEAT_PERIOD, SILENT_AFTER, START_TIMEOUT
 
 
 @pytest.fixture
-def watch() -> Iterator[Watch]:
-    """In front of a controller that never answers."""
+def node() -> Iterator[Node]:
     context = Context()
     with own_domain() as domain:
         rclpy.init(args=[], context=context, domain_id=domain)
         node = Node("watch", context=context)
-        yield Watch(node, Conditions(node))
+        yield node
         node.destroy_node()
         rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def watch(node: Node) -> Watch:
+    """In front of a controller that never answers."""
+    return Watch(node, Conditions(node))
 
 
 def test_a_controller_is_not_lost_for_a_time_without_states(watch: Watch) -> None:
@@ -59,9 +65,9 @@ def test_an_estimator_that_does_not_answer_repeated_samples_is_lost(watch: Watch
     due = now
     watch.heard_state(now)
     for _ in range(20):
-        heard = now >= due
-        due += REPEAT_PERIOD * heard
-        clock.take_raw = lambda heard=heard: b"time 1" if heard else None  # type: ignore[misc, method-assign]
+        heard = [b"time 1"] * (now >= due)
+        due += REPEAT_PERIOD * len(heard)
+        clock.take_raw = lambda heard=heard: heard.pop() if heard else None  # type: ignore[misc, method-assign]
         watch.look(now)
         now += 0.05
     assert watch.faults == ("state_estimator lost: robot time waits for it",)
@@ -73,3 +79,33 @@ def test_a_controller_that_gets_states_and_is_silent_is_lost(watch: Watch) -> No
         watch.heard_state(now)
         now += 0.5 * ANSWER_AFTER
     assert watch.controller_lost(now)
+
+
+def test_the_clock_of_another_node_is_no_simulator(node: Node, watch: Watch) -> None:
+    """Beside a bag's player on /clock a lost simulator was reported as a lost estimator."""
+    simulator, player = (Node(name, context=node.context) for name in ("simulator", "player"))
+    first, second = (other.create_publisher(Clock, "/clock", 10) for other in (simulator, player))
+    while not watch.simulator.writer:
+        first.publish(Clock())
+        time.sleep(0.02)
+        watch.look(time.monotonic())
+    watch.heard_state(time.monotonic())
+    simulator.destroy_publisher(first)
+    told = []
+    end = time.monotonic() + SILENT_AFTER + 0.5
+    while time.monotonic() < end:
+        second.publish(Clock())
+        time.sleep(0.02)
+        watch.look(time.monotonic())
+        told += watch.faults
+    assert set(told) == {"simulator lost: waiting for it"}
+
+
+def test_every_change_of_a_second_writers_name_is_reported(node: Node) -> None:
+    """After the first stranger had left, its name stood for the next one."""
+    told: list[str] = []
+    conditions = Conditions(node)
+    conditions._diagnostics.set = lambda *report, **_: told.append(report[-1])  # type: ignore[method-assign]
+    for problem in ("one ignored", "one ignored", "another ignored", ""):
+        conditions.follow("/cassie/mode", problem)
+    assert told == ["one ignored", "one ignored", "another ignored", "ok"]

@@ -4,6 +4,7 @@ import time
 
 import pytest
 import rclpy
+from std_msgs.msg import Int32
 
 from cassie_msgs.layout import Mode, OperatorCommand
 from cassie_msgs.ros import one_writer
@@ -11,6 +12,7 @@ from cassie_msgs.ros.fast_lane import (
     EVERY,
     LanePublisher,
     LaneSubscription,
+    RawSubscription,
     take_from_each,
 )
 from cassie_msgs.ros.one_writer import RETURN_TIME, OneWriter, WriterWatch, identity, writers
@@ -73,6 +75,38 @@ def test_the_second_writer_is_dropped_and_named(node, others):
     assert lane.heard() == [2]
     lane.watch.look()
     assert lane.reports[Mode.TOPIC] == "second ignored: first writes it already"
+
+
+def test_nodes_of_the_same_name_and_of_a_namespace_are_told_apart(node, others):
+    LanePublisher(others[0], Mode)
+    twins = [
+        rclpy.create_node("first", namespace=space, context=others[1].context)
+        for space in ("", "/robot_2")
+    ]
+    for twin in twins:
+        LanePublisher(twin, Mode)
+    names = ["first", "first", "robot_2/first"]
+    until(lambda: sorted(writers(node, Mode.TOPIC).values()) == names)
+    guard, reports = OneWriter(Mode), {}
+    watch = WriterWatch(node, [guard], [], reports.__setitem__)
+    guard.writer = next(gid for gid, name in writers(node, Mode.TOPIC).items() if name == "first")
+    watch.look()
+    words = "another first, robot_2/first ignored: first writes it already"
+    assert reports[Mode.TOPIC] == words
+
+
+def test_other_topics_have_one_writer_too(node, others):
+    guard = OneWriter("/count")
+    subscription = RawSubscription(node, Int32, "/count", EVERY, guard=guard)
+    first, second = (other.create_publisher(Int32, "/count", 10) for other in others)
+    until(lambda: all(each.get_subscription_count() for each in (first, second)))
+    for number, publisher in enumerate((first, second, first)):
+        publisher.publish(Int32(data=number))
+        time.sleep(0.1)
+    heard = []
+    while (message := subscription.take_message()) is not None:
+        heard.append(message.data)
+    assert heard == [0, 2]
 
 
 def test_it_counts_once_the_first_is_gone(node, others):

@@ -64,6 +64,11 @@ class Conditions:
             self._diagnostics.set(subject, OK, "ok", **values)
         return True
 
+    def follow(self, subject: str, problem: str) -> None:
+        """Set the problem of `subject`, and report each change of its text."""
+        if not self.set(subject, problem) and problem:
+            self._diagnostics.set(subject, ERROR, problem)
+
 
 _RATE_SHOWS = 50
 """Ticks after which times at a rate 1 % off differ by half a period."""

@@ -125,7 +125,7 @@ class GaitControllerNode(Node):
             self._gaits = GaitSource(self, stop, self._conditions, self._repeat_status)
             guards.append(self._gaits.optimizer)
             publishers.append(self._gaits.publisher)
-        WriterWatch(self, guards, publishers, self._conditions.set)
+        WriterWatch(self, guards, publishers, self._conditions.follow)
         self._waiter = LaneWaiter(self, [self._states])
         stop.on_request(self._waiter.wake)
         self._state = RobotState()

@@ -71,9 +71,9 @@ class ModeSupervisorNode(Node):
         )
         WriterWatch(
             self,
-            [estimator, self._watch.controller],
+            [estimator, self._watch.controller, self._watch.simulator],
             [self._modes.publisher, self._status.publisher],
-            self._conditions.set,
+            self._conditions.follow,
         )
         self._waiter = LaneWaiter(self, [self._states])
         stop.on_request(self._waiter.wake)

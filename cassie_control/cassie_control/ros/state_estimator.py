@@ -68,7 +68,7 @@ class StateEstimator(Node):
         simulator = OneWriter(Sensors)
         self._samples = LaneSubscription(self, Sensors, qos=NEWEST_OF_ONE, guard=simulator)
         self._states = LanePublisher(self, RobotState)
-        WriterWatch(self, [simulator], [self._states.publisher], self._conditions.set)
+        WriterWatch(self, [simulator], [self._states.publisher], self._conditions.follow)
         self._standard = StandardTopics(self, self._lane.control_rate)
         self._waiter = LaneWaiter(self, [self._samples])
         stop.on_request(self._waiter.wake)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from cassie_control.ros.common import Conditions
@@ -15,10 +14,6 @@ from cassie_msgs.ros.fast_lane import NEWEST_OF_ONE, LaneSubscription, RawSubscr
 from cassie_msgs.ros.one_writer import OneWriter
 from cassie_msgs.schedule import ANSWER_AFTER, REPEAT_PERIOD, SILENT_AFTER, START_TIMEOUT
 
-_CLOCK = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=1
-)
-
 _REPEATED = REPEAT_PERIOD / 2  # s after its last answer, from which a node was asked again
 
 
@@ -26,13 +21,15 @@ class Watch:
     """Monitors the simulator by /clock, the estimator by /cassie/state, the controller by status.
 
     Attributes:
+        simulator: Guard that accepts the clock of one simulator.
         controller: Guard that accepts the status of one controller.
         faults: Text for each lost node.
     """
 
     def __init__(self, node: Node, conditions: Conditions) -> None:
         self._conditions = conditions
-        self._clock = RawSubscription(node, Clock, "/clock", _CLOCK)
+        self.simulator = OneWriter("/clock")
+        self._clock = RawSubscription(node, Clock, "/clock", NEWEST_OF_ONE, guard=self.simulator)
         self.controller = OneWriter(ControllerStatus)
         self._status = LaneSubscription(
             node, ControllerStatus, qos=NEWEST_OF_ONE, guard=self.controller
@@ -64,7 +61,7 @@ class Watch:
             for silence in (self._simulator, self._estimator, self._controller):
                 silence.excuse(now)
         self._looked = now
-        if (raw := self._clock.take_raw()) is not None:
+        while (raw := self._clock.take_raw()) is not None:
             self._simulator.heard(now)
             if raw != self._robot_time:
                 self._robot_time, self._moved = raw, now

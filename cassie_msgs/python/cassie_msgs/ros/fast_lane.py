@@ -106,9 +106,25 @@ class LanePublisher(Generic[SampleT]):
 class RawSubscription:
     """Takes messages of any type as bytes; waits with a `LaneWaiter` or not at all."""
 
-    def __init__(self, node: Node, message_class: Any, topic: str, qos: QoSProfile) -> None:
-        """Create the subscription, which no executor serves."""
+    def __init__(
+        self,
+        node: Node,
+        message_class: Any,
+        topic: str,
+        qos: QoSProfile,
+        guard: Guard | None = None,
+    ) -> None:
+        """Create the subscription, which no executor serves.
+
+        Args:
+            node: Node it belongs to.
+            message_class: ROS class of the messages.
+            topic: Topic of the messages.
+            qos: How messages are kept until they are taken.
+            guard: Decides which messages are accepted; by default all are.
+        """
         self.topic = topic
+        self._guard = guard
         self._type = message_class
         self.subscription = node.create_subscription(
             self._type,
@@ -121,13 +137,21 @@ class RawSubscription:
         self.inbox = Inbox(self.subscription.handle)
 
     def take_raw(self) -> bytes | None:
-        """The oldest message not yet taken, as bytes; None if there is none."""
-        taken = self.inbox.take()
+        """The oldest accepted message not yet taken, as bytes; None if there is none."""
+        taken = self._take()
         return None if taken is None else bytes(taken)
 
+    def _take(self) -> memoryview | None:
+        """The oldest accepted message not yet taken, valid until the next call."""
+        inbox, guard = self.inbox, self._guard
+        taken = inbox.take()
+        while guard is not None and taken is not None and not guard.admits(inbox.writer, taken):
+            taken = inbox.take()
+        return taken
+
     def take_message(self) -> Any | None:
-        """The oldest message not yet taken that can be read; None if there is none."""
-        while (raw := self.inbox.take()) is not None:
+        """The oldest accepted message not yet taken that can be read; None if there is none."""
+        while (raw := self._take()) is not None:
             if (message := self.read(bytes(raw))) is not None:
                 return message
         return None
@@ -172,14 +196,8 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
             qos: How messages are kept until they are taken.
             guard: Decides which messages are accepted; by default all are.
         """
-        super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos)
+        super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos, guard)
         self._drain = qos.depth > 1
-        self._guard = guard
-
-    def take_raw(self) -> bytes | None:
-        """The oldest accepted message not yet taken, as bytes; None if there is none."""
-        taken = self._take()
-        return None if taken is None else bytes(taken)
 
     def take_last(self, most: int) -> Iterable[bytes]:
         """The last `most` accepted messages not yet taken, oldest first.
@@ -190,14 +208,6 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         while (raw := self.take_raw()) is not None:
             last.append(raw)
         return last
-
-    def _take(self) -> memoryview | None:
-        """The oldest accepted message not yet taken, valid until the next call."""
-        inbox, guard = self.inbox, self._guard
-        taken = inbox.take()
-        while guard is not None and taken is not None and not guard.admits(inbox.writer, taken):
-            taken = inbox.take()
-        return taken
 
     def take_next(self, sample: SampleT) -> bool:
         """Whether there was a message not yet taken; loads the oldest one into `sample`.

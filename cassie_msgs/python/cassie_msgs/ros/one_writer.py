@@ -63,7 +63,7 @@ class OneWriter:
     """Admits the messages of one writer; a `Guard`.
 
     Args:
-        sample_type: Type of the messages.
+        source: Type of the messages, or the name of a topic of other messages, without numbers.
         in_order: Whether episode and seq must stay within the bounds of `Progress`.
 
     Attributes:
@@ -71,14 +71,15 @@ class OneWriter:
         refused: Why the newest message of that writer was refused; empty if it was not.
     """
 
-    def __init__(self, sample_type: type[Sample], *, in_order: bool = True) -> None:
-        self.topic = sample_type.TOPIC
+    def __init__(self, source: type[Sample] | str, *, in_order: bool = True) -> None:
+        self.topic, self._size = (
+            (source, 0) if isinstance(source, str) else (source.TOPIC, source.SIZE)
+        )
         self.writer = b""
         self.refused = ""
         self._dropped: set[bytes] = set()
         self._heard = self._free_from = 0.0
-        self._size = sample_type.SIZE
-        self._progress = Progress() if in_order else None
+        self._progress = Progress() if in_order and self._size else None
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
         """Whether a message is accepted. A message without a header is: its reader refuses it."""
@@ -160,18 +161,28 @@ def _problem(guard: OneWriter, names: Mapping[bytes, str]) -> str:
     """Problem with the writers of a topic; empty if there is none."""
     if not guard.writer:
         return ""
-    if others := [names[gid] for gid in names if gid != guard.writer]:
-        first = names.get(guard.writer, UNKNOWN)
+    first = names.get(guard.writer, UNKNOWN)
+    if others := [
+        f"another {name}" if name == first else name
+        for gid, name in names.items()
+        if gid != guard.writer
+    ]:
         return f"{', '.join(sorted(others))} ignored: {first} writes it already"
     return f"message refused: {guard.refused}" if guard.refused else ""
 
 
 def writers(node: Node, topic: str) -> dict[bytes, str]:
-    """Name of the node of each writer of a topic, by the writer's identity."""
+    """Name of the node of each writer of a topic, with its namespace, by the writer's identity."""
     return {
-        bytes(info.endpoint_gid[:_GID_SIZE]): info.node_name.replace(_NAMELESS, UNKNOWN)
+        bytes(info.endpoint_gid[:_GID_SIZE]): _full_name(info.node_namespace, info.node_name)
         for info in node.get_publishers_info_by_topic(topic)
     }
+
+
+def _full_name(namespace: str, name: str) -> str:
+    if name == _NAMELESS:
+        return UNKNOWN
+    return f"{namespace}/{name}".lstrip("/")
 
 
 def identity(publisher: Any) -> bytes:
