@@ -80,7 +80,8 @@ class Snapshot:
         self._model, self._data, self._robot = model, data, robot
         self._state = np.zeros(mujoco.mj_stateSize(model, _STATE))
         self._rotation = np.zeros(9)
-        self._records, self._attitudes = b"", np.zeros(0)
+        self._records = b""
+        self._attitudes: FloatArray = np.zeros(0)
 
     def take(self, sensors: IdealSensors) -> None:
         """Store the present state."""
