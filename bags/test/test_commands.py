@@ -93,7 +93,8 @@ def test_usage_says_what_each_argument_is(verb: str):
 
 def test_replay_verify_has_a_usage_line_of_its_own():
     usage = " ".join(play("replay", "--verify", "--help").stdout.split("\n\n")[0].split())
-    assert usage.startswith("usage: replay --verify [-h]") and usage.endswith(" BAG")
+    assert usage.startswith("usage: ros2 run cassie_bags replay --verify [-h]")
+    assert usage.endswith(" BAG")
 
 
 def test_a_command_leaves_the_signal_handlers_as_they_were(tmp_path: Path):

@@ -103,6 +103,6 @@ def test_what_is_late_or_unreported_is_not_safe():
     down = Cell("drive_position.3", "nan", "walking", 0.0, 0.0, (), "falls")
     assert [cell.safe for cell in (late, silent, harmless, down)] == [False, False, True, False]
     assert table([late, silent, harmless, down])[-1] == (
-        "| `drive_position.3` | walking | stands, NOT reported | stands, 200 ms | falls, 0 ms |  "
+        "| `drive_position.3` | walking | stands, NOT reported | stands, 200 ms | falls, 0 ms | "
         "| goes on, no error |"
     )

@@ -6,16 +6,15 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from cassie_bags.cli.arguments import add_bag, picture
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     CommandParser,
-    add_bag,
     command,
     exit_codes,
     labels,
     new_file,
-    picture,
 )
 from cassie_bags.errors import BagError
 

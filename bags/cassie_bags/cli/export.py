@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import OK, CommandParser, add_bag, command, exit_codes, stem
+from cassie_bags.cli.arguments import add_bag, one_of
+from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, stem
 
 FORMATS = ("csv", "parquet", "npz")
 

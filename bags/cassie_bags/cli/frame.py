@@ -122,40 +122,6 @@ def node_words(name: str) -> list[str]:
     return words_without_ros(name)
 
 
-def add_bag(
-    parser: argparse.ArgumentParser, name: str, metavar: str = "BAG", nargs: str | None = None
-) -> None:
-    """Add a bag, or several, to the arguments of a command."""
-    words = "MCAP file, or folder of ros2 bag"
-    parser.add_argument(name, nargs=nargs, metavar=metavar, type=_bag, help=words)
-
-
-def _bag(word: str) -> Path:
-    """A bag from a command line, checked before slow modules are loaded.
-
-    Raises:
-        argparse.ArgumentTypeError: if there is none; the message names what was found instead.
-    """
-    from cassie_bags.bag.location import bag_files
-
-    try:
-        bag_files(word)
-    except BagError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    return Path(word)
-
-
-def picture(word: str) -> Path:
-    """A picture's file name from a command line.
-
-    Raises:
-        argparse.ArgumentTypeError: if the name does not end like a picture's.
-    """
-    if Path(word).suffix not in (".png", ".svg", ".pdf"):
-        raise argparse.ArgumentTypeError(f"{word} does not end in .png, .svg or .pdf")
-    return Path(word)
-
-
 def new_file(path: Path, option: str = "-o") -> Path:
     """A path for output, which must not exist, in a folder that exists.
 

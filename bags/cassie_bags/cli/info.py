@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from cassie_bags.cli.frame import OK, CommandParser, add_bag, command, exit_codes
+from cassie_bags.cli.arguments import add_bag
+from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -6,16 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.frame import (
-    OK,
-    CommandParser,
-    add_bag,
-    command,
-    exit_codes,
-    new_file,
-    picture,
-    stem,
-)
+from cassie_bags.cli.arguments import add_bag, picture
+from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, new_file, stem
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cassie_bags.cli.arguments import add_bag
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     CommandParser,
-    add_bag,
     command,
     exit_codes,
     labels,

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from cassie_bags.cli.arguments import picture
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
@@ -14,7 +15,6 @@ from cassie_bags.cli.frame import (
     command,
     exit_codes,
     new_file,
-    picture,
 )
 
 _PICTURE = Path("replay.png")
