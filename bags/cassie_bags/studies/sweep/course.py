@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -136,8 +137,9 @@ def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: An
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
     """Trial of walking at a speed with learned torques and, as second run, without."""
     window = steady(Budget(), speed, seconds)
-    trial = walk(Budget(changes=changes), seed, window, vx=speed)
-    return Trial(trial.content, seed, window, None, trial.changes, (_WITHOUT_LEARNED,))
+    learned = {"learned_torques": "use"}
+    trial = walk(Budget(changes=changes), seed, window, vx=speed, controller=learned)
+    return dataclasses.replace(trial, reference=(_WITHOUT_LEARNED,))
 
 
 def opened_limits(command: Mapping[str, float]) -> dict[str, float]:
