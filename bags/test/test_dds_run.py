@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -46,6 +47,34 @@ def test_a_process_keeps_to_the_processors_it_is_given(tmp_path: Path):
             pass
     assert processes.printed("one", f"[{min(mine)}]\n")
     assert processes.printed("any", f"{sorted(mine)}\n")
+
+
+INTERRUPTED = """
+import os, signal, sys
+from pathlib import Path
+from cassie_bags.errors import RunError
+from cassie_bags.ros.processes import Processes
+signal.signal(signal.SIGINT, signal.default_int_handler)
+os.register_at_fork(before=lambda: os.kill(os.getpid(), signal.SIGINT))
+processes = Processes(os.environ, Path(sys.argv[1]))
+try:
+    with processes:
+        processes.start("sleeper", ["sleep", "60"])
+        print("the Ctrl-C is lost")
+except KeyboardInterrupt:
+    print("stopped")
+try:
+    processes.check()
+except RunError as error:
+    print(error)
+"""
+
+
+def test_a_ctrl_c_while_a_process_starts_is_not_lost(tmp_path: Path):
+    """Of hundreds of runs of the bench one went on."""
+    program = [sys.executable, "-c", INTERRUPTED, str(tmp_path)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=90, check=True)
+    assert done.stdout.splitlines() == ["stopped", "sleeper was ended by SIGINT"]
 
 
 def test_a_domain_whose_lock_another_user_keeps_is_left_out(tmp_path: Path, monkeypatch):

@@ -109,21 +109,28 @@ class Processes:
             processors: Processors on which it may run; any if empty.
         """
 
+        # Python loses a Ctrl-C that comes while it forks, and the process would not be known yet.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+
         def prepare() -> None:
             end_with_parent()
             if processors:
                 os.sched_setaffinity(0, processors)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
-        with self.log(name).open("wb") as log:
-            self._running[name] = subprocess.Popen(
-                [str(word) for word in command],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env=self._env,
-                start_new_session=True,
-                preexec_fn=prepare,
-            )
+        try:
+            with self.log(name).open("wb") as log:
+                self._running[name] = subprocess.Popen(
+                    [str(word) for word in command],
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=self._env,
+                    start_new_session=True,
+                    preexec_fn=prepare,
+                )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def log(self, name: str) -> Path:
         """File with the output of a process."""
