@@ -39,7 +39,7 @@ class Table:
 
     Attributes:
         topic, type: Name of the topic, and its message type.
-        log_time, publish_time: Integers of each message. Shape (n,), int64, in ns; uint64 if one of
+        log_time, publish_time: Times of each message. Shape (n,), int64, in ns; uint64 if one of
             them does not fit into int64.
         fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
             entry that a message does not have is NaN or empty.

@@ -63,7 +63,7 @@ class OneWriter:
     """Admits the messages of one writer; a `Guard`.
 
     Args:
-        source: Type of the messages, or the name of a topic of other messages, without numbers.
+        source: Type of the messages, or the topic of messages without episode and seq.
         in_order: Whether episode and seq must stay within the bounds of `Progress`.
 
     Attributes:
