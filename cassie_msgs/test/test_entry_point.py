@@ -8,8 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from cassie_msgs.processes import STOPPED
 
 SLOW = """
@@ -30,7 +28,15 @@ wait("imports")
 def main(): return 7
 """
 )
-IMPORTS_LATER = "def main():\n    import imports; return 7\n"
+IMPORTS_LATER = """
+import time
+def main():
+    try:
+        import imports
+        time.sleep(60.0)
+    except KeyboardInterrupt:
+        return 7
+"""
 RUNS = (
     SLOW
     + """
@@ -49,9 +55,15 @@ sys.exit(entry_point({module!r})())
 
 
 def interrupted(
-    folder: Path, module: str, *, seconds: float = 60.0, before: str = "", lost: bool = True
+    folder: Path,
+    module: str,
+    *,
+    seconds: float = 60.0,
+    before: str = "",
+    lost: bool = True,
+    number: signal.Signals = signal.SIGINT,
 ) -> int:
-    """Exit code of a console script that Ctrl-C interrupts; it says nothing.
+    """Exit code of a console script that a signal interrupts; it says nothing.
 
     Args:
         folder: Folder for the modules.
@@ -59,6 +71,7 @@ def interrupted(
         seconds: Time for which the script waits for the signal. In s.
         before: Statement before the script.
         lost: Whether the script ignores exceptions, as some compiled modules do.
+        number: The signal, Ctrl-C's or another.
     """
     for name, text in {"imports": IMPORTS, "imports_later": IMPORTS_LATER, "runs": RUNS}.items():
         (folder / f"{name}.py").write_text(text.format(seconds=seconds, lost=lost))
@@ -70,15 +83,24 @@ def interrupted(
     )
     assert process.stdout is not None and process.stdout.readline()
     time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=90)
     assert errors == ""
     return process.returncode
 
 
-@pytest.mark.parametrize("module", ["imports", "imports_later"])
-def test_ctrl_c_during_an_import_ends_a_script_without_words(tmp_path: Path, module: str) -> None:
-    assert interrupted(tmp_path, module) == STOPPED
+def test_ctrl_c_during_its_imports_ends_a_script_without_words(tmp_path: Path) -> None:
+    assert interrupted(tmp_path, "imports") == STOPPED
+
+
+def test_main_may_handle_a_ctrl_c_that_came_during_an_import(tmp_path: Path) -> None:
+    assert interrupted(tmp_path, "imports_later", seconds=1.0) == 7
+
+
+def test_a_termination_during_an_import_waits_for_its_end(tmp_path: Path) -> None:
+    before = "from cassie_msgs.processes import interrupt; signal.signal(signal.SIGTERM, interrupt)"
+    how = {"seconds": 1.0, "before": before, "number": signal.SIGTERM}
+    assert interrupted(tmp_path, "imports_later", **how) == 7
 
 
 def test_ctrl_c_that_main_does_not_handle_ends_a_script_without_words(tmp_path: Path) -> None:

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Protocol
 
 from cassie_bags.errors import BagError, RunError
+from cassie_msgs.processes import STOPPED, interrupt
 
-OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN, STOPPED = 0, 1, 2, 3, 130
+OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN = 0, 1, 2, 3
 """Exit codes."""
 
 
@@ -85,7 +86,7 @@ def command(
     def main(argv: Sequence[str] | None = None) -> int:
         options = parser()
         arguments = options.parse_args(argv)
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        before = signal.signal(signal.SIGTERM, interrupt)
         try:
             code = run(arguments)
             if sys.stdout is not None:  # None if stdout is closed

@@ -23,6 +23,7 @@ from cassie_bags.cli.arguments import positive, seconds
 from cassie_bags.errors import RunError
 from cassie_bags.ros.bench_parts import PARTS
 from cassie_bags.ros.processes import Processes
+from cassie_msgs.processes import STOPPED, interrupt
 
 TARGETS = {
     "rtf_five_processes_500hz": (4.5, "at least"),
@@ -56,14 +57,14 @@ def main() -> int:
     parser.add_argument("--repetitions", type=positive, default=3)
     parser.add_argument("--seconds", type=seconds, default=12.0, help="robot time of a run")
     arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, interrupt)
     failures: list[str] = []
     try:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         results = [_measure(arguments.seconds, n, failures) for n in range(arguments.repetitions)]
     except KeyboardInterrupt:
         print("bench: stopped", file=sys.stderr)
-        return 130
+        return STOPPED
     except OSError as error:
         print(f"bench: error: {error}", file=sys.stderr)
         return 2

@@ -32,7 +32,7 @@ from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve, write_resolved
 from cassie_bags.run.simulate import run
 from cassie_msgs.experiment.file import Experiment
-from cassie_msgs.processes import end_within
+from cassie_msgs.processes import end_within, interrupt
 from cassie_msgs.ros.process import LEAVE_TIMEOUT
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,7 +55,7 @@ def main(words: list[str]) -> int:
     """Measure one part and write its figures; why it failed is the last line on stderr."""
     part, seconds, file = words
     faulthandler.enable()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, interrupt)
     text = EXPERIMENT.replace("12.0", f"{float(seconds):g}")
     code = 0
     try:

@@ -30,6 +30,7 @@ from cassie_gaits.optimize.partial_file import Found, PartialFile
 from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
 from cassie_gaits.processes import available_cores, local_processes
+from cassie_msgs.processes import STOPPED, interrupt
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Speeds of the seven gaits of the paper. In m/s."""
@@ -67,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given = given[: given.index("--ros-args")]
     options = _parser().parse_args(given)
     start = time.monotonic()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, interrupt)
     try:
         return _run(options, start)
     except (CassieError, OSError) as error:
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         print("optimize_gaits: stopped; --resume goes on from here", file=sys.stderr)
-        return 130
+        return STOPPED
     finally:
         signal.signal(signal.SIGTERM, before)
 

@@ -15,6 +15,7 @@ STOPPED = 130
 """Exit code of a process that Ctrl-C stopped, as shells have it."""
 
 _IMPORT = "<frozen importlib._bootstrap>"  # file name of the functions that import
+_AGAIN = 0.02  # s until a signal that came during an import is raised again
 _PARENT_DIES = 1  # PR_SET_PDEATHSIG
 _BY_THREAD = 2  # SIGEV_THREAD
 
@@ -43,16 +44,20 @@ class _Timer(ctypes.Structure):
 def entry_point(module: str) -> Callable[[], int | None]:
     """Function for a console script: imports a module, and returns what its `main()` returns.
 
-    The imports of a node take up to a second. A Ctrl-C during any import ends the process at once
-    with `STOPPED` and without output. `main()` may handle a Ctrl-C itself; otherwise it also ends
-    the process with `STOPPED`. A process that ignores Ctrl-C, as in the background, continues to.
+    The imports of a node take up to a second. A Ctrl-C during them ends the process at once with
+    `STOPPED` and without output. Later a Ctrl-C is a KeyboardInterrupt, see `interrupt`; `main()`
+    may handle it, otherwise it also ends the process with `STOPPED`. A process that ignores Ctrl-C,
+    as in the background, continues to.
     """
 
     def start() -> int | None:
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, _interrupt)
+        handled = signal.getsignal(signal.SIGINT) is signal.default_int_handler
         try:
+            if handled:
+                signal.signal(signal.SIGINT, lambda *_: os._exit(STOPPED))
             main: Callable[[], int | None] = import_module(module).main
+            if handled:
+                signal.signal(signal.SIGINT, interrupt)
             return main()
         except KeyboardInterrupt:
             return STOPPED
@@ -60,14 +65,18 @@ def entry_point(module: str) -> Callable[[], int | None]:
     return start
 
 
-def _interrupt(_: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, but not during an import.
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt: handler of a signal, which waits while a module is imported.
 
     Compiled modules turn an exception during their imports into an error of their own, or lose it.
+    Imports within functions come while processes run and files are open, which are to be ended and
+    closed. So the signal is raised again until the import is over. SIGALRM serves for that.
     """
     while frame is not None:
         if frame.f_code.co_filename == _IMPORT:
-            os._exit(STOPPED)
+            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
         frame = frame.f_back
     raise KeyboardInterrupt
 
