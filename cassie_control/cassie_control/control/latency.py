@@ -8,11 +8,13 @@ import numpy as np
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import TORQUE_LIMITS
+from cassie_gaits.names import DRIVE_IN_Q
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
+from cassie_gaits.robot import DRIVE_DELAY, ENCODER_RATE
 from cassie_msgs.layout import MotorCommand, RobotState
 
-REPORT_DELAY = 0.0035
-"""Time from a drive's set torque to the sample: 3 ms to the torque's effect, 0.5 ms more. In s."""
+REPORT_DELAY = DRIVE_DELAY + 1.0 / ENCODER_RATE
+"""Time from a drive's torque set-point to the sample that reports the torque. In s."""
 
 MAX_LATENCY = 0.08
 """Largest latency that is tested. In s."""
@@ -21,8 +23,6 @@ _LOW_PASS_TIME = 0.25  # s
 _MIN_RESIDUAL = 0.01  # of the present latency, before another one is taken; 1 is full torque
 _MAX_RESIDUAL_RATIO = 0.3  # of another latency's residual to that of the present one
 _MAX_UNEXPLAINED = 0.1  # ratio of another latency's residual to all squared torques
-
-_POSITION, _VELOCITY, _KP, _KD = 10, 20, 30, 40  # places in `MotorCommand.floats`, after torque
 
 
 class Search(Record):
@@ -51,7 +51,7 @@ class Search(Record):
 @compiled
 def find_latency(
     states: RecordArray,
-    commands: FloatArray,
+    commands: RecordArray,
     joint_history: FloatArray,
     residuals: FloatArray,
     searches: Records[Search],
@@ -60,7 +60,7 @@ def find_latency(
 
     Args:
         states: `RobotState.record`: the drives and their reported torques. Shape (1,).
-        commands: Ring of the commands sent, `MotorCommand.floats`. Shape (n, 50).
+        commands: Ring of the commands sent, `MotorCommand.record`. Shape (n,).
         joint_history: Angles and rates of the drives at the last ticks, the oldest first; updated.
             Shape (m, 2, 10).
         residuals: Averages of the squared residuals, and, last, of the squared reported torques;
@@ -104,23 +104,29 @@ def _store_joints(state: RobotState, joint_history: FloatArray) -> None:
     for k in range(last):
         joint_history[k] = joint_history[k + 1]
     for i in range(10):
-        leg, drive = i // 5, i % 5
-        joint = 6 + 7 * leg + (6 if drive == 4 else drive)
+        joint = DRIVE_IN_Q[i]
         joint_history[last, 0, i], joint_history[last, 1, i] = state.q[joint], state.v[joint]
 
 
 @compiled
 def _residual(
-    command: FloatArray, reported: FloatArray, joint_history: FloatArray, search: Search
+    command: MotorCommand, reported: FloatArray, joint_history: FloatArray, search: Search
 ) -> float:
-    """Squared residual of the torques that a command explains, over the largest torques."""
+    """Squared difference of a command's torques and the reported ones, over the largest torques.
+
+    Args:
+        command: A command of the ring.
+        reported: Torques that the drives report. Shape (10,), in Nm.
+        joint_history: See `find_latency`.
+        search: The search.
+    """
     oldest, next_oldest = joint_history[0], joint_history[1]
     scale, s, residual = search.scale, search.interpolation, 0.0
     for i in range(10):
         angle = (1.0 - s) * oldest[0, i] + s * next_oldest[0, i]
         rate = (1.0 - s) * oldest[1, i] + s * next_oldest[1, i]
-        torque = command[i] + command[_KP + i] * (command[_POSITION + i] - angle)
-        torque += command[_KD + i] * (command[_VELOCITY + i] - rate)
+        torque = command.torque[i] + command.kp[i] * (command.position[i] - angle)
+        torque += command.kd[i] * (command.velocity[i] - rate)
         torque = scale[i] * torque
         difference = max(-1.0, min(1.0, torque)) - scale[i] * reported[i]
         residual += difference * difference
@@ -128,11 +134,11 @@ def _residual(
 
 
 @compiled
-def store_command(command: FloatArray, commands: FloatArray, searches: Records[Search]) -> None:
-    """Store a command (50,) in the ring."""
+def store_command(sent: RecordArray, commands: RecordArray, searches: Records[Search]) -> None:
+    """Store a command, `MotorCommand.record`, in the ring."""
     search = searches[0]
     search.newest = (search.newest + 1) % commands.shape[0]
-    commands[search.newest] = command
+    commands[search.newest] = sent[0]
     search.count += 1
 
 
@@ -158,7 +164,7 @@ class CommandLatency:
         ticks = math.ceil(REPORT_DELAY / period)
         self._usual_latency = ticks - 1
         rows = ticks + round(MAX_LATENCY / period)
-        self._commands = np.zeros((rows, 50))
+        self._commands = np.zeros(rows, MotorCommand.RECORD)
         self._joint_history = np.zeros((ticks + 1, 2, 10))
         self._residuals = np.zeros(rows + 1)
         self._search = Search(
@@ -193,4 +199,4 @@ class CommandLatency:
 
     def sent(self, command: MotorCommand) -> None:
         """Store the command that answers the state observed last."""
-        store_command(command.floats, self._commands, self._search.records)
+        store_command(command.record, self._commands, self._search.records)
