@@ -38,7 +38,7 @@ def foot_from_com(readings, swing, end):
     """Where a swing leg puts the toe joint, from the CoM, with a level torso. (2,), in m."""
     x = HIP_X + end.length * math.sin(end.pitch) - readings.com[0]
     below = end.length * math.cos(end.pitch) + HIP_DOWN
-    y = swing.hip_y + below * math.sin(end.roll) - readings.com[1]
+    y = swing.side * HIP_Y + below * math.sin(end.roll) - readings.com[1]
     return x, y
 
 

@@ -170,7 +170,7 @@ def test_where_bumps_come_fast_hips_stay_stiff_as_one_foot_carries_it(speed, lef
     balance, readings = pendulum.balance, pendulum.readings
     readings.com_velocity = (0.0, 0.5, 0.0)
     for _ in range(50):
-        balance.speed = speed
+        balance.vehicle.speed = speed
         balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
     assert balance.left_share == 1.0
     assert balance.torso_regulation[1] == pytest.approx(left)
@@ -182,7 +182,7 @@ def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
         balance, readings = pendulum.balance, pendulum.readings
         readings.com_velocity = (0.0, 0.1, 0.0)
         for _ in range(50):
-            balance.speed = speed
+            balance.vehicle.speed = speed
             balance.step(readings, mode_of(height=0.65), 0.0, (1.0, 1.0))
         return balance.left_share - 0.5
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cassie_control.config import StandConfig
-from cassie_control.control.robot import Readings
+from cassie_control.control.robot import SOLE_HALF_LENGTH, Readings
 from cassie_gaits.robot import GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode
 
@@ -16,10 +16,14 @@ BOTH_FEET = 0.7
 MIN_COM_HEIGHT = 0.3
 """Least height of the CoM above the feet as the length of a pendulum. In m."""
 
-_SOLE_REACH = 0.079  # m, largest centre of pressure from the middle of the sole
-_SETTLE_CONTACT = 0.9  # contact of the less loaded foot from which the robot settles
+HANGING_CONTACT = 0.3
+"""Contact probability of the more loaded foot below which the robot hangs."""
+
+STANDING_CONTACT = 0.9
+"""Contact probability of the less loaded foot above which the robot has landed on both feet."""
+
+_SOLE_REACH = SOLE_HALF_LENGTH - 0.001  # m, largest centre of pressure from the middle of the sole
 _SETTLE_SPEED = 0.1  # m/s, speed of the pelvis up to which the robot settles
-_UNSETTLE_CONTACT = 0.3  # contact of the more loaded foot below which settling starts anew
 _UNSETTLE_TIME = 0.2  # s, in which gains return to those before settling
 _RISE_SETTLED = 0.9  # threshold of `Balance.settled` for a rise
 _RISE_VELOCITY = 0.016  # m of the capture point by its velocity: more than the robot's own motions
@@ -56,8 +60,8 @@ class Balance:
     - Residual: the torso bends towards the fall, which pushes the CoM back (hip strategy), and is
       held upright the less, the larger that torque is. The torso does not bend while the capture
       point is well inside: to straighten up again costs what bending has gained.
-    - Gains that react to a push at once, and the bending, increase as the robot settles. Ground
-      contact bounces at first, and with late commands these gains would excite that.
+    - Gains that react to a push at once, and the bending fore and aft, increase as the robot
+      settles. Ground contact bounces at first, and with late commands these would excite that.
 
     Attributes:
         cop_x: Centre of pressure of each foot, ahead of the middle of its sole. In m.
@@ -129,8 +133,8 @@ class Balance:
         both = min(contact)
         if leans:
             self.settled = max(0.0, self.settled - self._period / _UNSETTLE_TIME)
-        settled = self._update_settled(readings, contact)
-        self._update_velocity(readings, settled, learns=both > BOTH_FEET and not leans)
+        self._update_settled(readings, contact)
+        self._update_velocity(readings, learns=both > BOTH_FEET and not leans)
         # The robot stands on the foot that carries it, wherever a lifted foot swings.
         x = readings.com[0] - self._support_x(readings, contact)
         y = readings.com_from_feet[1]
@@ -138,8 +142,8 @@ class Balance:
         width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
         width = max(_MIN_FOOT_DISTANCE, width)
         self._update_capture_point(x, y, math.sqrt(height / GRAVITY), 0.5 * width)
-        residual_x = self._update_cop_x(x - float(mode.com_x), x, settled)
-        residual_y = self._update_left_share(y - com_y, y, width, settled)
+        residual_x = self._update_cop_x(x - float(mode.com_x), x)
+        residual_y = self._update_left_share(y - com_y, y, width)
         cop_y = (self.left_share - 0.5) * width
         bending_y, roll_regulation = self._bending(residual_y, readings.roll - float(mode.roll))
         ratio_y = (y - cop_y - bending_y / WEIGHT) / height
@@ -155,18 +159,21 @@ class Balance:
             max(self._min_roll_regulation(), roll_regulation),
         )
 
-    def _update_settled(self, readings: Readings, contact: Sequence[float]) -> float:
+    def _update_settled(self, readings: Readings, contact: Sequence[float]) -> None:
         """Update `settled`, 0..1, as gains that react to a push would shake a landing."""
-        if max(contact) < _UNSETTLE_CONTACT:
+        if max(contact) < HANGING_CONTACT:
             self.settled = 0.0
-        elif min(contact) > _SETTLE_CONTACT and max(map(abs, readings.velocity)) < _SETTLE_SPEED:
+        elif min(contact) > STANDING_CONTACT and max(map(abs, readings.velocity)) < _SETTLE_SPEED:
             self.settled = min(1.0, self.settled + self._period / self.config.settle_time)
-        return self.settled
 
-    def _update_velocity(self, readings: Readings, settled: float, *, learns: bool) -> None:
+    def _by_settling(self, before: float, after: float) -> float:
+        """A gain now, from those before and after settling."""
+        return before + self.settled * (after - before)
+
+    def _update_velocity(self, readings: Readings, *, learns: bool) -> None:
         """Low-pass the CoM's velocity; `learns`: also correct `com_error`."""
         c = self.config
-        bandwidth = _interpolate(c.velocity_bandwidth, c.settled_bandwidth, settled)
+        bandwidth = self._by_settling(c.velocity_bandwidth, c.settled_bandwidth)
         weight = 1.0 - math.exp(-self._period * bandwidth)
         before = tuple(self._velocity)
         for k, speed in enumerate(self._com_velocity(readings)):
@@ -187,20 +194,18 @@ class Balance:
         (x, y, _), (error_x, error_y) = readings.com, self.com_error
         com = (x - error_x, y - error_y)
         self._last_time, self._last_com = readings.time, com
-        estimated, settled = readings.com_velocity, self.settled
+        estimated = readings.com_velocity
         if not 0.0 < elapsed < _MAX_TICKS_BETWEEN * self._period:
             return estimated[0], estimated[1]
         vx, vy = (
-            _interpolate(
-                estimated[k], readings.velocity[k] + (com[k] - before[k]) / elapsed, settled
-            )
+            self._by_settling(estimated[k], readings.velocity[k] + (com[k] - before[k]) / elapsed)
             for k in (0, 1)
         )
         return vx, vy
 
     def _update_com_error(self, readings: Readings, acceleration: Sequence[float]) -> None:
         """Correct `com_error` by the centre of pressure and the CoM's `acceleration` (m/s^2)."""
-        time_constant = _interpolate(_INITIAL_BIAS_TIME, self.config.bias_time, self.settled)
+        time_constant = self._by_settling(_INITIAL_BIAS_TIME, self.config.bias_time)
         weight = self._period / time_constant
         # Time constant of the pendulum, squared; 0 once settled.
         time_squared = (1.0 - self.settled) * readings.com_from_feet[2] / GRAVITY
@@ -249,26 +254,26 @@ class Balance:
         forward = dx > max(_RISE_VELOCITY, 2.0 * abs(dy))
         self.rise_helps = self.settled > _RISE_SETTLED and forward and x + dx > edge
 
-    def _update_cop_x(self, error: float, x: float, settled: float) -> float:
+    def _update_cop_x(self, error: float, x: float) -> float:
         """Set `cop_x`; returns the residual of its saturation that may bend the torso, in m."""
         c = self.config
-        kd = _interpolate(c.kd_com_x, c.settled_kd_com_x, settled)
+        kd = self._by_settling(c.kd_com_x, c.settled_kd_com_x)
         cop = x - self._equilibrium[0] + (c.kp_com_x * error + kd * self._velocity[0]) / WEIGHT
         self.cop_x = max(-_SOLE_REACH, min(_SOLE_REACH, cop))
-        return settled * self._bending_weight(0, _SOLE_REACH) * (cop - self.cop_x)
+        return self.settled * self._bending_weight(0, _SOLE_REACH) * (cop - self.cop_x)
 
-    def _update_left_share(self, error: float, y: float, width: float, settled: float) -> float:
+    def _update_left_share(self, error: float, y: float, width: float) -> float:
         """Set `left_share`; returns the sideways residual that may bend the torso, in m."""
         c = self.config
-        kd = self._damping_y(settled)
-        cop = y - self._equilibrium[1] + (c.kp_com_y * error + kd * self._velocity[1]) / WEIGHT
+        damping = self._damping_y() * self._velocity[1]
+        cop = y - self._equilibrium[1] + (c.kp_com_y * error + damping) / WEIGHT
         self.left_share = max(0.0, min(1.0, 0.5 + cop / width))
         residual = cop - (self.left_share - 0.5) * width
         return self._bending_weight(1, 0.5 * width) * residual
 
-    def _damping_y(self, settled: float) -> float:
-        """Sideways force by CoM y velocity, in Ns/m; `settled` is in 0..1."""
-        return _interpolate(self.config.kd_com_y, self.config.settled_kd_com_y, settled)
+    def _damping_y(self) -> float:
+        """Sideways force by CoM y velocity. In Ns/m."""
+        return self._by_settling(self.config.kd_com_y, self.config.settled_kd_com_y)
 
     def _min_roll_regulation(self) -> float:
         """Least factor on the hip roll stiffness, 0..1."""
@@ -300,7 +305,3 @@ class Balance:
 def bending_ramp(ratio: float, start: float) -> float:
     """Factor of the torso's bending, 0..1, at a ratio of capture point to reach; 0 to `start`."""
     return max(0.0, min(1.0, (ratio - start) / _BENDING_SPAN))
-
-
-def _interpolate(first: float, last: float, weight: float) -> float:
-    return first + weight * (last - first)

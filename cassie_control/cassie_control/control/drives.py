@@ -24,8 +24,8 @@ knee) and the foot kept level. About the hip roll axis its inertia depends on th
     u_roll  = R r'' + R' r' k'
 
 with A, B, C and R functions of the knee angle, drives' armature included. A', B' and R' are their
-derivatives by the knee angle. Gravity is left to the position loop: it holds a hanging leg within
-0.01 rad.
+derivatives by the knee angle. C is nearly constant, so u_knee leaves out C' k'^2 / 2. Gravity is
+left to the position loop: it holds a hanging leg within 0.01 rad.
 
 Source:
     Cubic polynomials fitted to the mass matrix of `cassie_gaits.dynamics` for knees of -2.4 to
@@ -51,7 +51,7 @@ from cassie_control.control.outputs import (
     YAW_SW,
     Step,
 )
-from cassie_control.control.robot import Robot
+from cassie_control.control.robot import MAX_LEG_LENGTH, Robot
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import (
@@ -122,7 +122,7 @@ _R = (1.3723, -0.1943, -0.4381, -0.0809)
 
 _MAX_SWING_LAG = 0.03  # m
 _MIN_LENGTH, _MAX_LENGTH = 0.4, 0.97  # m, range of the commanded leg length
-_MIN_SWING_LENGTH, _MAX_SWING_LENGTH = 0.45, 0.95  # m, range of the leg length for the inertia
+_MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 
 
 @compiled
@@ -248,7 +248,7 @@ def add_swing_inertia(gain: Gains, robot: Robot, i: int, step: Step, command: Mo
     torques are 0.
     """
     weight = 0.0 if gain.as_in_paper else 1.0 - robot.load[i]
-    length = min(_MAX_SWING_LENGTH, max(_MIN_SWING_LENGTH, step.desired[LENGTH_SW]))
+    length = min(MAX_LEG_LENGTH, max(_MIN_SWING_LENGTH, step.desired[LENGTH_SW]))
     v, a = step.desired_rates, step.accelerations
     roll, pitch, knee = inertia_torques(
         (v[ROLL_SW], v[PITCH_SW], v[LENGTH_SW]),
@@ -286,16 +286,18 @@ def inertia_torques(
     sine, cosine = math.sin(knee + KNEE_OFFSET), math.cos(knee + KNEE_OFFSET)
     squares, product = SHIN * SHIN + THIGH * THIGH, SHIN * THIGH
     length = math.sqrt(squares + 2.0 * product * cosine)
-    # length(k) and hip pitch = leg pitch + lean(k), with their derivatives by the knee angle k.
+    # Derivatives of leg length and leg pitch by the knee angle, at a fixed hip pitch.
     d_length = -product * sine / length
     d2_length = (-product * cosine - d_length * d_length) / length
     knee_rate = length_rate / d_length
     knee_acceleration = (length_acceleration - d2_length * knee_rate * knee_rate) / d_length
-    d_lean = SHIN * (SHIN + THIGH * cosine) / (length * length)
-    d2_lean = (-SHIN * THIGH * sine - 2.0 * d_lean * length * d_length) / (length * length)
-    pitch_rate = leg_pitch_rate - d_lean * knee_rate
-    pitch_acceleration = leg_pitch_acceleration - d_lean * knee_acceleration
-    pitch_acceleration -= d2_lean * knee_rate * knee_rate
+    d_leg_pitch = SHIN * (SHIN + THIGH * cosine) / (length * length)
+    d2_leg_pitch = (-SHIN * THIGH * sine - 2.0 * d_leg_pitch * length * d_length) / (
+        length * length
+    )
+    pitch_rate = leg_pitch_rate - d_leg_pitch * knee_rate
+    pitch_acceleration = leg_pitch_acceleration - d_leg_pitch * knee_acceleration
+    pitch_acceleration -= d2_leg_pitch * knee_rate * knee_rate
     a, d_a = _cubic(_A, knee), _cubic_derivative(_A, knee)
     b, d_b = _cubic(_B, knee), _cubic_derivative(_B, knee)
     c = _cubic(_C, knee)

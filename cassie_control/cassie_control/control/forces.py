@@ -12,34 +12,20 @@ with t the time since its touchdown and t_end that of the next touchdown.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from cassie_control.control.gains import Gains
+from cassie_control.control.robot import Robot, holding_torques, pendulum_height
+from cassie_control.planner.terrain import GroundSlope
+from cassie_control.planner.timing import StepTiming
 from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair
-from cassie_gaits.names import (
-    HIP_PITCH,
-    HIP_ROLL,
-    HIP_YAW,
-    KNEE,
-    LEG_DRIVE_COUNT,
-    TARSUS,
-    TOE_DRIVE,
-)
+from cassie_gaits.names import LEG_DRIVE_COUNT, TOE_DRIVE
 from cassie_gaits.records import FloatArray, Records
-
-if TYPE_CHECKING:  # robot.py takes `holding_torques` from here
-    from cassie_control.control.gains import Gains
-    from cassie_control.control.robot import Robot
-    from cassie_control.planner.terrain import GroundSlope
-    from cassie_control.planner.timing import StepTiming
-    from cassie_msgs.layout import MotorCommand
+from cassie_msgs.layout import MotorCommand
 
 _MASS = model.total_mass()  # kg
 _FORCE_DEAD_BAND = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
-
-_MIN_COM_HEIGHT = 0.4  # m above the toe joint
 _LOADED_FORCE = 30.0  # N, force from which a swing foot counts as loaded
 _LOADED_FORCE_SPAN = 100.0  # N, further force at which it counts as loaded in full
 
@@ -136,25 +122,9 @@ def _set_weight_torques(
 ) -> None:
     """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
     x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
-    z = max(_MIN_COM_HEIGHT, robot.com[2] - robot.ankle[i, 2])
+    z = pendulum_height(robot, i)
     torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
     base = LEG_DRIVE_COUNT * i
     for k in range(len(torques)):
         command.torque[base + k] = torques[k]
     command.torque[base + TOE_DRIVE] = 0.0
-
-
-@compiled
-def holding_torques(
-    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
-) -> tuple[float, float, float, float]:
-    """See `LegReadings.weight_torques`; `jacobian` (3, 7) moves the toe joint, pelvis frame."""
-    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
-    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
-    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
-    roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
-    yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
-    pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z
-    knee = jacobian[0, KNEE] * x + jacobian[1, KNEE] * y + jacobian[2, KNEE] * z
-    tarsus = jacobian[0, TARSUS] * x + jacobian[1, TARSUS] * y + jacobian[2, TARSUS] * z
-    return -roll, -yaw, -pitch, tarsus - knee

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.errors import ControlError
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import KD_LIMIT, KP_LIMIT
 from cassie_gaits.names import LEG_DRIVES, LEGS
+from cassie_gaits.records import FloatArray
 from cassie_msgs.layout import MotorCommand
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @compiled

@@ -8,24 +8,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.control.forces import swing_foot_load
 from cassie_control.control.gains import Gains
-from cassie_control.control.robot import Robot, hip_pitch_ahead
+from cassie_control.control.robot import MAX_LEG_LENGTH, Robot, hip_pitch_ahead
 from cassie_control.planner.placement import TORSO_PITCH_TRIM, TORSO_ROLL_TRIM, SwingTarget
 from cassie_control.planner.terrain import GroundSlope, step_up_height
-from cassie_control.planner.timing import StepTiming
+from cassie_control.planner.timing import StepTiming, backward_share
 from cassie_gaits import virtual_leg
 from cassie_gaits.bezier import COEFFICIENTS, fade, fill_basis
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import gait_in_stance
 from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, TOE
-from cassie_gaits.records import FloatArray, Record, Records, array
+from cassie_gaits.records import FloatArray, IntArray, Record, Records, array
 from cassie_msgs.layout import Mode
-
-IntArray = npt.NDArray[np.int64]
 
 ROLL, YAW_ST, PITCH, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW = range(9)
 """Rows of eq:h0; `cassie_gaits.gait_library.OUTPUTS` names them."""
@@ -139,8 +136,6 @@ LEAST_ACCELERATION = np.array(
 """Matrix from a polynomial's first and last two coefficients to the two between that give the least
 squared second derivative at 41 even phases (a test holds that)."""
 
-_MAX_LENGTH = 0.95  # m, of a stance leg that keeps its hip level
-_FULL_LEVEL_BACK = 3.0  # 1/(m/s): from 1/3 m/s backward `level_back` counts in full
 _MAX_SHORTENING = 0.05  # m, of a swing leg whose foot is loaded
 
 
@@ -312,15 +307,14 @@ def _level_hip_path(
     travels parallel to the slope, and keeps its height over the ground around the foot. The rate
     leaves out that of the fade (DECISIONS.md, Walking).
     """
-    backward = max(0.0, min(1.0, -_FULL_LEVEL_BACK * timing.velocity[0]))
-    weight = fade(phase)
-    weight *= 1.0 + backward * (gain.level_back - 1.0)
+    backward = backward_share(timing.velocity[0])
+    weight = fade(phase) * (1.0 + backward * (gain.level_back - 1.0))
     hip_height = step.gait[LENGTH_SW, AT_END] * math.cos(step.gait[PITCH_SW, AT_END])
     i = timing.stance
     hip_x = hip_pitch_ahead(robot) - robot.ankle[i, 0]
     com_y = robot.com[1] - robot.ankle[i, 1]
     hip_height += slope.ahead * hip_x - slope.foothold_height + slope.left * com_y
-    length = min(_MAX_LENGTH, math.hypot(hip_height, hip_x))
+    length = min(MAX_LEG_LENGTH, math.hypot(hip_height, hip_x))
     step.desired[LENGTH_ST] += weight * (length - step.desired[LENGTH_ST])
     rate = (hip_x + slope.ahead * hip_height) * robot.velocity[0] / length
     step.desired_rates[LENGTH_ST] += weight * (rate - step.desired_rates[LENGTH_ST])

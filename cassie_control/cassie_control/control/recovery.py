@@ -6,7 +6,7 @@ import math
 
 from cassie_control.config import StandConfig, TransitionConfig
 from cassie_control.control.balance import BOTH_FEET, MIN_COM_HEIGHT
-from cassie_control.control.robot import Readings
+from cassie_control.control.robot import SOLE_HALF_LENGTH, Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
@@ -21,7 +21,9 @@ _REST_X = 0.06  # m, distance of capture point and feet's midpoint from which st
 _REST_FOOT_DISTANCE = (0.2, 0.45)  # m, distance of the feet that standing takes over
 _REST_VERTICAL_SPEED = 0.2  # m/s, vertical speed with which both feet stay on the ground
 _REST_TILT = 0.15  # rad
-_BRAKING_REACH = 0.065  # m, bound of the centre of pressure from the middle of the sole
+_BRAKING_REACH = (
+    SOLE_HALF_LENGTH - 0.015
+)  # m, bound of the centre of pressure from the sole's middle
 
 
 def comes_to_rest(readings: Readings) -> bool:

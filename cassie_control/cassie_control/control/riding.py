@@ -48,7 +48,7 @@ class MovingBalance(Balance):
         acceleration: Acceleration of the ground, forward and to the left. In m/s^2.
         speed_change: Change of the ground's forward speed in the last tick, without low-pass. In
             m/s.
-        speed: Forward speed of the ground, as `VehicleSpeedFilter` estimates it. In m/s.
+        vehicle: Estimate of the vehicle's speed.
         riding: Gains of riding.
 
     Args:
@@ -60,6 +60,7 @@ class MovingBalance(Balance):
     def __init__(self, riding: SegwayConfig, stand: StandConfig, period: float) -> None:
         super().__init__(riding.standing(stand), period)
         self.riding = riding
+        self.vehicle = VehicleSpeedFilter(period)
         self._reset()
 
     def configure(self, riding: SegwayConfig, stand: StandConfig) -> None:
@@ -73,7 +74,8 @@ class MovingBalance(Balance):
 
     def _reset(self) -> None:
         self.acceleration = [0.0, 0.0]
-        self.speed = self.speed_change = 0.0
+        self.speed_change = 0.0
+        self.vehicle.start()
         self._mean_acceleration = [0.0, 0.0]
         self._slow_velocity = list(self._velocity)
 
@@ -127,11 +129,11 @@ class MovingBalance(Balance):
 
     def _by_speed(self, slow: float, fast: float) -> float:
         """Gain at the present speed, from those of slow and of fast riding."""
-        weight = max(0.0, min(1.0, abs(self.speed) - _SLOW_SPEED))
+        weight = max(0.0, min(1.0, abs(self.vehicle.speed) - _SLOW_SPEED))
         return slow + weight * (fast - slow)
 
-    def _damping_y(self, settled: float) -> float:
-        return self._by_speed(super()._damping_y(settled), self.riding.fast_kd_com_y)
+    def _damping_y(self) -> float:
+        return self._by_speed(super()._damping_y(), self.riding.fast_kd_com_y)
 
     def _min_roll_regulation(self) -> float:
         return self._by_speed(self.riding.roll_give, 1.0)
@@ -145,10 +147,9 @@ class MovingBalance(Balance):
     def _update_com_error(self, readings: Readings, acceleration: Sequence[float]) -> None:
         return
 
-    def _update_settled(self, readings: Readings, contact: Sequence[float]) -> float:
+    def _update_settled(self, readings: Readings, contact: Sequence[float]) -> None:
         """Settled at once: a platform always moves, and its gains do not depend on settling."""
         self.settled = 1.0
-        return self.settled
 
 
 def _equilibrium_per_acceleration(readings: Readings) -> float:
@@ -222,14 +223,13 @@ class RidingController:
         self._standing = StandingController(stand, period, self._balance)
         self._set_points = Mode()
         self._vertical = VerticalFilter(period)
-        self.vehicle = VehicleSpeedFilter(period)
+        self.vehicle = self._balance.vehicle
         self._readings = Readings()
         self._reset()
 
     def _reset(self) -> None:
         self._last_vx = self._constant_vx_time = 0.0
         self._yaw_rate = self._unloaded_share = 0.0
-        self.vehicle.start()
         self._heading = math.nan
         self._com_error = (0.0, 0.0)
 
@@ -314,7 +314,6 @@ class RidingController:
                 vehicle.correct_by_speed(0.0, _REST_NOISE)
         elif vx != 0.0 and self._constant_vx_time >= _CONSTANT_VX_TIME:
             vehicle.correct_by_speed(vx, _CONSTANT_VX_NOISE)
-        balance.speed = vehicle.speed
 
     def _lean_for_speed(self, readings: Readings, mode: Mode, set_points: Mode) -> None:
         """Set the lean in `set_points` that keeps the commanded speed and yaw rate."""
@@ -364,7 +363,7 @@ class RidingController:
         - Pressure: as forward. Feet that are close together permit less to a side.
         - Corner: as forward.
         """
-        c, speed, com_y = self.config, self._balance.speed, _ANY
+        c, speed, com_y = self.config, self.vehicle.speed, _ANY
         if speed < 0.0:
             backward = min(1.0, -speed / _FULL_BACKWARD_SPEED)
             limit = c.press_limit_y * (1.0 - backward * (1.0 - _BACKWARD_LIMIT_RATIO))
@@ -379,7 +378,7 @@ class RidingController:
 
     def _speed_range(self) -> Interval:
         """Range of com_x in which an operator's lean does not increase a speed too high."""
-        c, speed = self.config, self._balance.speed
+        c, speed = self.config, self.vehicle.speed
         high = self.vehicle.neutral + c.kp_speed * (c.top_speed - speed)
         low = self.vehicle.neutral + c.kp_speed * (-c.back_speed - speed)
         return Interval(min(0.0, low), max(0.0, high))

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cassie_control.control.forces import holding_torques
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, place_legs
-from cassie_gaits.names import LEGS
+from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, LEGS, TARSUS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
-from cassie_gaits.robot import LEFT_LEG
+from cassie_gaits.robot import FOOT_CONTACTS, LEFT_LEG, SOLE_RADIUS
 from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
 
@@ -23,6 +22,33 @@ HIP_ROLL_X, HIP_Y, _ = LEFT_LEG[0].position
 
 HIP_BACK, HIP_DOWN = -LEFT_LEG[1].position[2], -LEFT_LEG[2].position[2]
 """From the hip roll axis back and down to the hip pitch axis, under the yaw axis. In m."""
+
+HIP_X = HIP_ROLL_X - HIP_BACK
+HIP_Z = -HIP_DOWN
+"""Left hip pitch axis in the pelvis frame with hip roll and yaw at zero. In m."""
+
+
+def _level_foot() -> tuple[float, float, float]:
+    """Half of the sole's length, its middle ahead of the toe joint, and the toe joint's height.
+
+    Returns:
+        With a level sole, to 0.1 mm. In m.
+    """
+    (tip_x, tip_y, _), (heel_x, heel_y, _) = FOOT_CONTACTS
+    x, y = tip_x - heel_x, tip_y - heel_y
+    length = math.hypot(x, y)
+    middle = 0.5 * ((tip_x + heel_x) * x + (tip_y + heel_y) * y) / length
+    height = SOLE_RADIUS + abs(tip_x * heel_y - tip_y * heel_x) / length
+    return round(0.5 * length, 4), round(middle, 4), round(height, 4)
+
+
+SOLE_HALF_LENGTH, SOLE_MIDDLE, ANKLE_HEIGHT = _level_foot()
+
+MIN_PENDULUM_HEIGHT = 0.4
+"""Least height of the CoM above the stance toe joint in the laws of walking. In m."""
+
+MAX_LEG_LENGTH = 0.95
+"""Longest leg that walking plans: a straighter knee hardly controls the leg's length. In m."""
 
 
 @compiled
@@ -171,9 +197,12 @@ _LOAD, _FORCE, _CONTACT, _JOINTS, _ANKLE, _FOOT = (
     for name in ("load", "force", "contact", "joints", "ankle", "foot")
 )
 
-HIP_X = HIP_ROLL_X - HIP_BACK
-HIP_Z = -HIP_DOWN
-"""Left hip pitch axis in the pelvis frame with hip roll and yaw at zero. In m."""
+
+@compiled
+def pendulum_height(robot: Robot, stance: int) -> float:
+    """Height of the CoM above a toe joint, as the length of a pendulum. In m."""
+    height: float = max(MIN_PENDULUM_HEIGHT, robot.com[2] - robot.ankle[stance, 2])
+    return height
 
 
 @compiled
@@ -183,8 +212,33 @@ def hip_pitch_ahead(robot: Robot) -> float:
     return ahead
 
 
-ANKLE_HEIGHT = 0.0570
-"""Height of the toe joint above the ground with a level sole. In m."""
+@compiled
+def holding_torques(
+    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+) -> tuple[float, float, float, float]:
+    """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
+
+    Args:
+        jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in m/rad.
+        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
+        force: Vertical part of the ground force. In N.
+        lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
+
+    Returns:
+        Torques. In Nm.
+
+    Source:
+        u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
+    """
+    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
+    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
+    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
+    roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
+    yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
+    pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z
+    knee = jacobian[0, KNEE] * x + jacobian[1, KNEE] * y + jacobian[2, KNEE] * z
+    tarsus = jacobian[0, TARSUS] * x + jacobian[1, TARSUS] * y + jacobian[2, TARSUS] * z
+    return -roll, -yaw, -pitch, tarsus - knee
 
 
 class LegReadings:
@@ -199,7 +253,8 @@ class LegReadings:
         load: Share of the load threshold that the foot carries, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
-        hip_y: Sideways offset of the hip. In m.
+        ankle_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
+            m/rad.
     """
 
     joints: tuple[float, ...]
@@ -218,8 +273,8 @@ class LegReadings:
     ) -> None:
         self.number = number
         self.side = 1.0 - 2.0 * number
-        self.hip_y = self.side * HIP_Y
-        self._rates, self._ankle_jacobian, self._unpack = rates, ankle_jacobian, unpack
+        self.ankle_jacobian = ankle_jacobian
+        self._rates, self._unpack = rates, unpack
         self._bare = dict(self.__dict__)
 
     def forget(self) -> None:
@@ -241,24 +296,6 @@ class LegReadings:
         """Rates of the joints; read on demand, as few laws need them. In rad/s."""
         rates: list[float] = self._rates.tolist()
         return rates
-
-    def weight_torques(
-        self, tilt: FloatArray, force: float, lean_x: float, lean_y: float
-    ) -> tuple[float, float, float, float]:
-        """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
-
-        Args:
-            tilt: Pelvis to heading frame. Shape (3, 3).
-            force: Vertical part of the ground force. In N.
-            lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
-
-        Returns:
-            Torques. In Nm.
-
-        Source:
-            u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
-        """
-        return holding_torques(self._ankle_jacobian, tilt, force, lean_x, lean_y)
 
 
 class Readings:

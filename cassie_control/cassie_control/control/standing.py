@@ -9,14 +9,16 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import StandConfig
-from cassie_control.control.balance import BOTH_FEET, Balance
+from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
 from cassie_control.control.robot import (
     ANKLE_HEIGHT,
     HIP_DOWN,
     HIP_X,
     HIP_Y,
+    SOLE_MIDDLE,
     LegReadings,
     Readings,
+    holding_torques,
 )
 from cassie_gaits import virtual_leg
 from cassie_gaits.robot import DRIVES, GRAVITY, WEIGHT
@@ -125,13 +127,11 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
-_HANGS, _STANDS = 0.3, 0.9  # contact: hangs if the larger is below, stands if the smaller is above
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
 _MAX_OVERBEND = 0.15  # rad beyond `bend_limit` from which the torso is held again
 _AIR_CONTACT = 0.1  # contact up to which a foot is in the air
 _MIN_TORSO_DAMPING = 0.3  # least factor on the damping of the torso's pitch
-_FOOT_MIDDLE = 0.02  # m, middle of the sole ahead of the toe joint
 
 
 class StandingController:
@@ -220,9 +220,9 @@ class StandingController:
             # Slower than the legs' oscillation, which a faster feed-forward would excite.
             self._contact[i] += self._contact_weight * (leg.contact - self._contact[i])
         both = min(self._contact)
-        if max(self._contact) < _HANGS:
+        if max(self._contact) < HANGING_CONTACT:
             self._landing = True
-        elif both > _STANDS:
+        elif both > STANDING_CONTACT:
             self._landing = False
         balance = self._balance
         # The whole robot leans about the feet to shift the CoM sideways.
@@ -301,8 +301,8 @@ class StandingController:
         kd_pitch = c.kd_hip_pitch * air + c.kd_leg_pitch * contact
         command.kp[base : base + 5] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
         command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
-        roll, yaw, pitch, knee = leg.weight_torques(
-            readings.tilt, self._weight * share, *balance.force_ratio
+        roll, yaw, pitch, knee = holding_torques(
+            leg.ankle_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)
@@ -329,7 +329,7 @@ class StandingController:
         It is below the CoM while the robot hangs, and beside the other foot while that one carries.
         """
         other = readings.legs[1 - i]
-        below_com = readings.com[0] - _FOOT_MIDDLE - HIP_X
+        below_com = readings.com[0] - SOLE_MIDDLE - HIP_X
         next_to_foot = other.ankle[0] - HIP_X + HIP_DOWN * readings.pitch
         return below_com + self._contact[1 - i] * (next_to_foot - below_com)
 

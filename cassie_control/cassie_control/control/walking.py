@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.drives import (
@@ -55,10 +54,8 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary, gait_in_stance
 from cassie_gaits.leg import LegPair
-from cassie_gaits.records import FloatArray, RecordArray, Records
+from cassie_gaits.records import FloatArray, IntArray, RecordArray, Records
 from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
-
-IntArray = npt.NDArray[np.int64]
 
 _MAX_HEADING_LEAD = 0.5  # rad, saturation of the desired heading's lead over the robot's
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.config import ControllerConfig
 from cassie_control.control.robot import Readings, Robot
@@ -17,20 +16,17 @@ from cassie_control.learning.torque_table import (
     LearnedTorques,
     zero_torques,
 )
-from cassie_control.planner.timing import RIGHT, StepTiming
+from cassie_control.planner.timing import RIGHT, StepTiming, backward_share
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import TORQUE_LIMITS
-from cassie_gaits.names import DRIVE_IN_Q
-from cassie_gaits.records import RecordArray, Records
+from cassie_gaits.names import DRIVE_IN_Q, HIP_YAW, LEG_DRIVE_COUNT
+from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_msgs.layout import Mode, MotorCommand, RobotMode
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
-STANCE_HIP_PITCH, SWING_HIP_PITCH = 2, 7
-"""Rows of the table."""
-
-_FULL_REACTION = 3.0  # 1/(m/s): from 1/3 m/s backward the swing hip's reaction is added in full
+_STANCE_HIP_PITCH, _SWING_HIP_PITCH = (
+    JOINTS.index("stance_hip_pitch"),
+    JOINTS.index("swing_hip_pitch"),
+)
 _MIN_TICKS = 0.5  # sum of weights from which a phase was seen in single support
 
 
@@ -84,6 +80,17 @@ def _interpolated(table: FloatArray, j: int, speed: Cell, phase: Cell) -> float:
 
 
 @compiled
+def _mirrored(j: int, stance: int) -> tuple[int, float]:
+    """Drive of joint `j` of the table, and the sign of its torque, in a step on a leg.
+
+    A step on the right leg is the mirror image of the table's: hip roll and yaw change their sign.
+    """
+    if stance != RIGHT:
+        return j, 1.0
+    return (j + LEG_DRIVE_COUNT) % 10, -1.0 if j % LEG_DRIVE_COUNT <= HIP_YAW else 1.0
+
+
+@compiled
 def add_torques(
     table: FloatArray,
     speeds: FloatArray,
@@ -117,20 +124,13 @@ def add_torques(
     """
     speed_cell, phase_cell = _speed_cell(speeds, speed), _phase_cell(table.shape[2], phase)
     stance_load, swing_free = robots[0].load[stance], 1.0 - robots[0].contact[1 - stance]
-    reaction = swing_free * max(0.0, min(1.0, -_FULL_REACTION * speed))
+    reaction = swing_free * backward_share(speed)
     for j in range(10):
         value = _interpolated(table, j, speed_cell, phase_cell)
-        if j == STANCE_HIP_PITCH:  # transmits the swing torque's reaction to the ground
-            value -= reaction * _interpolated(table, SWING_HIP_PITCH, speed_cell, phase_cell)
-        if j < 5:
-            value *= stance_load
-        else:
-            value *= swing_free
-        drive = j
-        if stance == RIGHT:
-            drive = (j + 5) % 10
-            if j % 5 < 2:
-                value = -value
+        if j == _STANCE_HIP_PITCH:  # transmits the swing torque's reaction to the ground
+            value -= reaction * _interpolated(table, _SWING_HIP_PITCH, speed_cell, phase_cell)
+        drive, sign = _mirrored(j, stance)
+        value *= sign * (stance_load if j < LEG_DRIVE_COUNT else swing_free)
         if new_step:
             touchdown_jumps[drive] = added[drive] - value
         value += last_step_weight * touchdown_jumps[drive]
@@ -150,7 +150,6 @@ def accumulate_feedback(
     stance: int,
     states: RecordArray,
     commands: RecordArray,
-    drives: IntArray,
     limits: FloatArray,
 ) -> None:
     """Sum the torques of the drives' position and velocity loops at a phase and speed.
@@ -166,7 +165,6 @@ def accumulate_feedback(
         stance: Number of the stance leg.
         states: `RobotState.record`. Shape (1,).
         commands: `MotorCommand.record`. Shape (1,).
-        drives: Index of each drive in q. Shape (10,).
         limits: Saturation of the loops' torques. Shape (10,), in Nm.
     """
     state, command = states[0], commands[0]
@@ -179,12 +177,8 @@ def accumulate_feedback(
     phase_weights[p] += weight_p
     phase_weights[next_p] += weight_next_p
     for j in range(10):
-        drive, sign = j, 1.0
-        if stance == RIGHT:
-            drive = (j + 5) % 10
-            if j % 5 < 2:
-                sign = -1.0
-        k = drives[drive]
+        drive, sign = _mirrored(j, stance)
+        k = DRIVE_IN_Q[drive]
         torque = command.kp[drive] * (command.position[drive] - state.q[k])
         torque += command.kd[drive] * (command.velocity[drive] - state.v[k])
         torque = sign * max(-limits[j], min(limits[j], torque))
@@ -259,7 +253,6 @@ _BALANCE_JOINTS = [
     JOINTS.index(name)
     for name in ("stance_hip_roll", "stance_hip_pitch", "stance_knee", "swing_hip_roll")
 ]
-_DRIVES = np.array(DRIVE_IN_Q)
 
 
 class TorqueLearning:
@@ -273,9 +266,11 @@ class TorqueLearning:
     updates the table. Error e changes the phase p that was `lead` before (the drives' delay and the
     loop's response time):
 
-        u(p) <- Q[ (1 - leak) u(p) + gain e(p + lead) ], within +- limit of the drive's torque,
+        u(p) <- (1 - leak) u(p) + smoothing / 4 (u(p-) - 2 u(p) + u(p+)) + gain e(p + lead),
 
-    with Q a low-pass along the phase. gain / (gain + leak) of the repeating error is learned.
+    within +-limit of the drive's torque, with p- and p+ the neighbouring points. Between two speeds
+    of the table, each takes its share of the change. gain / (gain + leak) of the repeating error is
+    learned.
     Nothing is learned for the stance hip's roll and pitch, the stance knee and the swing hip's
     roll, since their errors are part of the balance. Only single support is used: in double support
     the legs press against each other, which no torque removes; there the table is continued from
@@ -434,7 +429,6 @@ class TorqueLearning:
                 timing.stance,
                 readings.state.record,
                 command.record,
-                _DRIVES,
                 self._limits,
             )
         self._step_ticks += 1

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_control.errors import ControlError
 from cassie_gaits.drive_limits import TORQUE_LIMITS
@@ -30,8 +29,7 @@ from cassie_gaits.gait_library_file import library_path
 from cassie_gaits.json_file import check_free, read_json
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.names import LEG_DRIVES
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 SCHEMA_VERSION = 1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.control.robot import Robot
+from cassie_control.control.robot import Robot, pendulum_height
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import UPRIGHT, ZERO, into, next_link
@@ -160,7 +160,7 @@ def momentum_velocity(
     ux, uy, uz = robot.velocity[0], robot.velocity[1], robot.velocity[2]
     hx += mass * (y * uz - z * uy - py * vz + pz * vy)
     hy += mass * (z * ux - x * uz - pz * vx + px * vz)
-    lever = mass * max(0.4, z - pz)
+    lever = mass * pendulum_height(robot, stance)
     return hy / lever, -hx / lever
 
 

@@ -6,7 +6,7 @@ import math
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.outputs import AT_END, LENGTH_SW, PITCH_SW, ROLL_SW, Step
-from cassie_control.control.robot import HIP_DOWN, HIP_Y, Robot
+from cassie_control.control.robot import HIP_DOWN, HIP_Y, Robot, pendulum_height
 from cassie_control.planner.pendulum import PendulumState, predict_com
 from cassie_control.planner.placement import Commanded, Placement, SwingTarget
 from cassie_control.planner.timing import StepTiming, time_to_planned_touchdown
@@ -14,7 +14,6 @@ from cassie_gaits.compiled import compiled
 from cassie_gaits.records import FloatArray, Record, Records, array
 from cassie_gaits.robot import GRAVITY
 
-_MIN_HEIGHT = 0.4  # m, of the pendulum
 _MAX_SIN_ROLL = 0.4  # saturation of the swing leg's roll where the feet would meet
 
 
@@ -82,7 +81,7 @@ def _pendulum_state(gains: PaperGains, robot: Robot, timing: StepTiming) -> Pend
         robot.com[1] - robot.ankle[stance, 1],
         robot.com_velocity[0],
         robot.com_velocity[1],
-        math.sqrt(GRAVITY / max(_MIN_HEIGHT, robot.com[2] - robot.ankle[stance, 2])),
+        math.sqrt(GRAVITY / pendulum_height(robot, stance)),
         max(0.0, gains.double_support - timing.elapsed),
     )
 

@@ -11,7 +11,16 @@ import math
 from typing import NamedTuple
 
 from cassie_control.control.outputs import AT_END, LENGTH_ST, Step
-from cassie_control.control.robot import HIP_BACK, HIP_DOWN, HIP_ROLL_X, HIP_Y, Robot, aim_leg
+from cassie_control.control.robot import (
+    HIP_BACK,
+    HIP_DOWN,
+    HIP_ROLL_X,
+    HIP_Y,
+    MAX_LEG_LENGTH,
+    MIN_PENDULUM_HEIGHT,
+    Robot,
+    aim_leg,
+)
 from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.placement import Commanded, SwingTarget
 from cassie_control.planner.terrain import GroundSlope
@@ -140,13 +149,13 @@ class PlacementGains(Record):
 _FOOTHOLD_OFFSET = (-0.0018, 0.0227, -0.0223, -0.0054)
 _MIN_FITTED_SPEED, _MAX_FITTED_SPEED = -1.0, 1.8  # m/s
 _MAX_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
-_MIN_LEG_LENGTH, _MAX_LEG_LENGTH = 0.5, 0.95  # m, range of the leg length at touchdown
+_MIN_LEG_LENGTH = 0.5  # m, of the leg at touchdown
 _MIN_STEP_TIME = 0.2  # s
 _MIN_SINGLE_SUPPORT = 0.1  # s
-_MIN_PENDULUM_HEIGHT = 0.4  # m
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 _TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
 _TIME_WEIGHT = 0.02  # m^2/s^2, weight of the step time's change against a foot out of reach
+_TOLERATED_COST = 1e-4 * _TIME_WEIGHT  # m^2: a foot out of reach by 1.4 mm keeps the step's time
 
 
 class PendulumState(NamedTuple):
@@ -199,7 +208,7 @@ def touchdown_time(
         planned: Time to the gait's own touchdown, which is kept if its foothold is in reach.
         earliest, latest: Bounds of the result.
     """
-    if _cost(state, law, reach, planned, 0.0) < 1e-4 * _TIME_WEIGHT:
+    if _cost(state, law, reach, planned, 0.0) < _TOLERATED_COST:
         return planned
     # Golden section search: the cost is a squared distance to a box plus a squared delay.
     low, high = earliest, latest
@@ -256,15 +265,15 @@ def plan_landing(
         side,
         hip_x - HIP_BACK - com[0],
         hip_y - com[1],
-        math.sqrt(max(0.01, (_MAX_LEG_LENGTH + HIP_DOWN) ** 2 - hip_height * hip_height)),
+        math.sqrt(max(0.01, (MAX_LEG_LENGTH + HIP_DOWN) ** 2 - hip_height * hip_height)),
         gains.reach_inward,
         gains.reach_outward,
         gains.least_foot_distance,
         gains.friction * GRAVITY / (state.rate * state.rate),
     )
     contact_lead = _contact_lead(gains, timing.velocity[0])
-    law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate)
-    law = _trimmed(law, math.sin(commanded.roll_trim) * hip_height)
+    trim_y = math.sin(commanded.roll_trim) * hip_height
+    law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate, trim_y)
     planned = time_to_planned_touchdown(timing)
     earliest = max(0.0, 1.0 - timing.phase) * gains.quickest_step
     latest = max(planned, gains.slowest_step * timing.step_time - timing.elapsed)
@@ -289,7 +298,7 @@ def plan_landing(
     # From the first contact to the end of the step the hips move on along the slope.
     climb = contact_lead * (slope.ahead * touchdown.vx + slope.left * touchdown.vy)
     length += gains.landing_depth + climb
-    length = max(_MIN_LEG_LENGTH, min(_MAX_LEG_LENGTH, length))
+    length = max(_MIN_LEG_LENGTH, min(MAX_LEG_LENGTH, length))
     pitch += commanded.pitch_trim
     return SwingTarget(pitch, roll, length, contact_lead + time, contact_lead)
 
@@ -331,8 +340,8 @@ def _pendulum_state(
     height = robot.com[2] - robot.ankle[stance, 2]
     # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
     plane_height = height - slope.ahead * x - slope.left * y
-    plane_height = max(_MIN_PENDULUM_HEIGHT, plane_height)
-    scale = max(_MIN_PENDULUM_HEIGHT, height) / plane_height
+    plane_height = max(MIN_PENDULUM_HEIGHT, plane_height)
+    scale = max(MIN_PENDULUM_HEIGHT, height) / plane_height
     double_support = max(0.0, gains.double_support - timing.elapsed)
     return PendulumState(
         x,
@@ -354,7 +363,12 @@ def ahead_of_pendulum(speed: float) -> float:
 
 @compiled
 def _foothold_law(
-    gains: PlacementGains, step_time: float, commanded: Commanded, side: float, w: float
+    gains: PlacementGains,
+    step_time: float,
+    commanded: Commanded,
+    side: float,
+    w: float,
+    trim_y: float,
 ) -> FootholdLaw:
     """Law for steady walking as commanded.
 
@@ -364,6 +378,7 @@ def _foothold_law(
         commanded: Commands for the steps.
         side: 1 if the left leg swings, else -1.
         w: Rate of the pendulum. In 1/s.
+        trim_y: Added to the foothold, to the left. In m.
 
     Source:
         Equations of `footstep.PendulumPlacement`.
@@ -387,26 +402,11 @@ def _foothold_law(
     sway_y = sway * (double_support + coth_half)
     return FootholdLaw(
         vx * (double_support + tanh_half) - turn_x + offset_x,
-        vy * (double_support + tanh_half) + sway_y - turn_y + gains.offset_y,
+        vy * (double_support + tanh_half) + sway_y - turn_y + gains.offset_y + trim_y,
         vx,
         vy + sway,
         gains.map_gain_x * pendulum_gain,
         gains.map_gain_y * pendulum_gain,
         gains.map_loss_x,
         gains.map_loss_y,
-    )
-
-
-@compiled
-def _trimmed(law: FootholdLaw, trim_y: float) -> FootholdLaw:
-    """The law with its foothold moved to the left by `trim_y` (m)."""
-    return FootholdLaw(
-        law.ux,
-        law.uy + trim_y,
-        law.vx,
-        law.vy,
-        law.gain_x,
-        law.gain_y,
-        law.loss_x,
-        law.loss_y,
     )

@@ -132,7 +132,7 @@ def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> No
     slope, robot = slopes[0], robots[0]
     if slope.slope_time > 0.0 and robot.contact.min() >= _STANDING_CONTACT:
         _, y, z = robot.ankle[0] - robot.ankle[1]
-        slope.left = _saturate_slope(_regularized_slope(z, y))
+        slope.left = _saturate_slope(z * y / (y * y + _REGULARIZATION * _REGULARIZATION))
 
 
 @compiled
@@ -247,11 +247,6 @@ def step_up_height(slope: GroundSlope) -> float:
     last: float = slope.step_heights[_SINKAGE_STEPS - 1] - slope.sinkage
     step_down: float = min(0.0, slope.step_heights[_SINKAGE_STEPS - 2] + _SINKAGE_DEAD_BAND)
     return max(0.0, min(_MAX_FOOTHOLD_HEIGHT, last + step_down))
-
-
-@compiled
-def _regularized_slope(rise: float, distance: float) -> float:
-    return rise * distance / (distance * distance + _REGULARIZATION * _REGULARIZATION)
 
 
 @compiled

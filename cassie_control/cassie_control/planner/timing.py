@@ -17,6 +17,7 @@ _PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate
 _FIXED_RATE_PHASE = 0.9  # phase from which the step's time is not changed
 _FOOT_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
 _MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical speed of the swing foot at which a step may end
+_FULL_BACKWARD = 3.0  # s/m: laws for walking backward act in full from 1/3 m/s on
 
 
 class StepTiming(Record):
@@ -102,6 +103,12 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
     return bool(timing.foot_speed < _MAX_TOUCHDOWN_SPEED)
+
+
+@compiled
+def backward_share(speed: float) -> float:
+    """Share of the laws for walking backward at a forward speed (m/s), 0..1."""
+    return max(0.0, min(1.0, -_FULL_BACKWARD * speed))
 
 
 @compiled
