@@ -213,7 +213,7 @@ def test_status_tells_tracking_errors_and_saturation():
     command = core.step(state, mode_of(mode=int(WALK), effective_seq=40))
     status = core.status
     assert (int(status.mode), int(status.mode_seq)) == (int(WALK), 40)
-    assert status.y == pytest.approx(core.walking.outputs - core.walking.desired)
+    assert status.y == pytest.approx(core.walking.plan.measured - core.walking.plan.desired)
     assert 0.0 < float(status.saturation) < 1.0
     assert float(status.saturation) == pytest.approx(
         np.abs(command.torque / ([112.5, 112.5, 195.2, 195.2, 45.0] * 2)).max()

@@ -64,12 +64,14 @@ def test_desired_outputs_go_on_from_where_the_legs_are_at_touchdown(stance):
     assert core.step(readings_of(state), mode_of(), command)
     assert core.timing.stance == 1 - stance
     kept = [YAW_ST, LENGTH_ST, ROLL_SW, YAW_SW, PITCH_SW, LENGTH_SW, FOOT_SW]
-    assert core.desired[kept] == pytest.approx(core.outputs[kept], abs=1e-12)
+    assert core.plan.desired[kept] == pytest.approx(core.plan.measured[kept], abs=1e-12)
     # The leg's own rates jump at the impact, so only what the torso carries along goes on.
     carried = [ROLL_SW, PITCH_SW]
-    assert core.desired_rates[carried] == pytest.approx(core.rates[carried], abs=1e-9)
+    assert core.plan.desired_rates[carried] == pytest.approx(
+        core.plan.measured_rates[carried], abs=1e-9
+    )
     held = [YAW_ST, LENGTH_ST, YAW_SW, LENGTH_SW, FOOT_SW]
-    assert core.desired_rates[held] == pytest.approx(0.0, abs=1e-9)
+    assert core.plan.desired_rates[held] == pytest.approx(0.0, abs=1e-9)
 
 
 def on_a_fixed_foot(stance: int, seed: int) -> RobotState:
@@ -93,7 +95,7 @@ def step_towards(core, readings, mode, landing, lead):
 
     The answer is pitch, roll and length of the swing leg, at the gait's own touchdown.
     """
-    timings, slopes, steps = core.timing.records, core._slope.records, core._step.records
+    timings, slopes, steps = core.timing.records, core._slope.records, core.plan.records
     gains, robots, table = core._gains.records, readings.records, core.library.table
     advance_step(robots, mode.record, timings, steps, Commanded().records)
     evaluate_gait(gains, robots, timings, slopes, *table, float(mode.yaw_rate), steps)
@@ -126,8 +128,8 @@ def test_desired_rates_and_accelerations_are_derivatives(stance, phase, level, l
     found = []
     for _ in range(3):
         step_towards(core, readings_of(state), mode_of(yaw_rate=0.3), (0.3, -0.05, 0.8), lead)
-        accelerations = core._step.accelerations
-        found.append(np.array([core.desired, core.desired_rates, accelerations]))
+        accelerations = core.plan.accelerations
+        found.append(np.array([core.plan.desired, core.plan.desired_rates, accelerations]))
         state.q[:] += period * state.v
     slopes = (found[2] - found[1])[:2] / period
     rows = [row for row in range(9) if row != LENGTH_ST or not level or law == "paper"]
@@ -144,7 +146,7 @@ def test_a_foot_swings_higher_by_its_clearance_in_the_middle_of_a_step(stance, l
         core = walking(stance, config=config, period=1e-9)
         core.timing.phase = phase
         core.step(readings_of(swinging(stance)), mode_of(), MotorCommand())
-        return core.desired[LENGTH_SW]
+        return core.plan.desired[LENGTH_SW]
 
     drawn_up = [length(phase, 0.0) - length(phase, 0.05) for phase in (0.0, 0.25, 0.5, 0.75, 1.0)]
     assert drawn_up == pytest.approx(np.array([0.0, 9 / 16, 1.0, 9 / 16, 0.0]) * higher, abs=1e-6)
@@ -164,7 +166,7 @@ def test_after_a_step_up_the_other_foot_swings_higher_by_as_much(stance, law, hi
         core._slope.foothold_height = core._slope.ahead = 0.0
         core.timing.phase = 0.5
         core.step(readings_of(swinging(stance)), mode_of(), MotorCommand())
-        return core.desired[LENGTH_SW]
+        return core.plan.desired[LENGTH_SW]
 
     assert length(0.0) - length(0.08) == pytest.approx(higher, abs=2e-3)
     assert length(-0.08) == pytest.approx(length(0.0), abs=2e-3)
@@ -195,7 +197,7 @@ def test_desired_outputs_reach_the_gaits_end(stance):
         core.step(readings, mode_of(), command)
     gait = LIBRARY.interpolate(core.gait_speed)[0 if stance == RIGHT else 1]
     rows = [LENGTH_ST, LENGTH_SW, FOOT_SW]
-    assert core.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
+    assert core.plan.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
 
 
 def grid_library():
@@ -220,7 +222,7 @@ def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
     core.timing.phase = 1.0
     core.step(readings_of(swinging(RIGHT)), mode, command)
     expected = library.interpolate(core.gait_speed, None, -0.1, 0.3)[0][LENGTH_ST, 5]
-    assert core.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
+    assert core.plan.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
 
 
 @STANCES
@@ -246,8 +248,8 @@ def test_swing_leg_ends_where_leg_angle_adjustment_says(stance):
     while core.timing.phase < 0.9999:
         core.step(readings, mode, command)
     gait = LIBRARY.interpolate(core.gait_speed)[1 - stance]
-    assert core.desired[PITCH_SW] == pytest.approx(gait[PITCH_SW, 5] + 0.07, abs=1e-3)
-    assert core.desired[ROLL_SW] == pytest.approx(gait[ROLL_SW, 5] - 0.03, abs=1e-3)
+    assert core.plan.desired[PITCH_SW] == pytest.approx(gait[PITCH_SW, 5] + 0.07, abs=1e-3)
+    assert core.plan.desired[ROLL_SW] == pytest.approx(gait[ROLL_SW, 5] - 0.03, abs=1e-3)
 
 
 @pytest.mark.parametrize("law", ["pendulum", "paper"])
@@ -273,7 +275,7 @@ def test_the_swing_leg_reaches_down_for_late_ground():
     core, command, state = walking(config=config), MotorCommand(), swinging(LEFT)
     lengths, readings = [], readings_of(state)
     while not core.step(readings, mode_of(), command):
-        lengths.append((core.timing.phase, core.desired[LENGTH_SW]))
+        lengths.append((core.timing.phase, core.plan.desired[LENGTH_SW]))
     planned = next(length for phase, length in lengths if phase >= 1.0)
     late = [length for phase, length in lengths if phase > 1.0]
     assert (np.diff(late) > 0.0).all()
@@ -289,7 +291,7 @@ def test_hip_yaws_turn_towards_the_heading_within_their_bound():
         core.timing.phase = 0.99
         core.step(readings_of(state), mode_of(), command)
         expected = sign * min(CONFIG.yaw_limit, CONFIG.heading_gain * abs(yaw))
-        assert core.desired[YAW_SW] == pytest.approx(expected, abs=5e-3)
+        assert core.plan.desired[YAW_SW] == pytest.approx(expected, abs=5e-3)
 
 
 @STANCES
@@ -302,10 +304,12 @@ def test_a_foot_that_landed_turned_in_turns_the_body_at_an_even_rate(stance):
     readings = readings_of(state)
     while core.timing.phase < 0.98:
         core.step(readings, mode_of(yaw_rate=0.8), command)
-        assert core.desired[YAW_ST] == pytest.approx(
+        assert core.plan.desired[YAW_ST] == pytest.approx(
             turn * (1.0 - 2.0 * core.timing.phase), abs=5e-3
         )
-        assert core.desired_rates[YAW_ST] == pytest.approx(-2.0 * turn * core.timing.rate, rel=0.1)
+        assert core.plan.desired_rates[YAW_ST] == pytest.approx(
+            -2.0 * turn * core.timing.rate, rel=0.1
+        )
 
 
 def test_turning_does_not_wind_up_while_the_robot_is_held():
@@ -316,7 +320,7 @@ def test_turning_does_not_wind_up_while_the_robot_is_held():
         core.step(readings, mode_of(yaw_rate=-0.5), command)
     core.timing.phase = 0.99
     core.step(readings_of(swinging(core.timing.stance)), mode_of(), command)
-    assert core.desired[YAW_SW] == pytest.approx(-0.25, abs=5e-3)
+    assert core.plan.desired[YAW_SW] == pytest.approx(-0.25, abs=5e-3)
 
 
 def test_new_gains_leave_phase_and_sums_as_they_are():

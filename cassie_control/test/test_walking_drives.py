@@ -54,11 +54,11 @@ def test_outputs_are_zero_if_and_only_if_the_joints_are_at_their_set_points(stan
         core.step(readings_of(state), mode, command)
         state = joints_at(command, state)
     step_and_measure(core, state, mode, command)
-    assert core.outputs == pytest.approx(core.desired, abs=1e-9)
+    assert core.plan.measured == pytest.approx(core.plan.desired, abs=1e-9)
     for joint, row in ((0, ROLL_SW), (1, YAW_SW), (2, PITCH_SW), (4, FOOT_SW)):
         state.q[6 + 7 * (1 - stance) + DRIVE_JOINTS[joint]] += 0.05
         step_and_measure(core, state, mode, command)
-        assert core.outputs[row] - core.desired[row] == pytest.approx(
+        assert core.plan.measured[row] - core.plan.desired[row] == pytest.approx(
             0.05 if joint != 4 else 0.1,  # the foot turns with the hip too
             abs=1e-6,
         )
@@ -72,7 +72,7 @@ def test_swing_set_points_are_eq_hdtilde(stance):
     state.q[9 if stance == RIGHT else 16] = -2.2  # drawn up: nothing holds the knee back
     core.timing.phase = 0.5
     core.step(readings_of(state), mode_of(), command)
-    h = core.desired
+    h = core.plan.desired
     swing = command.position[5 * (1 - stance) : 5 * (1 - stance) + 5]
     length = h[LENGTH_SW]
     knee = -np.arccos((length**2 - 0.5292**2 - 0.25) / 0.5292) - 0.035
@@ -160,7 +160,7 @@ def test_a_swing_foot_that_is_still_pressed_down_is_drawn_up(stance):
         core.timing.phase = 0.4
         state.foot_force[1 - stance] = force
         core.step(readings_of(state), mode_of(), MotorCommand())
-        lengths.append(core.desired[LENGTH_SW])
+        lengths.append(core.plan.desired[LENGTH_SW])
     assert lengths[1] == pytest.approx(lengths[0] - 0.05, abs=1e-6)
 
 

@@ -313,7 +313,7 @@ class GaitController:
             self._mode.record,
             self._command.record,
             walking.timing.records,
-            walking.step_record,
+            walking.plan.records,
             TORQUE_LIMITS,
             walks,
             walking.gait_speed,

@@ -160,26 +160,8 @@ class WalkingController:
     position and velocity continue. Leg-angle adjustment (`planner.footstep`) changes pitch, roll
     and length of the swing leg, smoothly over the step; hip yaws turn towards the heading.
 
-    Additions to the paper that its own law leaves out (`law`: paper, see `config.WalkConfig`):
-
-    - foot placement by a pendulum, with `contact_lead`, `landing_depth` and changes of the step's
-      time (`planner.footstep`),
-    - the swing leg's angles have the least squared acceleration between their ends,
-    - the swing foot is lifted by `clearance`, and its leg's length leads by at most 3 cm,
-    - torques accelerate the swing leg (`control.drives`), learned torques are added (`learning`),
-    - the stance leg's length lets the hip travel level (`control.outputs`), which removes the
-      bounce of fast walking, or along the estimated slope (`planner.terrain`),
-    - leg lengths continue from the last desired ones at a touchdown,
-    - the weight follows the feet's forces, with `bounce_damping` (`control.forces`),
-    - the hips' set-points use the low-passed thighs, and late drives get gains of their own.
-
-    Additions that stay: the swing leg shortens under load and extends by `late_reach`
-    (`control.outputs`), a loaded swing hip regulates the torso (`control.drives`), the weight is
-    fed forward by load, the hip yaws turn, and `planner.hold` leads back to the place while no
-    velocity is commanded.
-
-    At a touchdown the desired leg lengths continue from the last desired ones, not from those
-    measured: the knees press by the difference.
+    Of the additions to the paper, README, Walking, has the equation of each, and says which of them
+    stay under the paper's own law (`law`: paper). `compute_set_points` has their order.
 
     Actuated joints follow eq:IK and eq:hdtilde (`control.drives`). Torso roll and pitch act
     through the stance hip, in proportion to the load on the stance leg: the drive's own loop then
@@ -192,10 +174,7 @@ class WalkingController:
 
     Attributes:
         timing: Phase, stance leg and velocities.
-        outputs, rates: Outputs and their rates as last measured. Shape (9,), in rad, m, rad/s and
-            m/s.
-        desired, desired_rates: Desired outputs and their rates. Shape (9,), in rad, m, rad/s and
-            m/s.
+        plan: The present step: outputs desired and, after `measure`, measured.
 
     Args:
         config: Gains.
@@ -204,7 +183,6 @@ class WalkingController:
 
     Source:
         Sections "Virtual Constraints" to "Gait Library and Stabilization by Leg Angle Adjustment".
-        README, Walking, has the equation of each addition.
     """
 
     def __init__(self, config: WalkConfig, library: GaitLibrary, period: float) -> None:
@@ -218,11 +196,7 @@ class WalkingController:
         self._shifted_rows = np.zeros_like(library.table[2])
         self._row_shift = np.zeros(self._shifted_rows.shape[1])
         self._step_shifts = [gait_in_stance(self._row_shift, leg) for leg in (LEFT, RIGHT)]
-        self._step = step = Step()
-        self.outputs: FloatArray = step.measured
-        self.rates: FloatArray = step.measured_rates
-        self.desired: FloatArray = step.desired
-        self.desired_rates: FloatArray = step.desired_rates
+        self.plan = Step()
         self._commanded = Commanded()
         self._latency = 0.0
         self._pendulum, self._paper = PendulumPlacement(config), PaperPlacement(config)
@@ -237,13 +211,12 @@ class WalkingController:
             self._paper.reset()
         for part in (self.timing, self._slope):
             part.configure(config)
-        self.config = config
+        self.config = self._pendulum.config = self._paper.config = config
         self.set_latency(self._latency)
 
     def set_latency(self, latency: float) -> None:
         """Use gains for a latency of the drives beyond their own delay. In s."""
         self._latency = latency
-        self._pendulum.config = self._paper.config = self.config
         self._gains = make_gains(self.config, self._period, latency)
 
     @property
@@ -266,12 +239,6 @@ class WalkingController:
         self.start(readings, LEFT)
 
     @property
-    def step_record(self) -> Records[Step]:
-        """The present step, for compiled functions. Shape (1,)."""
-        records: Records[Step] = self._step.records
-        return records
-
-    @property
     def gait_speed(self) -> float:
         """Speed at which the library is read. In m/s."""
         low, high = self._speeds
@@ -284,9 +251,9 @@ class WalkingController:
         self._slope.start()
         initialize_slope(self._slope.records, readings.records)
         self._gaits, self._gait_is_offered = self.library.table, False
-        self._step.heading, self._step.mean_vy, self._step.thigh_tracking = readings.yaw, 0.0, 0.0
+        self.plan.heading, self.plan.mean_vy, self.plan.thigh_tracking = readings.yaw, 0.0, 0.0
         self._placement.reset()
-        begin_step(readings.records, stance, False, self._step.records)
+        begin_step(readings.records, stance, False, self.plan.records)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> bool:
         """Fill in the set-points.
@@ -294,7 +261,7 @@ class WalkingController:
         Returns:
             Whether a step ended at this tick.
         """
-        commanded, timings, steps = self._commanded, self.timing.records, self._step.records
+        commanded, timings, steps = self._commanded, self.timing.records, self.plan.records
         ended = advance_step(readings.records, mode.record, timings, steps, commanded.records)
         if commanded.vx == commanded.vy == commanded.turn_rate == 0.0:
             hold = self._position_hold.velocity(self.config, readings)
@@ -322,7 +289,7 @@ class WalkingController:
 
     def _end_step(self, readings: Readings) -> None:
         """Exchange stance and swing leg after a touchdown."""
-        timing, step = self.timing, self._step
+        timing, step = self.timing, self.plan
         mean_velocity = end_step(timing.records)
         step.mean_vy = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
@@ -362,5 +329,5 @@ class WalkingController:
         self._gaits = axes, lengths, self._shifted_rows
 
     def measure(self, readings: Readings) -> None:
-        """Update `outputs` and `rates`; the law itself does not need them every tick."""
-        measure(readings.records, self.timing.stance, self._step.records)
+        """Measure the outputs in `plan`; the law itself does not need them every tick."""
+        measure(readings.records, self.timing.stance, self.plan.records)
