@@ -171,13 +171,13 @@ class StopAndStand:
     def __init__(self, period: float) -> None:
         self._period = period
         self._mode = Mode()
-        self._slow = 0.0
-        self._since = 0.0
+        self._stepping_time = 0.0
+        self._time_in_mode = 0.0
 
     def start(self, last: Mode) -> None:
         """Begin from the last mode in force."""
         self._mode.copy_from(last)
-        self._slow = self._since = 0.0
+        self._stepping_time = self._time_in_mode = 0.0
 
     def step(self) -> Mode:
         """The mode of the next tick; reused by the next step."""
@@ -185,21 +185,21 @@ class StopAndStand:
         change = self.DECELERATION * self._period
         moving = False
         for value in (mode.vx, mode.vy, mode.yaw_rate):
-            moving = _less(value, change) or moving
+            moving = _step_to_zero(value, change) or moving
         if mode.mode == RobotMode.SEGWAY:
             for value in (mode.com_x, mode.com_y):
-                _less(value, self.SHIFT_RATE * self._period)
-        self._slow = 0.0 if moving else self._slow + self._period
-        if mode.mode == RobotMode.WALK and self._slow >= self.STEPPING_TIME:
+                _step_to_zero(value, self.SHIFT_RATE * self._period)
+        self._stepping_time = 0.0 if moving else self._stepping_time + self._period
+        if mode.mode == RobotMode.WALK and self._stepping_time >= self.STEPPING_TIME:
             mode.mode[...] = int(RobotMode.STAND)
-            self._since = 0.0
-        self._since += self._period
-        mode.transition[...] = min(1.0, max(float(mode.transition), self._since))
+            self._time_in_mode = 0.0
+        self._time_in_mode += self._period
+        mode.transition[...] = min(1.0, max(float(mode.transition), self._time_in_mode))
         return mode
 
 
-def _less(value: npt.NDArray[np.float64], change: float) -> bool:
-    """Move a set-point towards zero, in place; True if it was not zero before."""
+def _step_to_zero(value: npt.NDArray[np.float64], change: float) -> bool:
+    """Move a set-point towards zero by at most `change`, in place; True if it was not zero."""
     now = float(value)
     value[...] = max(0.0, now - change) if now > 0.0 else min(0.0, now + change)
     return now != 0.0

@@ -129,9 +129,12 @@ _MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Set-points of the stance leg, whose hip regulates torso roll and pitch.
 
-    The hip's set-point is q_hip + load (desired - measured torso angle), with q_hip of
-    `filtered_hip` and the load on the leg, 0..1; for roll the sign of the second term is -. The toe
-    gives no torque.
+    With q_f and q_f' of `filtered_hip` and the load l on the leg, 0..1, the hip gets
+
+        q_d = q_f + l (desired - measured torso angle),    q_d' = l (q_f' - l torso rate),
+
+    for roll with the opposite sign of both torso terms. An unloaded stance leg thus holds its
+    joints until it carries the torso. The toe gives no torque.
     """
     q, v, load, base = robot.joints[i], robot.rates[i], robot.load[i], LEG_DRIVE_COUNT * i
     hip_roll, roll_rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
@@ -143,11 +146,9 @@ def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCo
     command.position[base + HIP_PITCH] = hip_pitch + load * (desired[PITCH] - robot.pitch)
     command.position[base + KNEE] = knee
     command.position[base + TOE_DRIVE] = q[TOE]
-    # An unloaded stance leg holds its joints until it carries the torso.
-    hold = load if load < 1.0 else 1.0
-    command.velocity[base + HIP_ROLL] = (roll_rate + load * robot.roll_rate) * hold
+    command.velocity[base + HIP_ROLL] = (roll_rate + load * robot.roll_rate) * load
     command.velocity[base + HIP_YAW] = rates[YAW_ST]
-    command.velocity[base + HIP_PITCH] = (pitch_rate - load * robot.pitch_rate) * hold
+    command.velocity[base + HIP_PITCH] = (pitch_rate - load * robot.pitch_rate) * load
     command.velocity[base + KNEE] = knee_rate
     command.velocity[base + TOE_DRIVE] = v[TOE]
     for k in range(TOE_DRIVE):

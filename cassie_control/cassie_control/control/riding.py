@@ -195,14 +195,14 @@ class RidingController:
 
     The body is held as in standing, with gains of its own and with `MovingBalance`. In addition:
 
-        c_x* = com_x,  c_y* = com_y               while the operator leans (com_x or com_y not 0),
-        c_x* = n + f s + kp_speed (vx - v)         otherwise: Cassie holds vx by its own estimate,
-        c_y* = kp_yaw_rate (w - r)                 and brakes if vx is 0. It keeps the heading,
-        w    = yaw_rate + heading_gain e           which turns by yaw_rate,
+        c_x* = com_x,  c_y* = com_y            while the operator leans (com_x or com_y not 0),
+        c_x* = n + f s + kp_speed (vx - v)     otherwise: the robot holds vx by its own estimate,
+        c_y* = kp_yaw_rate (yaw_rate + heading_gain e - r)    and keeps the heading,
 
-    with e the heading's error, r the yaw rate and n, v, f s of `VehicleSpeedFilter`. For vx = 0 f s
-    is left out, so that rolling resistance stops the Segway. c_x* keeps the centre of pressure,
-    c_x* - h a / g, within `press_limit`.
+    with e the error of the heading, which turns by yaw_rate, r the yaw rate and n, v, f s of
+    `VehicleSpeedFilter`. For vx = 0 f s is left out, so that rolling resistance stops the Segway;
+    c_y* is 0 while vx and yaw_rate are 0. c_x* keeps the centre of pressure, c_x* - h a / g, within
+    `press_limit`.
 
     Attributes:
         vehicle: Filter of the vehicle's speed.

@@ -78,24 +78,24 @@ _INITIAL_VARIANCES = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2, of
 _RANDOM_WALK = (0.02**2, 0.003**2, 0.0005**2)  # per second, of v, b, n; b follows the vertical
 _LEAN_NOISE = 0.15**2  # (m/s^2)^2 s: a differs from k (c - n) by 0.15 m/s^2, for half a second
 _SIDE_NOISE = 0.1**2  # (m/s^2)^2 s, noise density of the acceleration to a side
-_ROLLING_SPEED = 0.2  # m/s, s: speed from which there is rolling resistance
+_ROLLING_SPEED = 0.2  # m/s, speed from which there is rolling resistance
 _ROLLING_RESISTANCE = 0.001  # m, f: CoM x that overcomes rolling resistance, besides its part in n
 _BAR_SPEED = 0.4  # m/s, u: speed by which the bar's push makes a turn look faster
-_COP_RATIO = 0.75  # of CoM x: a CoM held on a Segway is 4 times as far from n as the pressure
+_COM_FROM_COP = 0.75  # (c - p) / (c - n): held on a Segway, c is 4 times as far from n as p is
 
 
 class VehicleSpeedFilter:
     """Kalman filter of the vehicle's speed, which no sensor measures.
 
-    With a the acceleration found from the feet, c the CoM from the feet, w the turn rate, a_y the
-    acceleration to the left, f the rolling resistance, and s = v / sqrt(v^2 + `_ROLLING_SPEED`^2)
-    the direction of rolling:
+    With a the acceleration found from the feet, c the CoM and p the centre of pressure from the
+    feet, h the CoM's height, r the yaw rate, a_y the acceleration to the left, f the CoM x that
+    overcomes rolling resistance, and s = v / sqrt(v^2 + (0.2 m/s)^2) the direction of rolling:
 
         v' = a + b,   b' = 0,   n' = 0,
 
-        a + b = k (c - n - f s)      where it rolls and c is near c*; k = 3/4 g / h, as c, held on a
-                                     Segway, is 4 times as far from n as the pressure is,
-        a_y   = w (v + u)            with u the bar's push, known to a factor of two,
+        a + b = k (c - n - f s)      where it rolls and c is near c*; k = 3/4 g / h, as c - p is
+                                     3/4 (c - n) for a CoM held on a Segway,
+        a_y   = r (v + u)            with u the bar's push, known to a factor of two,
         v     = vx                   if an operator leans it and vx has been the same for long,
         v     = 0                    if it shall stand, and the estimate is slow.
 
@@ -131,7 +131,7 @@ class VehicleSpeedFilter:
 
     def correct_by_lean(self, acceleration: float, com_x: float, height: float) -> None:
         """Correct by the vehicle's acceleration (m/s^2) at a CoM x from the feet and height (m)."""
-        k = _COP_RATIO * GRAVITY / height
+        k = _COM_FROM_COP * GRAVITY / height
         square = self.speed**2
         if square == 0.0:
             return
