@@ -10,7 +10,7 @@ from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import DAMPING, KD_LIMIT, KP_LIMIT
 from cassie_gaits.names import DRIVES, LEG_DRIVES
-from cassie_gaits.records import FloatArray, Record, Records, array, whole
+from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
 from cassie_msgs.layout import MotorCommand
 from cassie_sim.errors import CommandError
 
@@ -19,7 +19,7 @@ class DriveNumbers(Record):
     """The ten drives, see `Drives`.
 
     Attributes:
-        set_points: Set-points, in rows torque, position, velocity, kp, kd.
+        torque, position, velocity, kp, kd: Set-points. In Nm, rad, rad/s, Nm/rad and Nms/rad.
         damping: kd while damped. In Nms/rad.
         torque_limit, speed_limit: Largest torque, and speed without load. In Nm and rad/s.
         torque_constant: Ratio of real to nominal torque.
@@ -30,7 +30,11 @@ class DriveNumbers(Record):
         powered, damped: Whether the drives have power, and whether they damp. 1 or 0.
     """
 
-    set_points: FloatArray = array(5, 10)
+    torque: FloatArray = array(10)
+    position: FloatArray = array(10)
+    velocity: FloatArray = array(10)
+    kp: FloatArray = array(10)
+    kd: FloatArray = array(10)
     damping: FloatArray = array(10)
     torque_limit: FloatArray = array(10)
     speed_limit: FloatArray = array(10)
@@ -45,21 +49,24 @@ class DriveNumbers(Record):
 
 @compiled
 def take_set_points(
-    drives: Records[DriveNumbers], command: FloatArray, low: FloatArray, high: FloatArray
+    drives: Records[DriveNumbers], commands: RecordArray, low: FloatArray, high: FloatArray
 ) -> bool:
     """Whether the set-points of a command are within their limits; if so, the drives take them.
 
     Args:
         drives: Drives, changed in place. Shape (1,).
-        command: Rows of `set_points`, one after the other; NaN is in no range. Shape (50,).
-        low, high: Limits of each row. Shape (5,).
+        commands: `MotorCommand.record`; NaN is in no range. Shape (1,).
+        low, high: Limits of each field of a command. Shape (5,).
     """
-    drive = drives[0]
-    for i in range(50):
-        if not low[i // 10] <= command[i] <= high[i // 10]:
-            return False
-    for i in range(50):
-        drive.set_points[i // 10, i % 10] = command[i]
+    drive, command = drives[0], commands[0]
+    for i in range(10):
+        torque, position, velocity = command.torque[i], command.position[i], command.velocity[i]
+        fields = (torque, position, velocity, command.kp[i], command.kd[i])
+        for k in range(len(fields)):
+            if not low[k] <= fields[k] <= high[k]:
+                return False
+    drive.torque[:], drive.position[:] = command.torque, command.position
+    drive.velocity[:], drive.kp[:], drive.kd[:] = command.velocity, command.kp, command.kd
     drive.age = 0
     drive.damped = 0
     return True
@@ -69,8 +76,8 @@ def take_set_points(
 def damp(drives: Records[DriveNumbers]) -> None:
     """Replace the set-points by pure damping."""
     drive = drives[0]
-    drive.set_points[:] = 0.0
-    drive.set_points[4] = drive.damping
+    drive.torque[:] = drive.position[:] = drive.velocity[:] = drive.kp[:] = 0.0
+    drive.kd[:] = drive.damping
     drive.damped = 1
 
 
@@ -92,12 +99,11 @@ def drive_step(
     drive.age += 1
     head, rows = drive.head, pipeline.shape[0]
     following = head + 1 if head + 1 < rows else 0
-    asked = drive.set_points
     for i in range(10):
         u = (
-            asked[0, i]
-            + asked[3, i] * (asked[1, i] - position[i])
-            + asked[4, i] * (asked[2, i] - velocity[i])
+            drive.torque[i]
+            + drive.kp[i] * (drive.position[i] - position[i])
+            + drive.kd[i] * (drive.velocity[i] - velocity[i])
         )
         limit = drive.torque_limit[i]
         bound = 2.0 * limit * (1.0 - abs(velocity[i]) / drive.speed_limit[i])
@@ -205,7 +211,7 @@ class Drives:
             CommandError: if a value is not finite or a gain is out of range; the set-points
                 are then not changed.
         """
-        if not take_set_points(self.records, command.floats, _LOW, _HIGH):
+        if not take_set_points(self.records, command.record, _LOW, _HIGH):
             raise CommandError(f"motor command refused: {_refusal(command)}")
 
     def step(self, position: FloatArray, velocity: FloatArray) -> FloatArray:

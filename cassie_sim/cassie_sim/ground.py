@@ -4,13 +4,14 @@ Hard ground is MuJoCo's stiff contact. Soft ground is a force law at each end of
 of the same contact with another impedance. With MuJoCo's impedance d(r) at a depth r, which
 rises from d0 to d1 over `width`, and the inverse weight w of the foot, the force is
 
-    F = s r d^2 / (d1^2 (1 - d) w) + c v d / (d1 (1 - d) w),
+    F = m (s r d / d1^2 + c v),    m = d / ((1 - d) w),
 
-and soil of the mass d / ((1 - d) w), about 0.6 kg, moves with the foot. So stiffness rises about
-twelvefold over the depth, and damping dissipates the foot's energy. The ground yields within
-some hundredths of a second. A rising foot leaves the ground at once, since the ground follows no
-faster than s/c. s is chosen so that a foot which carries the robot's weight, half on each end,
-sinks by `sinking`. Friction is Coulomb friction, with an elliptic cone.
+with v the speed into the ground, c = 700 1/s, and m, about 0.6 kg, the soil that moves with the
+foot. So stiffness rises about twelvefold over the depth, and damping dissipates the foot's energy.
+The ground yields within some hundredths of a second. A rising foot leaves the ground at once, since
+the ground follows at no more than s r d / (d1^2 c). s is chosen so that a foot which carries the
+robot's weight, half on each end, sinks by `sinking`. Friction is Coulomb friction, with an elliptic
+cone.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ class SegwayDrive:
     """The vehicle's own control, once per control tick.
 
     Both wheels:  T = (kp (pitch - lean) + kd pitch rate) (load / 60 kg)^(1/2) / softness,
+        with load / 60 kg from 0.2 to 1.5,
     one against the other:  25 Nm per rad/s of (15 bar angle / (1 + speed / 2) - yaw rate),
 
     through a first-order lag of 10 ms, with the torque limit of a motor at its wheel's speed w:
@@ -147,4 +148,6 @@ class SegwayDrive:
 
 def strongest(turning: float) -> float:
     """Largest torque of one motor, in Nm, at a speed of its wheel, in rad/s."""
-    return max(0.0, min(_TORQUE, _POWER / max(1.0, turning), 60.0 * (1.0 - turning / _NO_LOAD)))
+    return max(
+        0.0, min(_TORQUE, _POWER / max(1.0, turning), 2.0 * _TORQUE * (1.0 - turning / _NO_LOAD))
+    )
