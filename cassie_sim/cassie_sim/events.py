@@ -7,15 +7,13 @@ from collections import deque
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from cassie_gaits.records import FloatArray
 from cassie_msgs.experiment.scenario import GantryMove, Push, Scenario, SensorFault
 from cassie_msgs.layout import MotorCommand, Sensors
 from cassie_msgs.tunables import unknown_name
 from cassie_sim.errors import SimulationError
 from cassie_sim.gantry import Gantry
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Events:

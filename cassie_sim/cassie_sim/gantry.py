@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from cassie_gaits.records import FloatArray
 from cassie_gaits.robot import WEIGHT
-
-FloatArray = npt.NDArray[np.float64]
 
 SPEED = 0.1
 """Default speed of the winch. In m/s."""
@@ -15,11 +13,9 @@ SPEED = 0.1
 STIFFNESS = 12000.0
 """Stiffness of the straps, which only pull upwards. In N/m."""
 
-_DAMPING = 900.0
-_SWAY_STIFFNESS = 1500.0
-_SWAY_DAMPING = 250.0
-_TILT_STIFFNESS = 400.0
-_TILT_DAMPING = 40.0
+_DAMPING = 900.0  # Ns/m, of the straps
+_SWAY_STIFFNESS, _SWAY_DAMPING = 1500.0, 250.0  # N/m and Ns/m, towards the place below the winch
+_TILT_STIFFNESS, _TILT_DAMPING = 400.0, 40.0  # Nm/rad and Nms/rad, towards upright
 
 
 class Gantry:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray
 from cassie_msgs.standard_messages import ODOMETRY, Writer
 from cassie_sim.plant import Plant
 
@@ -34,8 +32,6 @@ def write_odometry(
     figures[44] = vy + w * ty + tz * x - tx * z
     figures[45] = vz + w * tz + tx * y - ty * x
 
-
-FloatArray = npt.NDArray[np.float64]
 
 TOPIC = "/cassie/ground_truth"
 WORLD_FRAME = "odom"

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 CELL = 0.05
 """Spacing of the grid's points, unless the grain is smaller than twice this value. In m."""
@@ -22,10 +21,7 @@ _FADE = 0.5  # length of the transition from and to level ground, at both ends, 
 def random_heights(
     length: float, height: float, grain: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Heights over a field; zero at both ends. Shape (across, along), in m.
-
-    This is white noise through a Gaussian filter of the width `grain`, scaled to the standard
-    deviation `height` and clipped at three times `height`.
+    """Heights over a field, as of `filtered_noise`; zero at both ends. Shape (across, along), in m.
 
     Args:
         length: Length along the ground. In m.
@@ -33,16 +29,34 @@ def random_heights(
         grain: Distance over which the height changes. In m.
         rng: Source of the noise.
     """
+    cell = min(CELL, 0.5 * grain)
+    heights = filtered_noise(length, height, grain, cell, rng)
+    x = np.arange(heights.shape[1]) * cell
+    faded: FloatArray = heights * (np.minimum(x, x[-1] - x) / _FADE).clip(0.0, 1.0)
+    return faded
+
+
+def filtered_noise(
+    length: float, height: float, grain: float, cell: float, rng: np.random.Generator
+) -> FloatArray:
+    """White noise through a Gaussian filter of the width `grain`, as heights of a field.
+
+    Args:
+        length: Length along the ground. In m.
+        height: Standard deviation of the result, which is clipped at three times this value. In m.
+        grain: Distance over which the height changes. In m.
+        cell: Spacing of the grid's points. In m.
+        rng: Source of the noise.
+
+    Returns:
+        Heights. Shape (across, along), in m.
+    """
     from scipy.ndimage import gaussian_filter  # takes half a second to load, and is seldom needed
 
-    cell = min(CELL, 0.5 * grain)
     along = round(length / cell) + 1
     across = round(2.0 * FIELD_HALF_WIDTH / cell) + 1
     heights: FloatArray = gaussian_filter(
         rng.standard_normal((across, along)), grain / cell / 2.0, mode="reflect"
     )
     heights *= height / max(float(heights.std()), 1e-12)
-    heights = heights.clip(-3.0 * height, 3.0 * height)
-    x = np.arange(along) * cell
-    faded: FloatArray = heights * (np.minimum(x, x[-1] - x) / _FADE).clip(0.0, 1.0)
-    return faded
+    return heights.clip(-3.0 * height, 3.0 * height)

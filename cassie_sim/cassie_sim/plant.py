@@ -17,10 +17,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
-from cassie_gaits.records import RecordArray, Records
+from cassie_gaits.records import FloatArray, RecordArray, Records
 from cassie_gaits.robot import DRIVE_DELAY
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import MotorCommand, Sensors
@@ -97,8 +96,6 @@ class Snapshot:
         sensors.records.view(np.uint8)[:] = np.frombuffer(self._records, np.uint8)
         sensors.attitudes[:] = self._attitudes
 
-
-FloatArray = npt.NDArray[np.float64]
 
 STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
 """Leg pose at the start: the pelvis 1 m above level soles. One leg, in rad."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cassie_gaits.robot import ENCODER_RATE
 from cassie_msgs.schedule import CONTROL_RATE
 from cassie_msgs.tunables import check, tunable
 from cassie_sim.errors import SimulationError
@@ -42,8 +43,8 @@ def check_rates(config: PlantConfig) -> None:
         raise SimulationError(
             f"control_rate = {config.control_rate} Hz: its period is no whole number of ns"
         )
-    if config.sensors == "faithful" and config.physics_rate != 2000:
+    if config.sensors == "faithful" and config.physics_rate != ENCODER_RATE:
         raise SimulationError(
-            f"physics_rate = {config.physics_rate} Hz: faithful sensors are defined at 2000 Hz; "
-            "use sensors = ideal for other rates"
+            f"physics_rate = {config.physics_rate} Hz: faithful sensors are defined "
+            f"at {ENCODER_RATE:g} Hz; use sensors = ideal for other rates"
         )

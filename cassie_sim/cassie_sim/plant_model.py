@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.names import DRIVES, SENSED_JOINTS
+from cassie_gaits.records import FloatArray
 from cassie_msgs.experiment.scenario import Payload, Scenario
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import SLOWEST_PERIOD, is_soft
 from cassie_sim.scenes import scene_spec
-
-FloatArray = npt.NDArray[np.float64]
 
 _PAYLOAD_RADIUS = 0.08  # radius of a solid ball with the payload's inertia, in m
 

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.linkage import achilles_turn
 from cassie_gaits.names import DRIVES, LEGS
+from cassie_gaits.records import FloatArray
 from cassie_gaits.robot import NEUTRAL_TARSUS
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import GROUND_GROUP
-
-FloatArray = npt.NDArray[np.float64]
 
 _PASSIVE = ("tarsus", "heel_spring", "achilles_rod", "plantar_rod", "foot_crank")
 

@@ -19,11 +19,7 @@ import numpy.typing as npt
 from cassie_gaits import robot
 from cassie_gaits.linkage import link_rotation
 from cassie_gaits.names import LEG_DRIVES, LEGS
-
-FloatArray = npt.NDArray[np.float64]
-
-PHYSICS_PERIOD = 0.0005
-"""Length of a physics step. In s."""
+from cassie_gaits.records import FloatArray
 
 # With softer constraints the pins separate by millimetres, which takes half of the heel spring's
 # deflection.
@@ -63,7 +59,7 @@ def robot_spec(*, meshes: bool = False, gravity: float = robot.GRAVITY) -> mujoc
     spec = mujoco.MjSpec()
     spec.modelname = "cassie"
     spec.compiler.degree = False
-    spec.option.timestep = PHYSICS_PERIOD
+    spec.option.timestep = 1.0 / robot.ENCODER_RATE
     spec.option.gravity = [0.0, 0.0, -gravity]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

@@ -13,13 +13,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.link_frames import BASE_FRAME, FRAMES, LinkFrame
+from cassie_gaits.records import FloatArray
 from cassie_sim.robot_mjcf import BODY_COLOUR, COLOURED, SHAPE_COLOUR
 
-FloatArray = npt.NDArray[np.float64]
 Shape = tuple[dict[str, str], str, dict[str, str]]
 """Origin, and tag and attributes of a geometry."""
 

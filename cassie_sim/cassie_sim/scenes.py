@@ -50,8 +50,8 @@ SHOE_WIDTH = 0.12
 
 _MOVING = "moving_ground"
 _BLOCK_SIZE = (0.25, 0.11, 0.15)  # half lengths, in m
-_BLOCK_Y = 0.15
-_PILLAR_HEIGHT = 2.5
+_BLOCK_Y = 0.15  # m, distance to the side
+_PILLAR_HEIGHT = 2.5  # m
 
 
 def read_scene(name: str, parameters: Mapping[str, object]) -> Any:

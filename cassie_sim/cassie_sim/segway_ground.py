@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from cassie_gaits.records import FloatArray
 from cassie_sim.ground import Surface, make_ground
+from cassie_sim.height_field import FIELD_HALF_WIDTH, filtered_noise
 from cassie_sim.scene_parameters import Segway
 from cassie_sim.stretches import COLOURS
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,25 +43,17 @@ of 1 to 2 m, which shake a rider at 4 m/s with 2 to 4 Hz, the lawn has the power
 class D of ISO 8608 (1024e-6 m^3 at 0.1 cycles/m, proportional to the wavelength squared). At longer
 and shorter wavelengths the lawn is smoother than that."""
 
-_CELL = 0.1
-_HALF_WIDTH = 4.0
+_CELL = 0.1  # m, spacing of the grid's points
 _START = 1.0  # m ahead of the start, where the bumps begin
 _FADE = 2.0  # m over which the bumps grow from level ground
-_BASE = 0.5
+_BASE = 0.5  # m, thickness of the ground below the lowest point
 
 
 def heights(settings: Segway, way: Way) -> FloatArray:
     """Heights above level ground; zero at the field's edges. Shape (across, along), in m."""
-    from scipy.ndimage import gaussian_filter  # takes half a second to load, and is seldom needed
-
-    along = round(settings.length / _CELL) + 1
-    across = round(2.0 * _HALF_WIDTH / _CELL) + 1
     rng = np.random.default_rng(settings.seed)
-    field: FloatArray = gaussian_filter(
-        rng.standard_normal((across, along)), 0.5 * way.grain / _CELL, mode="reflect"
-    )
-    field *= way.height / float(field.std())
-    field = field.clip(-3.0 * way.height, 3.0 * way.height) + 3.0 * way.height
+    field = filtered_noise(settings.length, way.height, way.grain, _CELL, rng) + 3.0 * way.height
+    across, along = field.shape
     x, y = np.arange(along) * _CELL, np.arange(across) * _CELL
     fade_x = (np.minimum(x, x[-1] - x) / _FADE).clip(0.0, 1.0)
     fade_y = (np.minimum(y, y[-1] - y) / _FADE).clip(0.0, 1.0)
@@ -76,7 +67,7 @@ def add_bumps(spec: mujoco.MjSpec, settings: Segway, way: Way) -> None:
     top = float(field.max())
     spec.add_hfield(
         name="way",
-        size=[0.5 * settings.length, _HALF_WIDTH, top, _BASE],
+        size=[0.5 * settings.length, FIELD_HALF_WIDTH, top, _BASE],
         nrow=field.shape[0],
         ncol=field.shape[1],
         userdata=(field / top).ravel().tolist(),

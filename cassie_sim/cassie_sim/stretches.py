@@ -11,7 +11,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from cassie_msgs.tunables import (
     ParameterError,
@@ -23,20 +22,18 @@ from cassie_msgs.tunables import (
 from cassie_sim.ground import Surface, carry_only, make_ground, tell_ends_apart, tilt
 from cassie_sim.height_field import FIELD_BASE, FIELD_HALF_WIDTH, random_heights
 
-FloatArray = npt.NDArray[np.float64]
-
 BEHIND = 30.0
 """How far the first stretch reaches behind the start. In m."""
 
-_HALF_WIDTH = 20.0
-_THICKNESS = 1.0
+_HALF_WIDTH = 20.0  # m, of a stretch
+_THICKNESS = 1.0  # m, half of the thickness of a stretch's box
 _OVERLAP = 0.3  # m; a foot deep in soft ground must not touch the side of the ground's box
 _BELOW = 0.001  # m by which level soft ground lies lower than hard ground
 _BOTTOM = 2.5  # depth of hard ground below soft ground, ratio to the sinking
 _COVERED = 1.5  # bumps and branches lie up to this distance to both sides, in m
-_BUMP_RADIUS = (0.15, 0.35)
-_BUMPS_PER_AREA = 6.0
-_BRANCH_LENGTH = (0.4, 1.4)
+_BUMP_RADIUS = (0.15, 0.35)  # m, range
+_BUMPS_PER_AREA = 6.0  # 1/m^2
+_BRANCH_LENGTH = (0.4, 1.4)  # m, range
 _UNSEEN = (0.0, 0.0, 0.0, 0.0)
 _WOOD = (0.36, 0.25, 0.16, 1.0)
 
