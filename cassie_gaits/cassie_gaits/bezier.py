@@ -63,3 +63,10 @@ def fade(phase: float) -> float:
     r = 1.0 - phase
     value: float = 1.0 - r * r * r * r * (5.0 - 4.0 * r)
     return value
+
+
+@compiled
+def fade_derivatives(phase: float) -> tuple[float, float]:
+    """First and second derivative of `fade` by the phase."""
+    r = 1.0 - phase
+    return 20.0 * r * r * r * phase, 20.0 * r * r * (r - 3.0 * phase)

@@ -41,4 +41,6 @@ def test_derivatives_match_finite_differences(phase):
 @pytest.mark.parametrize("phase", [0.0, 0.1, 0.5, 0.9, 1.0])
 def test_fade_is_the_polynomial_of_its_coefficients(phase):
     alpha = np.array([[0.0, 0.0, 1.0, 1.0, 1.0, 1.0]])
-    assert bezier.fade(phase) == pytest.approx(bezier.evaluate(alpha, phase)[0])
+    value, *derivatives = (alpha @ bezier.basis(phase))[0]
+    assert bezier.fade(phase) == pytest.approx(value)
+    assert bezier.fade_derivatives(phase) == pytest.approx(derivatives, abs=1e-12)

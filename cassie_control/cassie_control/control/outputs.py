@@ -16,7 +16,7 @@ from cassie_control.planner.placement import TORSO_PITCH_TRIM, TORSO_ROLL_TRIM, 
 from cassie_control.planner.terrain import GroundSlope, step_up_height
 from cassie_control.planner.timing import StepTiming, backward_share
 from cassie_gaits import virtual_leg
-from cassie_gaits.bezier import COEFFICIENTS, fade, fill_basis
+from cassie_gaits.bezier import COEFFICIENTS, fade, fade_derivatives, fill_basis
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import gait_in_stance
@@ -270,11 +270,18 @@ def _contact_angles(step: Step, contact_lead: float, rate: float) -> tuple[float
 
 @compiled
 def _add_correction(step: Step, row: int, correction: float, phase: float, rate: float) -> None:
-    """Add to an output a correction that grows smoothly from 0 at the beginning of the step."""
-    r = 1.0 - phase
+    """Add to an output a correction that grows smoothly from 0 at the beginning of the step.
+
+    Args:
+        step: The step; changed in place.
+        row: Row of the output.
+        correction: What is added at the end of the step. In the output's unit.
+        phase, rate: Phase of the step, at most 1, and its rate. In 1/s.
+    """
+    first, second = fade_derivatives(phase)
     step.desired[row] += fade(phase) * correction
-    step.desired_rates[row] += rate * (20.0 * r * r * r * phase) * correction
-    step.accelerations[row] += 20.0 * r * r * (r - 3.0 * phase) * rate**2 * correction
+    step.desired_rates[row] += rate * first * correction
+    step.accelerations[row] += second * rate**2 * correction
 
 
 @compiled
@@ -284,11 +291,11 @@ def _turn_stance_hip(step: Step, phase: float, rate: float) -> None:
     The commanded turn has a constant rate, so that the foot need not accelerate the body: a line
     contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
     """
-    r = 1.0 - phase
+    first, second = fade_derivatives(phase)
     _add_correction(step, YAW_ST, -step.gait[YAW_ST, AT_END], phase, rate)
     step.desired[YAW_ST] += step.half_turn * (fade(phase) - 2.0 * phase)
-    step.desired_rates[YAW_ST] += step.half_turn * rate * (20.0 * r * r * r * phase - 2.0)
-    step.accelerations[YAW_ST] += step.half_turn * rate**2 * 20.0 * r * r * (r - 3.0 * phase)
+    step.desired_rates[YAW_ST] += step.half_turn * rate * (first - 2.0)
+    step.accelerations[YAW_ST] += step.half_turn * rate**2 * second
 
 
 @compiled

@@ -21,6 +21,7 @@ from cassie_control.control.robot import (
     holding_torques,
 )
 from cassie_gaits import virtual_leg
+from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, LEG_DRIVE_COUNT
 from cassie_gaits.robot import DRIVES, GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand
 
@@ -126,6 +127,9 @@ class Rise:
 
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
+_NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
+_LENGTHS = (0.25, 0.97)  # m, range of the commanded leg length
+_MIN_LEVER = 0.4  # m, least height and leg length that turn a distance into an angle
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
@@ -199,12 +203,12 @@ class StandingController:
 
         `com_error` is kept.
         """
-        length = 0.5 * sum(virtual_leg.length(leg.joints[3]) for leg in readings.legs)
+        length = 0.5 * sum(virtual_leg.length(leg.joints[KNEE]) for leg in readings.legs)
         self._height = (length + HIP_DOWN + ANKLE_HEIGHT, 0.0)
         self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
-        self._hip_angles = [[leg.joints[0], leg.joints[1]] for leg in readings.legs]
+        self._hip_angles = [[leg.joints[HIP_ROLL], leg.joints[HIP_YAW]] for leg in readings.legs]
         self._balance.start(readings)
 
     def step(self, readings: Readings, mode: Mode, command: MotorCommand, lean: float) -> None:
@@ -226,7 +230,7 @@ class StandingController:
             self._landing = False
         balance = self._balance
         # The whole robot leans about the feet to shift the CoM sideways.
-        height = max(0.4, readings.height)
+        height = max(_MIN_LEVER, readings.height)
         com_y = float(mode.com_y) - lean * height
         balance.step(readings, mode, com_y, self._contact, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
@@ -278,35 +282,36 @@ class StandingController:
         mode: Mode,
     ) -> None:
         """Set-points of leg `i`, which is `length` m long and carries `share` of the weight."""
-        c, balance, base = self.config, self._balance, 5 * i
+        c, balance = self.config, self._balance
+        drives = slice(LEG_DRIVE_COUNT * i, LEG_DRIVE_COUNT * (i + 1))
         contact = self._contact[i]
         air = 1.0 - contact
         _, roll_regulation = balance.torso_regulation
         length += contact * (share - 0.5) * WEIGHT / c.leg_stiffness
-        length = virtual_leg.clamp_length(length, 0.25, 0.97)
+        length = virtual_leg.clamp_length(length, *_LENGTHS)
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
-        air_pitch = self._air_foot_x(i, readings) / max(length, 0.4)
-        command.position[base : base + 5] = (
+        air_pitch = self._air_foot_x(i, readings) / max(length, _MIN_LEVER)
+        command.position[drives] = (
             # A lifted leg keeps its angle in the world, to land where it left the ground.
             hip_angles[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
             hip_angles[1],
             virtual_leg.hip_pitch_angle(air_pitch, self._contact[1 - i] * readings.pitch, length),
             virtual_leg.knee_angle(length),
-            virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[2]),
+            virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[HIP_PITCH]),
         )
-        command.velocity[base : base + 5] = 0.0
+        command.velocity[drives] = 0.0
         kp_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
         kp_roll, kp_pitch = kp_roll * (air + contact * roll_regulation), c.kp_hip_pitch * air
         kd_pitch = c.kd_hip_pitch * air + c.kd_leg_pitch * contact
-        command.kp[base : base + 5] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
-        command.kd[base : base + 5] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
+        command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
+        command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = holding_torques(
             leg.ankle_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)
-        command.torque[base : base + 5] = (roll, yaw, pitch, knee, toe)
+        command.torque[drives] = (roll, yaw, pitch, knee, toe)
 
     def _torso_torque(self, readings: Readings, pitch: float, contact: float) -> float:
         """Torque of one hip, in Nm, that holds the torso's pitch or bends it.
@@ -347,7 +352,7 @@ class StandingController:
         """Move the hips of a foot in the air to the paper's stance. In rad."""
         if contact > _AIR_CONTACT:
             return
-        nominal = math.atan2(_NOMINAL_HALF_WIDTH - HIP_Y, 0.8) * leg.side
+        nominal = math.atan2(_NOMINAL_HALF_WIDTH - HIP_Y, _NOMINAL_LENGTH) * leg.side
         limit = _HIP_RELEASE_RATE * self._period
         hip_angles[0] += max(-limit, min(limit, nominal - hip_angles[0]))
         hip_angles[1] += max(-limit, min(limit, -hip_angles[1]))

@@ -29,6 +29,7 @@ from cassie_gaits.bezier import fade
 from cassie_gaits.compiled import compiled
 from cassie_gaits.records import Record, Records
 from cassie_gaits.robot import GRAVITY
+from cassie_gaits.vectors import Vector, turned
 
 
 class FootholdLaw(NamedTuple):
@@ -150,6 +151,7 @@ _FOOTHOLD_OFFSET = (-0.0018, 0.0227, -0.0223, -0.0054)
 _MIN_FITTED_SPEED, _MAX_FITTED_SPEED = -1.0, 1.8  # m/s
 _MAX_LEAD_SPEED = 1.5  # m/s forward or backward, saturation of `contact_lead_speed`
 _MIN_LEG_LENGTH = 0.5  # m, of the leg at touchdown
+_MIN_REACH = 0.1  # m, from the hip, forward and backward
 _MIN_STEP_TIME = 0.2  # s
 _MIN_SINGLE_SUPPORT = 0.1  # s
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -254,23 +256,12 @@ def plan_landing(
     """
     gains, robot, timing, slope = all_gains[0], robots[0], timings[0], slopes[0]
     step, commanded, stance = steps[0], commands[0], timing.stance
-    side, tilt, com = 1.0 - 2.0 * (1 - stance), robot.tilt, robot.com
+    side, com = 1.0 - 2.0 * (1 - stance), robot.com
     velocity = momentum_velocity(robots, stance, all_masses)
     state = _pendulum_state(gains, robot, timing, slope, velocity)
-    hip_x = tilt[0, 0] * HIP_ROLL_X + tilt[0, 1] * side * HIP_Y
-    hip_y = tilt[1, 1] * side * HIP_Y
-    hip_height = tilt[2, 0] * HIP_ROLL_X + tilt[2, 1] * side * HIP_Y
-    hip_height = hip_height - robot.ankle[stance, 2] + _hip_rise(timing, slope, step)
-    reach = Reach(
-        side,
-        hip_x - HIP_BACK - com[0],
-        hip_y - com[1],
-        math.sqrt(max(0.01, (MAX_LEG_LENGTH + HIP_DOWN) ** 2 - hip_height * hip_height)),
-        gains.reach_inward,
-        gains.reach_outward,
-        gains.least_foot_distance,
-        gains.friction * GRAVITY / (state.rate * state.rate),
-    )
+    hip = turned(robot.tilt, (HIP_ROLL_X, side * HIP_Y, 0.0))
+    hip_height = hip[2] - robot.ankle[stance, 2] + _hip_rise(timing, slope, step)
+    reach = _reach(gains, robot, side, hip, hip_height, state.rate)
     contact_lead = _contact_lead(gains, timing.velocity[0])
     trim_y = math.sin(commanded.roll_trim) * hip_height
     law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate, trim_y)
@@ -289,8 +280,8 @@ def plan_landing(
     ux, uy, _ = foothold(law, reach, touchdown)
     ground_rise = slope.ahead * (state.x + ux) + slope.left * (state.y + uy)
     roll, pitch, length = aim_leg(
-        com[0] + ux - hip_x,
-        com[1] + uy - hip_y,
+        com[0] + ux - hip[0],
+        com[1] + uy - hip[1],
         hip_height - ground_rise,
         step.landing_yaw,
         robot.pitch,
@@ -301,6 +292,33 @@ def plan_landing(
     length = max(_MIN_LEG_LENGTH, min(MAX_LEG_LENGTH, length))
     pitch += commanded.pitch_trim
     return SwingTarget(pitch, roll, length, contact_lead + time, contact_lead)
+
+
+@compiled
+def _reach(
+    gains: PlacementGains, robot: Robot, side: float, hip: Vector, hip_height: float, w: float
+) -> Reach:
+    """Where the swing foot can be set down.
+
+    Args:
+        gains: Gains of foot placement.
+        robot: The robot now.
+        side: 1 if the left leg swings, else -1.
+        hip: Hip roll joint of the swing leg from the pelvis origin, heading frame. In m.
+        hip_height: Its height above the ground at touchdown. In m.
+        w: Rate of the pendulum. In 1/s.
+    """
+    longest = MAX_LEG_LENGTH + HIP_DOWN
+    return Reach(
+        side,
+        hip[0] - HIP_BACK - robot.com[0],
+        hip[1] - robot.com[1],
+        max(_MIN_REACH, math.sqrt(max(0.0, longest * longest - hip_height * hip_height))),
+        gains.reach_inward,
+        gains.reach_outward,
+        gains.least_foot_distance,
+        gains.friction * GRAVITY / (w * w),
+    )
 
 
 @compiled
