@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, place_legs
-from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, LEGS, TARSUS
+from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, TARSUS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.robot import FOOT_CONTACTS, LEFT_LEG, SOLE_RADIUS
 from cassie_gaits.vectors import Vector, turned
@@ -241,22 +241,24 @@ def holding_torques(
     return -roll, -yaw, -pitch, tarsus - knee
 
 
+@dataclass(slots=True)
 class LegReadings:
     """One leg: its joints and where its toe joint is.
 
     Attributes:
-        number: 0 for the left leg, 1 for the right.
         side: 1 for the left leg, -1 for the right.
+        ankle_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
+            m/rad.
         joints: The seven joints. In rad.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
         foot: Middle of the sole from the pelvis origin, heading frame. In m.
         load: Share of the load threshold that the foot carries, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
-        ankle_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
-            m/rad.
     """
 
+    side: float
+    ankle_jacobian: FloatArray
     joints: tuple[float, ...]
     ankle: Vector
     foot: Vector
@@ -264,44 +266,13 @@ class LegReadings:
     force: float
     contact: float
 
-    def __init__(
-        self,
-        number: int,
-        rates: FloatArray,
-        ankle_jacobian: FloatArray,
-        unpack: Callable[[], Any],
-    ) -> None:
-        self.number = number
-        self.side = 1.0 - 2.0 * number
-        self.ankle_jacobian = ankle_jacobian
-        self._rates, self._unpack = rates, unpack
-        self._bare = dict(self.__dict__)
-
-    def forget(self) -> None:
-        """Drop the unpacked numbers, as they have changed."""
-        self.__dict__ = {**self._bare, "_bare": self._bare}
-
-    def __getattr__(self, name: str) -> Any:
-        return _unpacked(self, name)
-
-    def take(self, values: tuple[Any, ...]) -> None:
-        """Copy this leg's numbers from those of a `Robot`."""
-        i = self.number
-        (self.load,), (self.force,) = values[_LOAD[i]], values[_FORCE[i]]
-        (self.contact,) = values[_CONTACT[i]]
-        self.joints, self.ankle, self.foot = values[_JOINTS[i]], values[_ANKLE[i]], values[_FOOT[i]]
-
-    @property
-    def rates(self) -> list[float]:
-        """Rates of the joints; read on demand, as few laws need them. In rad/s."""
-        rates: list[float] = self._rates.tolist()
-        return rates
-
 
 class Readings:
     """The robot at one tick, for laws in Python as plain numbers.
 
-    Compiled laws take `records`, so the numbers are unpacked only when one is read.
+    numpy reads a number of an array ten times as slowly as Python reads one of a tuple. So all are
+    unpacked together, when the first is read after an update: compiled laws, which take `records`,
+    need none of them.
 
     Attributes:
         yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Angles of the torso and their rates. In
@@ -329,6 +300,7 @@ class Readings:
     com_from_feet: Vector
     com_velocity: Vector
     velocity: Vector
+    legs: tuple[LegReadings, LegReadings]
 
     def __init__(self) -> None:
         robot, pair = Robot(), LegPair()
@@ -336,10 +308,7 @@ class Readings:
         self.pair = pair.records
         self.tilt: FloatArray = robot.tilt
         self.state = RobotState()
-        jacobians = pair.records["states"]["ankle_jacobian"][0]
-        self.legs = tuple(
-            LegReadings(i, robot.rates[i], jacobians[i], self._unpack) for i in range(len(LEGS))
-        )
+        self._ankle_jacobians = pair.records["states"]["ankle_jacobian"][0]
         self._memory = self.records.view(np.uint8).data
         self._bare = dict(self.__dict__)
 
@@ -351,12 +320,13 @@ class Readings:
             com_error: Offset of the CoM from the estimate, forward and to the left. In m.
         """
         self.__dict__ = {**self._bare, "_bare": self._bare, "state": state}
-        for leg in self.legs:
-            leg.forget()
         read_robot(state.record, com_error, self.pair, self.records)
 
     def __getattr__(self, name: str) -> Any:
-        return _unpacked(self, name)
+        if name not in type(self).__annotations__:
+            raise AttributeError(f"{type(self).__name__} has no {name}")
+        self._unpack()
+        return self.__dict__[name]
 
     def _unpack(self) -> None:
         values = _VALUES.unpack_from(self._memory)
@@ -364,18 +334,15 @@ class Readings:
         self.yaw, self.pitch, self.roll, self.yaw_rate, self.pitch_rate, self.roll_rate = angles
         self.com, self.com_from_feet = values[_COM], values[_COM_FROM_FEET]
         self.com_velocity, self.velocity = values[_COM_VELOCITY], values[_VELOCITY]
-        for leg in self.legs:
-            leg.take(values)
+        self.legs = self._leg(0, values), self._leg(1, values)
+
+    def _leg(self, i: int, values: tuple[Any, ...]) -> LegReadings:
+        (load,), (force,), (contact,) = values[_LOAD[i]], values[_FORCE[i]], values[_CONTACT[i]]
+        joints, ankle, foot = values[_JOINTS[i]], values[_ANKLE[i]], values[_FOOT[i]]
+        jacobian = self._ankle_jacobians[i]
+        return LegReadings(1.0 - 2.0 * i, jacobian, joints, ankle, foot, load, force, contact)
 
     @property
     def time(self) -> float:
         """Stamp of the state, robot time. In s."""
         return self.state.stamp_ns * 1e-9
-
-
-def _unpacked(readings: Readings | LegReadings, name: str) -> Any:
-    """Unpack the numbers after an update, and return the one that is read."""
-    if name not in type(readings).__annotations__:
-        raise AttributeError(f"{type(readings).__name__} has no {name}")
-    readings._unpack()
-    return readings.__dict__[name]
