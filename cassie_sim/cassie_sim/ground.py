@@ -33,11 +33,13 @@ GROUND_GROUP = 2
 SLOWEST_PERIOD = 0.001
 """Longest physics step with which the damping of soft ground is stable. In s."""
 
+HARDER_FRICTION = 10.0
+"""Ratio of the friction's impedance to the normal one's, `impratio`: with 1 loaded feet creep."""
+
 _HARD_SOLREF = (0.005, 1.0)
 _SOFT_IMPEDANCE = (0.3, 0.7)
 _SOFT_DAMPING = 700.0  # c, in 1/s; integrated explicitly, so c times the period must be below 1
 _WIDTH = 2.0  # depth at which the impedance is highest, ratio to `sinking`
-_HARDER_FRICTION = 10.0  # friction regularized less than the soft normal, or feet would creep
 
 _PELVIS = 8  # contact bit of the pelvis, see robot_mjcf
 _END_BITS = {
@@ -89,7 +91,7 @@ def make_ground(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, surface: Surface) -> 
     geom.rgba = surface.colour
     if surface.sinking > 0.0:
         geom.solref, geom.solimp = soft_contact(surface.sinking)
-        spec.option.impratio = _HARDER_FRICTION
+        spec.option.impratio = HARDER_FRICTION
     else:
         geom.solref = _HARD_SOLREF
 

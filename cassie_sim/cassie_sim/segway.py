@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import mujoco
 
-from cassie_sim.ground import GROUND_GROUP
+from cassie_sim.ground import GROUND_GROUP, HARDER_FRICTION
 from cassie_sim.robot_mjcf import as_field
 
 MASS = 12.8
@@ -45,17 +45,16 @@ PLATFORM = WHEEL_RADIUS + 0.015
 TRACK = 0.485
 """Distance of the wheels. In m."""
 
-_WHEEL_MASS, _BAR_MASS = 2.9, 0.8
+_WHEEL_MASS, _BAR_MASS = 2.9, 0.8  # kg
 _BAR_STIFFNESS, _BAR_DAMPING = 60.0, 3.0  # Nm/rad, Nms/rad
 _BAR_HEIGHT, _BAR_RANGE = 0.42, 0.35  # knee pads' middle above the axle, in m; in rad
 _PADS, _PAD_RADIUS = 0.095, 0.02  # outer half width and radius, in m
-_HARDER_FRICTION = 10.0  # otherwise the feet would creep over the platform in a turn
 _RED, _DARK = (0.75, 0.1, 0.1, 1.0), (0.12, 0.12, 0.13, 1.0)
 
 
 def add_segway(spec: mujoco.MjSpec) -> None:
     """Put the vehicle at the origin, upright on level ground."""
-    spec.option.impratio = _HARDER_FRICTION
+    spec.option.impratio = HARDER_FRICTION
     chassis = spec.worldbody.add_body(name="segway", pos=[0.0, 0.0, WHEEL_RADIUS])
     chassis.add_freejoint(name="segway")
     chassis.add_site(name="segway_imu", size=[0.01, 0.01, 0.01])

@@ -11,7 +11,8 @@ from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.sight import Sight
 
 _SUM_X, _SUM_Y = 0.06, 0.08  # m, bounds of the integrated errors
-_SHARE = 0.2  # weight of a new measurement in the low-pass of speed, for steering
+_LOW_PASS_WEIGHT = 0.2  # of a new measurement of the speed, for steering
+_MAX_TURN = 1.0  # rad/s, bound of the turn rate by heading error
 _NS = 1e9
 
 
@@ -23,13 +24,13 @@ class Rider:
     `speed_wait` ago, and a* the ramp's present slope:
 
         com_x = lean a* + speed_gain (v* - v) + speed_sum * integral of (v* - v),
-        com_y = turn_lean (1 + v / 2) (r* + turn_gain (r* - r) + turn_sum * integral of (r* - r)),
+        com_y = turn_lean (1 + |v| / 2) (r* + turn_gain (r* - r) + turn_sum * integral of (r* - r)),
 
     The first integral is updated only while v* is constant. r* is the commanded turn rate, or
-    heading_gain times the heading error. The path through gates is a cosine of the distance along
-    the heading at which the gates were commanded. There the law looks ahead:
+    heading_gain times the heading error, within 1 rad/s. The path through gates is a cosine of the
+    distance along the heading at which the gates were commanded. There the law looks ahead:
 
-        com_y = turn_lean (1 + v / 2) (k + turn_time dk/dt + turn_gain (k0 - r)
+        com_y = turn_lean (1 + |v| / 2) (k + turn_time dk/dt + turn_gain (k0 - r)
                 + slope_gain * error of heading + side_gain * distance + side_sum * its integral),
 
     k is the path's turn rate at the place where the robot will be `turn_wait` from now, k0 the turn
@@ -97,7 +98,7 @@ class Rider:
     def _lean_x(self, sight: Sight) -> float:
         c, period = self._script, self.period_ns / _NS
         seen = sight.speed + float(self._rng.uniform(-c.noise, c.noise))
-        self._seen += _SHARE * (seen - self._seen)
+        self._seen += _LOW_PASS_WEIGHT * (seen - self._seen)
         away = self.speed - self._wanted
         slows = abs(self.speed) < abs(self._wanted) or self.speed * self._wanted < 0.0
         most = (c.braking if slows else c.acceleration) * period
@@ -131,7 +132,7 @@ class Rider:
         if target.turn is not None:
             return target.turn
         error = _wrapped((target.heading or 0.0) - sight.heading)
-        return _bounded(self._script.heading_gain * error, 1.0)
+        return _bounded(self._script.heading_gain * error, _MAX_TURN)
 
     def _through(self, gates: Gates, start: Sight, sight: Sight, rate: float) -> float:
         c = self._script

@@ -308,7 +308,7 @@ def _level_hip_path(
     swing hip at touchdown:
 
         H       = H_gait + slope_ahead x + slope_left y - foothold_height,
-        length += weight fade(phase) (sqrt(H^2 + x^2) - length).
+        length += weight fade(phase) (min(0.95 m, sqrt(H^2 + x^2)) - length).
 
     The weight is 1 forward, and changes to `level_back` from 0 to 1/3 m/s backward. So the hip
     travels parallel to the slope, and keeps its height over the ground around the foot. The rate
