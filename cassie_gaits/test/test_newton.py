@@ -108,3 +108,9 @@ def test_where_newton_finds_no_way_a_patient_solve_goes_on():
     far = Point(point_of(HALF).unknowns + 0.3)
     found = solve(Request(vx=0.5), far)
     assert found.gait is None or found.violation < 1e-4
+
+
+def test_from_a_posture_that_the_legs_cannot_take_it_ends_with_the_reason():
+    start = point_of(HALF).unknowns + 0.2
+    ended = newton(Request(vx=1.8, slope=1.0)).run(start, 3, NEAR.inside, NEAR.barrier)
+    assert (ended.status, ended.iterations) == ("Invalid_Number_Detected", 0)

@@ -140,6 +140,8 @@ class Newton:
         self._filter.clear()
         self._barrier = max(barrier, self._last)
         at = self._begin(start, inside)
+        if at is None:
+            return Ended(start, "Invalid_Number_Detected", 0)
         for iteration in range(most + 1):
             while self._barrier > self._last and self._error(at) <= _SOLVED * self._barrier:
                 self._barrier = max(self._last, _FALL * self._barrier)
@@ -155,14 +157,20 @@ class Newton:
                 return Ended(at.x, "Search_Direction_Becomes_Too_Small", iteration)
         return Ended(at.x, "Maximum_Iterations_Exceeded", most)
 
-    def _begin(self, start: FloatArray, inside: float) -> _Iterate:
-        """First iterate, inside the bounds, with the multipliers for that point."""
+    def _begin(self, start: FloatArray, inside: float) -> _Iterate | None:
+        """First iterate, inside the bounds, with its multipliers; None where a value is not finite.
+
+        On a steep slope the bounds can move the start to a posture that the legs cannot take.
+        """
         n = len(self._free)
         x = np.clip(start, *self._x_bounds)
         rows = self._evaluation.cost_and_rows(x, self._p)[1]
         w = self._moved_inside(np.concatenate([x[self._free], rows[self._unequal]]), inside)
         x[self._free] = w[:n]
         values = self._evaluation.values(x, self._p)
+        found = (w, values.cost, values.rows, values.cost_slope, values.jacobian)
+        if not all(np.isfinite(part).all() for part in found):
+            return None
         low, high = self._barrier / (w - self._lower), self._barrier / (self._upper - w)
         prices = np.empty(len(values.rows))
         prices[self._unequal] = (high - low)[n:]
