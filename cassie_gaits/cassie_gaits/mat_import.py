@@ -61,6 +61,12 @@ def import_mat(path: Path) -> GaitLibrary:
         velocity, ct = (_rows(content, name, len(stances[0])) for name in ("Velocity", "ct"))
         speeds, times = velocity[0], 1.0 / _step_rates(ct[0])
         _check_range("the first row of Velocity", speeds, RANGES["vx"], "m/s")
+        different, counts = np.unique(speeds, return_counts=True)
+        if counts.max() > 1:
+            raise GaitLibraryError(
+                f"the first row of Velocity has {counts.max()} gaits of "
+                f"{different[counts.argmax()]:g} m/s, expected one for each speed"
+            )
         sign = _leg_pitch_sign(speeds, stances[0])
         gaits = []
         for i in np.argsort(speeds):
@@ -98,7 +104,8 @@ def _rows(content: MatContent, name: str, count: int) -> FloatArray:
 
 
 def _step_rates(ct: FloatArray) -> FloatArray:
-    _check_range("ct", ct, (0.2, 20.0), "1/s")
+    shortest, longest = RANGES["step_time"]
+    _check_range("ct", ct, (1.0 / longest, 1.0 / shortest), "1/s")
     return ct
 
 

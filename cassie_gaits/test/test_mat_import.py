@@ -149,6 +149,8 @@ def in_degrees(found):
             "the first row of Velocity is -5e+05 .. 1e+06 m/s",
         ),
         (lambda c: c["Velocity"].__imul__(-6.0), "expected -5 .. 5 m/s"),
+        (lambda c: c["Velocity"].__imul__(0.0), "the first row of Velocity has 7 gaits of 0 m/s"),
+        (lambda c: c.update(ct=np.full(7, 0.4)), "ct is 0.4 .. 0.4 1/s, expected 0.6667 .. 20"),
     ],
 )
 def test_a_wrong_file_is_refused_with_the_reason(tmp_path, capsys, change, reason):
