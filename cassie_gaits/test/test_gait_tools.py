@@ -191,7 +191,12 @@ def test_labels_of_the_maps_are_no_longer_than_their_colour_bars(turns):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--jobs", "0"], ["--speeds", "nan"], ["--slope", "0.1", "--yaw-rate", "0.2"]],
+    [
+        ["--jobs", "0"],
+        ["--holes", "1"],
+        ["--speeds", "nan"],
+        ["--slope", "0.1", "--yaw-rate", "0.2"],
+    ],
 )
 def test_impossible_options_are_refused(arguments, tmp_path, capsys):
     assert optimize_gaits.main([*arguments, "--out", str(tmp_path / "x.json")]) == 2
@@ -209,6 +214,8 @@ def test_impossible_options_are_refused(arguments, tmp_path, capsys):
         (["--torso-roll", "0.1", "--table-only"], ("--table-only", "--torso-roll")),
         (["--import", "a.mat", "--speeds", "0.3"], ("--import", "--speeds")),
         (["--import", "a.mat", "--grid"], ("--import", "--grid")),
+        (["--import", "a.mat", "--step-time", "0.4"], ("--import", "--step-time")),
+        (["--import", "a.mat", "--jobs", "2"], ("--import", "--jobs")),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(arguments, both, tmp_path, capsys):

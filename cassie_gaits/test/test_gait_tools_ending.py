@@ -15,6 +15,7 @@ import pytest
 
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.optimize import library
+from cassie_gaits.processes import local_processes
 from cassie_gaits.ros import check_gaits, optimize_gaits
 
 OPTIMIZED = default_library_path()
@@ -87,6 +88,53 @@ def test_a_check_that_is_stopped_ends_at_once_and_leaves_no_process():
     _, error = run.communicate(timeout=90.0)
     assert (run.returncode, error) == (130, "check_gaits: stopped\n")
     assert wait_for(lambda: not any(map(is_alive, workers)), 3.0)
+
+
+TOOLS = [
+    ("check_gaits", str(OPTIMIZED)),
+    ("plot_gaits", str(OPTIMIZED), "--out", "pictures"),
+    ("optimize_gaits", "--speeds", "0", "0.1", "--out", "gaits.json"),
+]
+
+
+def started(words, folder, output):
+    name, *rest = words
+    command = [sys.executable, "-m", f"cassie_gaits.ros.{name}", *rest]
+    return subprocess.Popen(command, cwd=folder, stdout=output, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize("words", TOOLS, ids=lambda words: words[0])
+def test_a_reader_that_ends_before_the_tool_ends_it_without_an_error(tmp_path, words):
+    run = started(words, tmp_path, subprocess.PIPE)
+    run.stdout.close()
+    _, error = run.communicate(timeout=90.0)
+    assert run.returncode == 128 + signal.SIGPIPE
+    assert "rror" not in error
+
+
+def test_a_full_disk_is_one_clear_error(tmp_path):
+    with Path("/dev/full").open("w") as full:
+        run = started(TOOLS[0], tmp_path, full)
+        _, error = run.communicate(timeout=90.0)
+    assert run.returncode == 2
+    assert error == "check_gaits: error: [Errno 28] No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("tool", "words", "gaits"),
+    [(check_gaits, [str(OPTIMIZED)], 7), (optimize_gaits, ["--speeds", "0", "0.1"], 2)],
+)
+def test_there_are_no_more_processes_than_gaits(tmp_path, monkeypatch, tool, words, gaits):
+    monkeypatch.chdir(tmp_path)
+    counts = []
+
+    def counted(count):
+        counts.append(count)
+        return local_processes(1)
+
+    monkeypatch.setattr(tool, "local_processes", counted)
+    assert tool.main([*words, "--jobs", "99999"]) == 0
+    assert counts == [gaits]
 
 
 def dies(*_):

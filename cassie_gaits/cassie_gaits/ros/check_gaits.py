@@ -31,13 +31,10 @@ from cassie_gaits.gait_library_file import (
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.neighbours import report
 from cassie_gaits.processes import available_cores, local_processes
+from cassie_gaits.ros.frame import tool
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if "--ros-args" in given:
-        given = given[: given.index("--ros-args")]
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="ros2 run cassie_gaits check_gaits", description=__doc__)
     named = f"library to check: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=library_path, metavar="FILE", help=named)
@@ -48,37 +45,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--neighbours", action="store_true", help=apart)
     every = "with --neighbours: name all pairs that are far apart, not 10 for each speed"
     parser.add_argument("--all", action="store_true", help=every)
-    options = parser.parse_args(given)
-    try:
-        library = load_library(options.file)
-        if library.model_hash != model_hash():
-            raise GaitLibraryError(f"gait library {options.file}: it is for another model")
-        if options.neighbours:
-            print(report(library.gaits, None if options.all else 10))
-            return 0
-        if options.all:
-            raise GaitLibraryError("--all needs --neighbours")
-        if options.jobs < 1:
-            raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
-        certified = _check(library.gaits, options.jobs)
-        if len(certified) < len(library.gaits):
-            return 1
-        if options.certify:
-            save_library(replace(library, gaits=tuple(certified)), options.file)
-            print(f"certificates written: {options.file}")
-        return _hold_file(options.file)
-    except GaitLibraryError as error:
-        print(f"check_gaits: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("check_gaits: stopped", file=sys.stderr)
-        return 130
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    library = load_library(options.file)
+    if library.model_hash != model_hash():
+        raise GaitLibraryError(f"gait library {options.file}: it is for another model")
+    if options.neighbours:
+        print(report(library.gaits, None if options.all else 10))
+        return 0
+    if options.all:
+        raise GaitLibraryError("--all needs --neighbours")
+    if options.jobs < 1:
+        raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
+    certified = _check(library.gaits, options.jobs)
+    if len(certified) < len(library.gaits):
+        return 1
+    if options.certify:
+        save_library(replace(library, gaits=tuple(certified)), options.file)
+        print(f"certificates written: {options.file}")
+    return _hold_file(options.file)
 
 
 def _check(gaits: Sequence[Gait], jobs: int) -> list[Gait]:
     """Check and print each gait; returns those that meet all requirements, with certificates."""
     certified = []
-    with local_processes(jobs) as pool:
+    with local_processes(min(jobs, len(gaits))) as pool:
         futures = [pool.submit(certify, gait) for gait in gaits]
         for gait, future in zip(gaits, futures, strict=True):
             name = f"vx {gait.vx:+.2f} vy {gait.vy:+.2f} m/s yaw {gait.yaw_rate:+.2f} rad/s"
@@ -117,6 +110,8 @@ def _line(row: Row) -> str:
     miss = "" if row.met else "  MISS"
     return f"{row.name:46s} {bound:>20s} {row.worst:12.4g} {row.margin:10.2g} {row.unit}{miss}"
 
+
+main = tool("check_gaits", _parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

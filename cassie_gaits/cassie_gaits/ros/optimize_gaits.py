@@ -12,16 +12,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
-import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from cassie_gaits.errors import CassieError, GaitLibraryError
+from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, GaitLibrary, Provenance
 from cassie_gaits.gait_library_file import save_library
 from cassie_gaits.model_hash import model_hash
@@ -30,7 +29,7 @@ from cassie_gaits.optimize.partial_file import Found, PartialFile
 from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
 from cassie_gaits.processes import available_cores, local_processes
-from cassie_msgs.processes import STOPPED, interrupt
+from cassie_gaits.ros.frame import tool
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Speeds of the seven gaits of the paper. In m/s."""
@@ -44,10 +43,11 @@ DENSE = {
 """Values that --grid stands for."""
 
 DEFAULTS = {"speeds": list(SPEEDS), "lateral": [0.0], "yaw_rate": [0.0], "holes": 0.0} | {
+    **{"step_time": 0.4, "clearance": 0.15, "slope": 0.0, "jobs": available_cores()},
     **{"landing_speed": 0.25, "feet_apart": 0.25, "torso_pitch": 0.05, "torso_roll": 0.005},
     **{"hip_yaw": 0.005, "pelvis_distance": 0.97, "detour": 0.03},
 }
-"""Values of the options that --grid and --table-only stand for, if none of them is given."""
+"""Values of the options that are not given and that neither --grid nor --table-only sets."""
 
 SETTINGS = (
     *("step_time", "clearance", "slope", "landing_speed", "feet_apart"),
@@ -59,26 +59,6 @@ CONNECT_TIMEOUT = 10.0
 """Time within which a scheduler must answer and have a worker. In s."""
 
 _VERSION = "2"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if "--ros-args" in given:
-        given = given[: given.index("--ros-args")]
-    options = _parser().parse_args(given)
-    start = time.monotonic()
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        return _run(options, start)
-    except (CassieError, OSError) as error:
-        print(f"optimize_gaits: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("optimize_gaits: stopped; --resume goes on from here", file=sys.stderr)
-        return STOPPED
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -93,9 +73,9 @@ def _parser() -> argparse.ArgumentParser:
     dense = "-1 .. 1.8 by 0.1 m/s, -0.3 .. 0.3 by 0.1 m/s, -0.9 .. 0.9 by 0.3 rad/s, --holes 0.03"
     add("--grid", action="store_true", help=dense)
     add("--holes", type=float, help="share of the gaits that may be missing")
-    add("--step-time", type=float, default=0.4, help="duration of a step, s")
-    add("--clearance", type=float, default=0.15, help="height of the swing foot at mid-step, m")
-    add("--slope", type=float, default=0.0, help="rise of the ground ahead, rad")
+    add("--step-time", type=float, help="duration of a step, s (default: 0.4)")
+    add("--clearance", type=float, help="height of the swing foot at mid-step, m (default: 0.15)")
+    add("--slope", type=float, help="rise of the ground ahead, rad (default: 0)")
     add("--landing-speed", type=float, help="largest of the landing foot, m/s")
     add("--feet-apart", type=float, help="least distance of the feet, m")
     add("--torso-pitch", type=float, help="bound of torso pitch, rad")
@@ -106,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--table-only", action="store_true", help="the last seven as wide as the paper's table")
     add("--general", action="store_true", help="two steps on the real robot, not mirrored")
     jobs = "processes (default: one for each core)"
-    add("--jobs", type=int, default=available_cores(), metavar="N", help=jobs)
+    add("--jobs", type=int, metavar="N", help=jobs)
     add("--scheduler", help="address of a Dask scheduler, instead of local processes")
     add("--resume", action="store_true", help="use the results of a run that was stopped")
     add("--import", dest="mat", type=Path, metavar="FILE.mat", help="FROST-style library to import")
@@ -114,7 +94,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(options: argparse.Namespace, start: float) -> int:
+def _run(options: argparse.Namespace) -> int:
+    start = time.monotonic()
     if not options.out.parent.is_dir():
         raise GaitLibraryError(f"--out: there is no folder {options.out.parent}")
     if options.out.is_dir():
@@ -171,7 +152,7 @@ def _expand(options: argparse.Namespace) -> None:
     if options.jobs < 1:
         raise GaitLibraryError(f"--jobs is {options.jobs}, expected 1 or more")
     if not 0.0 <= options.holes < 1.0:
-        raise GaitLibraryError(f"--holes is {options.holes}, expected 0 .. 1")
+        raise GaitLibraryError(f"--holes is {options.holes}, expected 0 or more and less than 1")
 
 
 def _refuse_beside_import(options: argparse.Namespace) -> None:
@@ -211,7 +192,9 @@ def _search(
     start, before = time.monotonic(), len(found)
     if before == len(requests):
         return
-    with _executor(options, {request.symmetric for request in requests}) as executor:
+    missing = len(requests) - before
+    forms = {request.symmetric for request in requests}
+    with _executor(options, forms, missing) as executor:
         for result in find(requests, executor, done):
             content = result.reason if result.gait is None else result.gait
             found[result.request] = content
@@ -222,8 +205,14 @@ def _search(
 
 
 @contextlib.contextmanager
-def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executor]:
-    """A cluster, or local processes, which end with this process even if it is stopped."""
+def _executor(options: argparse.Namespace, forms: set[bool], count: int) -> Iterator[Executor]:
+    """A cluster, or local processes, which end with this process even if it is stopped.
+
+    Args:
+        options: Options of the command.
+        forms: Kinds of gaits, whether symmetric, whose programs are needed.
+        count: Number of gaits to find; more processes would be idle.
+    """
     if options.scheduler:
         with _cluster(options.scheduler, forms) as cluster:
             yield cluster
@@ -231,7 +220,7 @@ def _executor(options: argparse.Namespace, forms: set[bool]) -> Iterator[Executo
     # Forked processes share the programs, whose setup takes one or two seconds.
     for symmetric in forms:
         prepare(symmetric=symmetric)
-    with local_processes(options.jobs) as pool:
+    with local_processes(min(options.jobs, count)) as pool:
         yield pool
 
 
@@ -286,6 +275,8 @@ def _library(gaits: list[Gait], options: argparse.Namespace) -> GaitLibrary:
     )
     return GaitLibrary(tuple(gaits), "optimized", model_hash(), provenance)
 
+
+main = tool("optimize_gaits", _parser, _run, stopped="stopped; --resume goes on from here")
 
 if __name__ == "__main__":
     sys.exit(main())

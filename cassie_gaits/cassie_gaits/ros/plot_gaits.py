@@ -20,33 +20,25 @@ from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import PACKAGED, library_path, load_library
 from cassie_gaits.gait_motion import Motion, motion
 from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.ros.frame import tool
 
 MOST_STRIPS = 9
 """Largest number of speeds with stick figures; of more speeds, so many are chosen evenly."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if "--ros-args" in given:
-        given = given[: given.index("--ros-args")]
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="ros2 run cassie_gaits plot_gaits", description=__doc__)
     named = f"library to draw: a file, or one of {', '.join(PACKAGED)}"
     parser.add_argument("file", type=Path, metavar="FILE", help=named)
     parser.add_argument("--out", type=Path, help="folder for the pictures; by default FILE's name")
-    options = parser.parse_args(given)
-    try:
-        library = load_library(library_path(str(options.file)))
-        folder = options.out or options.file.with_name(
-            options.file.name.split(".")[0] + "_pictures"
-        )
-        folder.mkdir(parents=True, exist_ok=True)
-        _draw(library.gaits, folder)
-    except (GaitLibraryError, OSError) as error:
-        print(f"plot_gaits: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    library = load_library(library_path(str(options.file)))
+    folder = options.out or options.file.with_name(options.file.name.split(".")[0] + "_pictures")
+    folder.mkdir(parents=True, exist_ok=True)
+    _draw(library.gaits, folder)
     return 0
 
 
@@ -108,6 +100,8 @@ def _line(at: Motion) -> str:
         f"{100.0 * shares[side, drive]:.0f} % of {name}"
     )
 
+
+main = tool("plot_gaits", _parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())
