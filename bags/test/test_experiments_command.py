@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from test_experiment_command import TEXT, environment
 
+from cassie_bags.cli.experiment import main
 from cassie_bags.report.page import page
 
 
@@ -93,6 +94,35 @@ def test_wrong_words_exit_with_2(files: list[Path], tmp_path: Path, words, reaso
     assert process.returncode == 2
     assert reason in process.stderr
     assert "Traceback" not in process.stderr
+
+
+@pytest.mark.parametrize("how", [[], ["--in-process"]])
+@pytest.mark.parametrize(
+    ("section", "reason"),
+    [
+        ("pushes: [{t: 1, force: [1, 0, 0], body: pelvsi}]", "push at 1 s: unknown body pelvsi"),
+        ("faults: [{t: 1, channel: battery.7, kind: nan}]", "fault at 1 s, channel battery.7: ind"),
+        ("simulator: {control_rate: 300}", "control_rate = 300 Hz does not divide"),
+        ("scene: slop", "unknown scene slop: did you mean slope?"),
+    ],
+)
+def test_what_the_plant_refuses_is_refused_with_the_file_before_a_node_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], how: list[str], section: str, reason: str
+):
+    file = tmp_path / "wrong.yaml"
+    file.write_text(f"duration: 1\n{section}\n")
+    assert main([str(file), *how]) == 2
+    assert f"experiment: error: {file}: {reason}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("section", ["{video: film.mp4}", "{headless: false}"])
+def test_film_and_window_of_the_node_are_not_left_out_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], section: str
+):
+    file = tmp_path / "shown.yaml"
+    file.write_text(f"duration: 1\nsimulator: {section}\n")
+    assert main([str(file), "--in-process"]) == 2
+    assert "needs the node: not in one process" in capsys.readouterr().err
 
 
 def test_a_page_without_pictures_is_a_page():

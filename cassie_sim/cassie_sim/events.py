@@ -32,7 +32,7 @@ class Events:
         self._rate = physics_rate
         self._model = model
         self._moves = scenario.gantry
-        self._pushes = tuple(self._timed(push) for push in scenario.pushes)
+        self._pushes = tuple(self._timed(push, _at(push)) for push in scenario.pushes)
         self._faults = tuple(ActiveFault(fault, physics_rate) for fault in scenario.faults)
         self._delay = round(scenario.delays.set_point * physics_rate)
         self.reset()
@@ -48,7 +48,7 @@ class Events:
 
     def push(self, push: Push, now: int) -> None:
         """Add a push that begins at physics step `now` plus its time."""
-        start, end, body, force = self._timed(push)
+        start, end, body, force = self._timed(push, "push")
         self._live.append((now + start, now + end, body, force))
 
     def apply(self, step: int, data: mujoco.MjData, gantry: Gantry, position: FloatArray) -> None:
@@ -121,11 +121,11 @@ class Events:
             newest = self._under_way.popleft()[1]
         return newest
 
-    def _timed(self, push: Push) -> tuple[int, int, int, FloatArray]:
+    def _timed(self, push: Push, name: str) -> tuple[int, int, int, FloatArray]:
         body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, push.body)
         if body < 0:
             names = [self._model.body(i).name for i in range(1, self._model.nbody)]
-            raise SimulationError(f"push: {unknown_name(push.body, names, 'body')}")
+            raise SimulationError(f"{name}: {unknown_name(push.body, names, 'body')}")
         start = round(push.t * self._rate)
         return start, start + max(1, round(push.duration * self._rate)), body, np.array(push.force)
 
@@ -145,11 +145,11 @@ class ActiveFault:
         field, _, index = fault.channel.partition(".")
         channels = [name for name, _, _ in Sensors.LAYOUT]
         if field not in channels:
-            raise SimulationError(f"fault: {unknown_name(field, channels, 'channel')}")
+            raise SimulationError(f"{_at(fault)}: {unknown_name(field, channels, 'channel')}")
         values = getattr(Sensors(), field)
         if index and not (index.isdigit() and int(index) < values.size):
             raise SimulationError(
-                f"fault on channel {fault.channel}: index must be 0 .. {values.size - 1}"
+                f"{_at(fault)}, channel {fault.channel}: index must be 0 .. {values.size - 1}"
             )
         self._field = field
         self._index = slice(int(index), int(index) + 1) if index else slice(None)
@@ -159,7 +159,10 @@ class ActiveFault:
         self._end = self._start + fault.duration * physics_rate
         self._late = round(fault.size * physics_rate)
         if fault.kind == "delay" and fault.size < 0.0:
-            raise SimulationError(f"fault on channel {fault.channel}: a delay of {fault.size:g} s")
+            raise SimulationError(
+                f"{_at(fault)}, channel {fault.channel}: size = {fault.size:g} s is no delay: "
+                "expected 0 s or more"
+            )
         self.reset()
 
     def reset(self) -> None:
@@ -188,6 +191,11 @@ class ActiveFault:
             values[:] = self._held
         elif step % 20 == 0:
             values += self._size
+
+
+def _at(event: Push | SensorFault) -> str:
+    """Name of an event in messages: files do not need to have their events in order of time."""
+    return f"{'push' if isinstance(event, Push) else 'fault'} at {event.t:g} s"
 
 
 def _order(gantry: Gantry, move: GantryMove, position: FloatArray) -> None:

@@ -24,7 +24,13 @@ from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
-from cassie_bags.run.cores import check_one_process, check_parameters, make_loop, tick_count
+from cassie_bags.run.cores import (
+    check_one_process,
+    check_parameters,
+    check_plant,
+    make_loop,
+    tick_count,
+)
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import RunResult, evaluate
 from cassie_bags.run.provenance import versions
@@ -33,7 +39,9 @@ from cassie_bags.run.simulate import Observer, Store, bag_observer
 from cassie_bags.run.simulate import run as run_loop
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers
+from cassie_gaits.errors import CassieError
 from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.tunables import ParameterError
 
 NOT_RUN = "the run did not come to its end"
 
@@ -51,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run_one(arguments: argparse.Namespace) -> int:
     changes = consistent(arguments.set)
     experiment = resolve(load_experiment(arguments.files[0], changes, arguments.seed))
-    check_parameters(experiment)
+    _check(arguments.files[0], experiment, in_process=arguments.in_process)
     outcome = run_experiment(
         experiment,
         arguments.out,
@@ -76,12 +84,27 @@ def _run_many(arguments: argparse.Namespace) -> int:
         raise ExperimentError(f"{option} is for one run: several leave result.json each; --seeds N")
     tasks = _tasks(arguments)
     for task in tasks:
-        check_parameters(_experiment(task))
+        _check(task.file, _experiment(task), in_process=task.in_process)
     entries = _run_all(tasks, arguments)
     failures = [failure for entry in entries for failure in entry["failures"]]
     if any(failure.startswith(NOT_RUN) for failure in failures):
         return 3
     return 1 if failures else 0
+
+
+def _check(file: Path, experiment: Experiment, *, in_process: bool) -> None:
+    """Refuse an experiment that cannot be run, before anything starts.
+
+    Raises:
+        ExperimentError: naming the file, the value and what is permitted.
+    """
+    try:
+        check_parameters(experiment)
+        if in_process:
+            check_one_process(experiment)
+        check_plant(experiment)
+    except (CassieError, ParameterError) as error:
+        raise ExperimentError(f"{file}: {error}") from None
 
 
 def run_experiment(
@@ -105,8 +128,6 @@ def run_experiment(
         RunError: if the run did not end normally.
         CassieError, ParameterError: naming what cannot be used.
     """
-    if in_process:
-        check_one_process(experiment)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     if in_process:

@@ -72,6 +72,17 @@ def check_parameters(experiment: Experiment) -> None:
     _config(SupervisorConfig, experiment.parameters["supervisor"], "supervisor")
 
 
+def check_plant(experiment: Experiment) -> None:
+    """Build the plant once: that checks rates, pushed bodies and failing channels.
+
+    Over DDS the simulator would refuse them only after the other nodes have started.
+
+    Raises:
+        CassieError, ParameterError: naming the value and what is permitted.
+    """
+    Plant(simulator_config(experiment), experiment.scenario)
+
+
 def library_path(experiment: Experiment) -> Path:
     """File of the experiment's gait library."""
     name = experiment.gait_library
@@ -169,9 +180,15 @@ def check_one_process(experiment: Experiment) -> None:
     Raises:
         ExperimentError: if it needs a wall clock or another node.
     """
-    if simulator_config(experiment).pacing == "realtime":
+    config = simulator_config(experiment)
+    if config.pacing == "realtime":
         raise ExperimentError(
             "simulator.pacing = realtime needs a wall clock: in one process it is lockstep"
+        )
+    if config.video or not config.headless:
+        name = "video" if config.video else "headless"
+        raise ExperimentError(
+            f"simulator.{name} = {getattr(config, name)} needs the node: not in one process"
         )
     if makes_gaits(experiment):
         raise ExperimentError(
