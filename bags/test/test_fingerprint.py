@@ -200,3 +200,17 @@ def test_what_is_no_file_of_fingerprints_is_refused_in_a_line(
     path.write_text(text)
     assert command.main(["--fast", "--file", str(path)]) == 2
     assert capsys.readouterr().err == f"fingerprint: error: {path} is no file of fingerprints\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--bags", "nowhere"], "--bags: there is no folder nowhere"),
+        (["--fast", "--bags", "."], "--fast takes parts of runs: leave out --bags"),
+    ],
+)
+def test_bags_that_would_not_be_read_are_refused_before_anything_runs(
+    capsys: pytest.CaptureFixture[str], words: list[str], reason: str
+):
+    assert command.main(words) == 2
+    assert reason in capsys.readouterr().err

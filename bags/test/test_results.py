@@ -88,3 +88,5 @@ def test_a_folder_that_is_not_there_is_told_before_anything_is_measured(
 ):
     assert command.main(["--results", str(tmp_path / "no" / "R.md")]) == WRONG_INPUT
     assert "there is no such folder" in capsys.readouterr().err
+    assert command.main(["--results", str(tmp_path)]) == WRONG_INPUT
+    assert f"{tmp_path} is a folder, expected a file" in capsys.readouterr().err

@@ -108,7 +108,7 @@ def test_the_space_is_centred_on_the_start_and_keeps_the_range():
 def test_an_unknown_pattern_names_the_nearest_parameter():
     with pytest.raises(ExperimentError, match=r"walk.joints.kp_kne: did you mean walk.joints.kp"):
         parameters(["walk.joints.kp_kne"], {}, 2.0)
-    with pytest.raises(ExperimentError, match=r"unknown parameter walk.law"):
+    with pytest.raises(ExperimentError, match=r"unknown numeric parameter walk.law"):
         parameters(["walk.law"], {}, 2.0)
 
 
@@ -234,7 +234,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path):
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["walk.joint.*"], "unknown parameter walk.joint.*"),
+        (["walk.joint.*"], "unknown numeric parameter walk.joint.*"),
         (["walk.hold_gain"], "two or more are needed"),
         (["--factor", "1"], "1 is not 1.01 .. 100"),
         (["--population", "1"], "1 is not 0 (auto), or 2 or more"),

@@ -21,7 +21,7 @@ from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
-from cassie_bags.studies.results import check_folder, markdown, put_table
+from cassie_bags.studies.results import check_file, markdown, put_table
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState, Sensors
@@ -166,7 +166,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     if arguments.results is not None:
         if arguments.grounds:
             raise ExperimentError("--results takes all grounds: name none")
-        check_folder(arguments.results)
+        check_file(arguments.results)
     for ground in arguments.grounds or GROUNDS:
         if ground not in GROUNDS:
             raise ExperimentError(unknown_name(ground, GROUNDS, "ground"))

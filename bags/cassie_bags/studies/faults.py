@@ -24,7 +24,7 @@ from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
-from cassie_bags.studies.results import check_folder, markdown, put_table
+from cassie_bags.studies.results import check_file, markdown, put_table
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
 from cassie_msgs.experiment.file import Experiment
@@ -308,7 +308,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     if arguments.results is not None:
         if arguments.channels or arguments.kinds or arguments.modes:
             raise ExperimentError("--results takes all channels, kinds and modes: name none")
-        check_folder(arguments.results)
+        check_file(arguments.results)
     kinds, modes = arguments.kinds or FAULT_KINDS, arguments.modes or MODES
     for mode in modes:
         if mode not in MODES:

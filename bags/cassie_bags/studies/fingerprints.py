@@ -34,6 +34,11 @@ from cassie_bags.studies.workers import Workers, all_results, workers
 def run(arguments: argparse.Namespace) -> int:
     """Check or renew fingerprints; returns the exit code."""
     arguments.file = arguments.file or default_path()
+    if arguments.bags is not None:
+        if arguments.fast:
+            raise ExperimentError("--fast takes parts of runs: leave out --bags")
+        if not arguments.bags.is_dir():
+            raise ExperimentError(f"--bags: there is no folder {arguments.bags}")
     with contextlib.closing(workers(arguments.jobs, None)) as pool:
         return _renew(arguments, pool) if arguments.renew else _check(arguments, pool)
 

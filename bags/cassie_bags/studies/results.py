@@ -40,14 +40,16 @@ def put_table(path: Path, heading: str, table: Sequence[str], source: Origin) ->
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def check_folder(path: Path) -> None:
+def check_file(path: Path) -> None:
     """Check that a file of results can be written, before hours are spent on the results.
 
     Raises:
-        ExperimentError: if its folder does not exist.
+        ExperimentError: if its folder does not exist, or the path is a folder itself.
     """
     if not path.parent.is_dir():
         raise ExperimentError(f"{path}: there is no such folder")
+    if path.is_dir():
+        raise ExperimentError(f"{path} is a folder, expected a file of results")
 
 
 def table_of(text: str, heading: str) -> list[list[str]]:

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.figures import STYLE
 from cassie_bags.run.provenance import origin
-from cassie_bags.studies.results import check_folder, put_table
+from cassie_bags.studies.results import check_file, put_table
 from cassie_bags.studies.return_map import (
     DELAYS,
     IMPULSES,
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     if options.results is not None:
         if options.speeds or options.file is not None:
             raise ExperimentError("--results takes all speeds of the package's library: name none")
-        check_folder(options.results)
+        check_file(options.results)
     if options.file is not None:
         options.file = library_path(options.file)
     speeds, jobs = _speeds(options), options.jobs or available_cores()

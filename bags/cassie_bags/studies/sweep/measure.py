@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
-from cassie_bags.studies.results import check_folder
+from cassie_bags.studies.results import check_file
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.results_file import MEASURED, PAPERS, merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
@@ -170,7 +170,7 @@ def _check_mergeable(arguments: argparse.Namespace) -> None:
     """Check that these results are for a file of results, and that the file can take them."""
     if arguments.set or arguments.compare != PAPER_LAW:
         raise ExperimentError("--results takes the robot as it is: leave out --set and --compare")
-    check_folder(arguments.results)
+    check_file(arguments.results)
     merge(_text(arguments.results), [], [])
 
 

@@ -73,7 +73,7 @@ def parameters(
     for pattern in patterns:
         matching = fnmatch.filter(known, pattern)
         if not matching:
-            raise ExperimentError(unknown_name(pattern, known, "parameter"))
+            raise ExperimentError(unknown_name(pattern, known, "numeric parameter"))
         names |= dict.fromkeys(matching)
     space = []
     for name in names:
