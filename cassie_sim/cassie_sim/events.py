@@ -123,7 +123,7 @@ class Events:
 
     def _timed(self, push: Push, name: str) -> tuple[int, int, int, FloatArray]:
         body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, push.body)
-        if body < 0:
+        if body <= 0:  # body 0 is the world, which no force moves
             names = [self._model.body(i).name for i in range(1, self._model.nbody)]
             raise SimulationError(f"{name}: {unknown_name(push.body, names, 'body')}")
         start = round(push.t * self._rate)

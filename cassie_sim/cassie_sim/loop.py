@@ -100,9 +100,9 @@ class SimulationLoop:
         self.credit_spent.clear()
 
     def begin_episode(self, plant: Plant) -> None:
-        """Start over with a plant that stands at tick 0 of a new episode."""
+        """Start over with a plant that stands at tick 0 of a new episode; credit is lost."""
         now = self._clock()
-        self.plant = plant
+        self.plant, self.credit = plant, 0
         self.switch.reset()
         if self.broken:
             self.broken = False

@@ -243,6 +243,24 @@ def test_reset_begins_an_episode_and_old_answers_do_not_count() -> None:
     assert world.announced == [*range(6), *range(10)]
 
 
+def test_a_reset_in_a_pause_takes_back_the_ticks_that_were_still_to_run() -> None:
+    loop, old, world = make(FakeWorld(lambda episode, seq: seq < 2 or episode == 8), paused=True)
+    fresh = FakePlant(episode=8)
+
+    def act() -> None:
+        if world.now > 101.0 and loop.plant is old and not loop.credit:  # type: ignore[comparison-overlap]
+            loop.allow(5)
+        if world.now > 104.0 and loop.plant is old:  # type: ignore[comparison-overlap]
+            loop.requests.call(lambda: loop.begin_episode(fresh))  # type: ignore[arg-type]
+        if world.now > 110.0:
+            loop.stop()
+
+    world.on_wait = act
+    loop.run()
+    assert old.applied == [0, 1]
+    assert fresh.applied == []
+
+
 def test_refused_commands_are_reported_once_and_the_end_of_it_too() -> None:
     loop, plant, world = make()
     plant.refuse = True

@@ -70,6 +70,7 @@ def test_what_is_not_held_cannot_be_lowered(plant: Plant) -> None:
     ("body", "force", "duration", "words"),
     [
         ("pelvsi", (1.0, 0.0, 0.0), 1.0, "unknown body pelvsi"),
+        ("world", (1.0, 0.0, 0.0), 1.0, "unknown body world"),
         ("", (float("nan"), 0.0, 0.0), 1.0, "force"),
         ("", (1.0, 0.0, 0.0), -1.0, "duration = -1 s is outside"),
     ],
