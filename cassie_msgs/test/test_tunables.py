@@ -23,6 +23,7 @@ class Gains:
     kp_knee: float = tunable(200.0, "Nm/rad", 0, 2000, "stiffness of the knee")
     steps: int = tunable(2, "", 1, 9, "steps")
     weights: tuple[float, float] = tunable((0.0, 1.0), "m", -1, 1, "weights")
+    lag: float = tunable(0.0, "s", 0.0, None, "lag")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,10 @@ def test_entries_carry_dotted_names_and_units():
         ({"gains.kp_knee": 9000}, r"kp_knee = 9000 Nm/rad is outside 0 \.\. 2000 Nm/rad"),
         ({"gains.kp_knee": float("nan")}, "kp_knee = nan Nm/rad is outside"),
         ({"rate": float("inf")}, "rate = inf Hz is outside"),
+        ({"rate": 10**400}, r"rate = inf Hz is outside 1 \.\. 2000 Hz$"),
+        ({"gains.steps": -(10**400)}, r"steps = -10+\.\.\.0+ is outside"),
+        ({"gains.lag": float("inf")}, r"lag = inf s is outside 0 \.\. inf s: it is not finite"),
+        ({"gains.lag": 10**400}, r"lag = inf s is outside 0 \.\. inf s: it is not finite"),
         ({"gains.steps": 2.5}, "steps = 2.5 is not a whole number"),
         ({"gains.steps": True}, "steps = True is not a whole number"),
         ({"gains.weights": [0, 0, 0]}, "is not a list of 2 numbers"),

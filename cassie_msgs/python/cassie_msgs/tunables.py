@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import reprlib
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -252,12 +253,15 @@ def _check_number(name: str, value: Any, kind: type, spec: Tunable) -> None:
     if isinstance(value, bool) or not isinstance(value, permitted):
         what = "a whole number" if kind is int else "a number"
         raise ParameterError(f"{name} = {value!r} is not {what}")
-    outside = not math.isfinite(value)  # a NaN compares false with every bound
+    finite = isinstance(value, int) or math.isfinite(value)  # NaN compares false with every bound
+    outside = not finite
     outside = outside or (spec.low is not None and value < spec.low)
     outside = outside or (spec.high is not None and value > spec.high)
     if outside:
-        given = f"{value:g} {spec.unit}".rstrip()
-        raise ParameterError(f"{name} = {given} is outside {spec.range_text}")
+        number = reprlib.repr(value) if isinstance(value, int) else f"{value:g}"
+        given = f"{number} {spec.unit}".rstrip()
+        reason = "" if finite or None not in (spec.low, spec.high) else ": it is not finite"
+        raise ParameterError(f"{name} = {given} is outside {spec.range_text}{reason}")
 
 
 def _replace(instance: Any, changes: Mapping[str, Any]) -> Any:
@@ -303,9 +307,12 @@ def _is_required(field: Any) -> bool:
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """A YAML or ROS value in the type of its field, where the conversion is exact."""
+    """A YAML or ROS value in the type of its field; one beyond all floats is infinite."""
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf if value > 0 else -math.inf
     if typing.get_origin(hint) is tuple and not isinstance(value, (str, bytes)):
         try:
             return tuple(_converted(float, element) for element in value)
