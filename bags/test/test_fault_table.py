@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,8 +19,11 @@ from cassie_bags.studies.faults import (
     run_table,
     table,
 )
+from cassie_bags.studies.faults import experiment_of as fault_experiment
 from cassie_bags.studies.run_trial import experiment_of
 from cassie_bags.studies.sweep.course import Budget, walk
+from cassie_bags.studies.sweep.table import chosen_rows
+from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotMode, Sensors
 
 CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")
@@ -44,10 +48,36 @@ def test_a_torque_that_is_no_number_stops_it_and_no_more(channel):
     assert cell.others == ()
 
 
-def test_a_late_knee_that_moves_from_rest_is_not_taken_for_its_velocity():
+@pytest.mark.parametrize("learned", ["use", "none"])
+def test_a_late_knee_that_moves_from_rest_is_not_taken_for_its_velocity(monkeypatch, learned):
+    def without_or_with(mode: str, seed: int) -> Experiment:
+        experiment = fault_experiment(mode, seed)
+        return replace(experiment, controller={"learned_torques": learned})
+
+    monkeypatch.setattr("cassie_bags.studies.faults.experiment_of", without_or_with)
     (cell,) = run_table(["drive_position.8"], ["delay"], ["walking"], seed=1)
     assert cell.safe, describe(cell)
     assert cell.others == ()
+
+
+@pytest.mark.parametrize(
+    ("row", "level", "seed", "duration"),
+    [
+        pytest.param("delay.torque", 3.0, 103, 15.0, id="late-torques-are-no-late-accelerometer"),
+        pytest.param("stand_late.both", 0.0, 102, 1.0, id="a-slackening-cable-is-no-spike"),
+    ],
+)
+def test_healthy_sensors_are_accepted(row: str, level: float, seed: int, duration: float):
+    trial = next(
+        one
+        for one in chosen_rows([row])[0].trials(Budget(seeds=10, first=101), level)
+        if one.seed == seed
+    )
+    cores = make_cores(experiment_of(trial))
+    loop = connect(cores, lambda *_: None)
+    for _ in range(round(duration / 0.002)):
+        loop.tick()
+        assert cores.estimator.faults == ()
 
 
 def test_the_hard_touchdowns_of_a_fast_walk_are_no_faults():

@@ -27,6 +27,9 @@ _STANCE_FORCE_RATIO = 0.5  # of the feet's force to the weight: threshold of sta
 _STANCE_TIME = 0.3  # s, time constant of `Accelerometer.stance_share`
 _STANCE_SHARE = 0.75  # of time with standing, from which the expected acceleration is known
 
+_MAX_LATENCY = 0.006  # s by which torques may act later than they are measured
+_LATENCY_STEP = 0.002  # s, between the latencies that are tested
+
 _POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
 _MODEL_ERROR = 0.5  # share of the expected power: variance of the model's error
 _NOISE_VARIANCE = 0.4  # (m/s^2)^2
@@ -35,7 +38,6 @@ _DELAY_ERROR_WEIGHT = 2.0  # of the residual that a delay leaves: a push fits ne
 _SATURATION_RATIO = 2.0  # to `AccelerometerLimits.delay_sum`: saturation of each cumulative sum
 
 _IMPACT_RESIDUAL = 4.0  # normalised squared residual of every delay, from which it is an impact
-_IMPACT_DELAY_STEP = 0.005  # s, between the delays that are tested for an impact
 _IMPACT_TIME = 0.1  # s for which the legs' response to an impact may look like a delay
 
 _LOAD_TIME = 5.0  # s, time constant with which the estimate of a load is forgotten
@@ -200,13 +202,14 @@ def check_accelerometer(
     accelerometer.impact_time = max(0.0, accelerometer.impact_time - dt)
     gain = 1.0 - math.exp(-dt / _STANCE_TIME)
     accelerometer.stance_share += gain * (standing - accelerometer.stance_share)
-    # The expected acceleration is wrong in a gantry, and with sensors that fail.
-    expected_known = others_accepted and accelerometer.stance_share > _STANCE_SHARE
+    # In a gantry the expected acceleration is wrong, and a cable that slackens looks like spikes.
+    stands = accelerometer.stance_share > _STANCE_SHARE
+    expected_known = others_accepted and stands
     _update_low_passed(accelerometer, dt, ticks)
     all_accepted = expected_known
     for k in range(3):
         accelerometer.rejected_for[k] = max(0.0, accelerometer.rejected_for[k] - dt)
-        faulty = _violates_limits(accelerometer, limits, k)
+        faulty = _violates_limits(accelerometer, limits, k, stands)
         delayed = _is_delayed(accelerometer, limits, ticks, k)
         if not expected_known:
             accelerometer.delay_sums[:, k] = 0.0
@@ -218,8 +221,10 @@ def check_accelerometer(
 
 
 @compiled
-def _violates_limits(accelerometer: Accelerometer, limits: AccelerometerLimits, k: int) -> bool:
-    """Whether axis k is out of range, is frozen or has spikes."""
+def _violates_limits(
+    accelerometer: Accelerometer, limits: AccelerometerLimits, k: int, stands: bool
+) -> bool:
+    """Whether axis k is out of range, is frozen, or has spikes while the robot stands or walks."""
     dt, a = limits.period, accelerometer.measured
     unchanged_ticks, spike_counts = accelerometer.unchanged_ticks, accelerometer.spike_counts
     unchanged_ticks[k] = unchanged_ticks[k] + 1 if a[0, k] == a[1, k] else 0
@@ -227,7 +232,7 @@ def _violates_limits(accelerometer: Accelerometer, limits: AccelerometerLimits, 
     deviation = _deviation(a, k)
     # A step, as where a push begins or ends, is no spike.
     threshold = max(limits.spike, abs(a[0, k] - a[2, k]))
-    if deviation > threshold and _is_on_one_axis(a, k, deviation):
+    if stands and deviation > threshold and _is_on_one_axis(a, k, deviation):
         spike_counts[k] += 1.0
     out_of_range = not abs(a[0, k]) <= limits.acceleration  # NaN compares false
     frozen = dt * unchanged_ticks[k] > _FROZEN_TIME - 0.5 * dt
@@ -349,9 +354,10 @@ def _is_delayed(
     gain = 1.0 - math.exp(-dt / _POWER_TIME)
     accelerometer.power[k] += gain * (expected * expected - accelerometer.power[k])
     variance = _residual_variance(accelerometer, k)
-    undelayed_error = min(1.0, (measured - expected) ** 2 / variance)
-    least_squared_residual = _least_squared_residual(accelerometer, ticks, dt, k, measured)
-    if least_squared_residual > _IMPACT_RESIDUAL * variance:
+    undelayed = _least_squared_residual(accelerometer, ticks, dt, k, measured, _MAX_LATENCY)
+    undelayed_error = min(1.0, undelayed / variance)
+    best = _least_squared_residual(accelerometer, ticks, dt, k, measured, DELAYS[-1])
+    if best > _IMPACT_RESIDUAL * variance:
         accelerometer.impact_time = _IMPACT_TIME
     delayed = False
     for j in range(len(DELAYS)):
@@ -371,15 +377,15 @@ def _is_delayed(
 
 @compiled
 def _least_squared_residual(
-    accelerometer: Accelerometer, ticks: int, dt: float, k: int, measured: float
+    accelerometer: Accelerometer, ticks: int, dt: float, k: int, measured: float, longest: float
 ) -> float:
-    """Least squared residual (m^2/s^4) of axis k over all delays from 0 to 40 ms."""
+    """Least squared residual (m^2/s^4) of axis k over all delays from 0 to `longest` (s)."""
     least, delay = math.inf, 0.0
-    while delay < DELAYS[-1] + 0.5 * dt:
+    while delay < longest + 0.5 * dt:
         delay_ticks = int(delay / dt + 0.5)
         if delay_ticks > ticks:
             break
         earlier = accelerometer.expected_history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
         least = min(least, (measured - earlier) ** 2)
-        delay += _IMPACT_DELAY_STEP
+        delay += _LATENCY_STEP
     return least

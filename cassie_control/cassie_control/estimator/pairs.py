@@ -71,7 +71,7 @@ _FILTER_TAIL_RATIO = 2.0  # of the time in which a filtered velocity decays to t
 
 _DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
 _ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative sum per tick
-_MAX_INCREASE_RATIO = 0.25  # to it: increase per tick; a landing lasts fewer than five ticks
+_MAX_INCREASE_RATIO = 0.25  # to it: weight of a tick; a landing lasts fewer than five ticks
 _SATURATION_RATIO = 4.0  # to it: saturation of each cumulative sum
 _AMBIGUITY_RATIO = 0.5  # of smaller to larger evidence, below which the larger one decides
 
@@ -471,6 +471,9 @@ def _update_delay_sums(
 ) -> None:
     """Update the cumulative sums for a channel's delay, and the largest of them.
 
+    A tick with a large error, as at a landing, has a small weight: the share of the error that the
+    delay explains counts.
+
     Args:
         pair: Changed in place.
         limits: Its limits.
@@ -481,13 +484,15 @@ def _update_delay_sums(
     """
     step, partner_steps = pair.step_history[channel, tick], pair.step_history[1 - channel]
     allowance = _ALLOWANCE_RATIO * limits.evidence
-    max_increase = 0.0 if partner_unreliable else _MAX_INCREASE_RATIO * limits.evidence
+    largest_error = _MAX_INCREASE_RATIO * limits.evidence
+    weight = largest_error / max(undelayed_error, largest_error)
     largest, sums = 0.0, pair.delay_sums[channel]
     for m in range(len(DELAYS)):
         earlier = tick - limits.delay_ticks[m]
         error = step - partner_steps[earlier if earlier >= 0 else earlier + _HISTORY_TICKS]
-        increase = undelayed_error - _DELAY_ERROR_WEIGHT * error * error - allowance
-        increase = min(increase, max_increase)
+        increase = weight * (undelayed_error - _DELAY_ERROR_WEIGHT * error * error) - allowance
+        if partner_unreliable:
+            increase = min(increase, 0.0)
         sums[m] = max(0.0, min(sums[m] + increase, _SATURATION_RATIO * limits.evidence))
         largest = max(largest, sums[m])
     pair.delay_evidence[channel] = largest
