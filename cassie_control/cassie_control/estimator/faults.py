@@ -316,10 +316,9 @@ class SensorMonitor:
     - A velocity of one tick off its neighbours' curve, or an acceleration off their line: a spike.
       A pillar at the hip or a harness that chatters shakes all axes of the accelerometer, which is
       no spike.
-    - Position and integrated velocity disagree: the channel that moves now as the other one did 20
-      to 100 ms ago is delayed. With other delays their difference grows, and the sign of its
-      covariance with the velocity shows which one is delayed. The response of the velocity filters
-      of drives and joints is modelled. The IMU's orientation and gyro are such a pair.
+    - Position and integrated velocity disagree: the channel that moves now as the other one did 10
+      to 100 ms ago is delayed. The response of the velocity filters of drives and joints is
+      modelled. The IMU's orientation and gyro are such a pair.
     - The accelerometer is delayed if it fits the acceleration of the pelvis 20, 30 or 40 ms ago,
       for longer than it fits the present one. That acceleration comes from forces, torques and the
       legs' own motion. A push from outside is not among them; it fits neither. After an impact,

@@ -26,7 +26,7 @@ IMU_PAIRS = slice(FIRST_IMU_AXIS, PAIRS)
 P, V = 0, 1
 """Channels of a pair: position and velocity."""
 
-DELAYS = tuple(0.001 * ms for ms in range(20, 101, 2))
+DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
 """Delays that are tested; a delay between two of them fits one of these well enough. In s."""
 
 RESIDUAL_TIME = 0.3
@@ -42,11 +42,8 @@ _CLEAR, _SMALL = 0, 1  # indices of `Pair.spike_counts`
 _HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS` at 2 kHz
 _RESPONSE_TICKS = 36  # in `Pair.position_steps`: the joints' velocity filter responds for 18 ms
 _VELOCITY_TICKS = 4  # in `Pair.last_velocities`: with the present one, five for the cubic
-_STATISTICS_TIME = 0.1  # s, time constant of mean, covariance and variance, and of both peaks
+_PEAK_TIME = 0.1  # s, time constant of the decay of both peaks
 _DECISION_TIMEOUT = 0.03  # s, to find which channel of a pair is faulty
-_SMALL_RESIDUAL_RATIO = 0.5  # to `PairLimits.residual`: too small for the sign of a delay
-_DELAY_THRESHOLD = 0.010  # s, of the estimated delay between position and velocity
-_DELAY_SIGN_RATIO = 0.4  # to `_DELAY_THRESHOLD`: threshold from which the delay's sign decides
 
 _VELOCITY_JUMP_RATIO = 0.5  # to `PairLimits.jump`: velocity's second difference times the period
 _JUMP_PEAK_RATIO = 0.25  # to `PairLimits.jump`: threshold of `Pair.jump_peak`
@@ -98,10 +95,6 @@ class Pair(Record):
         unchanged_ticks: Ticks for which the channel has had the same bits.
         partner_motion: Motion that the other channel has shown meanwhile. In rad.
         residual: Position minus integrated velocity, decaying with `RESIDUAL_TIME`. In rad.
-        residual_mean: Low-passed `residual`. In rad.
-        velocity_mean: Low-passed velocity. In rad/s.
-        covariance: Low-passed covariance of `residual` and velocity. In rad^2/s.
-        velocity_variance: Low-passed variance of the velocity. In (rad/s)^2.
         step_history: Ring buffer of the steps of position and velocity that are compared. In rad.
         delay_sums: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
         delay_evidence: Largest of the channel's cumulative sums. In rad^2.
@@ -125,10 +118,6 @@ class Pair(Record):
     unchanged_ticks: IntArray = whole(2)
     partner_motion: FloatArray = array(2)
     residual: float
-    residual_mean: float
-    velocity_mean: float
-    covariance: float
-    velocity_variance: float
     step_history: FloatArray = array(2, _HISTORY_TICKS)
     delay_sums: FloatArray = array(2, len(DELAYS))
     delay_evidence: FloatArray = array(2)
@@ -157,7 +146,6 @@ class PairLimits(Record):
         residual, residual_by_speed: Threshold of `Pair.residual`: a constant, in rad, and its
             increase with the speed, in s.
         spike: Threshold of the velocity's clear spikes. In rad/s.
-        excitation: Variance of the velocity from which a delay can be estimated. In (rad/s)^2.
         evidence: Threshold of the cumulative sums from which a channel is delayed. In rad^2.
         delay_ticks: Each of `DELAYS` in ticks.
         response_ticks: Ticks for which the velocity responds to a step of the position.
@@ -176,7 +164,6 @@ class PairLimits(Record):
     residual: float
     residual_by_speed: float
     spike: float
-    excitation: float
     evidence: float
     delay_ticks: IntArray = whole(len(DELAYS))
     response_ticks: int = whole()
@@ -219,7 +206,7 @@ def check_pair(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> 
     for k in (2, 1):
         pair.velocity_steps[k] = pair.velocity_steps[k - 1]
     pair.position_steps[0], pair.velocity_steps[0] = position_step, velocity_step
-    decay = math.exp(-limits.period / _STATISTICS_TIME)
+    decay = math.exp(-limits.period / _PEAK_TIME)
     pair.speed_peak = max(abs(velocity), pair.speed_peak * decay)
     _detect_stuck_channel(pair, limits, position, velocity)
     _detect_spikes(pair, limits, ticks, velocity)
@@ -385,40 +372,29 @@ def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float
     velocity_step = pair.velocity_steps[limits.position_lag]
     decay = math.exp(-limits.period / RESIDUAL_TIME)
     pair.residual = pair.residual * decay + position_step - velocity_step
-    _update_statistics(pair, limits, position_step, velocity_step)
+    _update_jump_peak(pair, limits, position_step, velocity_step)
     delayed = _delayed_channel(pair, limits, ticks, velocity_step)
-    if delayed == _NO_CHANNEL and _is_small(pair, limits, tolerance):
+    if delayed == _NO_CHANNEL and _agrees(pair, limits, tolerance):
         return False
     return _isolate_fault(pair, limits, delayed)
 
 
 @compiled
-def _update_statistics(
+def _update_jump_peak(
     pair: Pair, limits: PairLimits, position_step: float, velocity_step: float
 ) -> None:
-    """Update the jumps' peak, and mean, variance and covariance of residual and velocity."""
-    decay = math.exp(-limits.period / _STATISTICS_TIME)
+    """Update the peak of the position's jumps."""
+    decay = math.exp(-limits.period / _PEAK_TIME)
     jump = min(abs(position_step - velocity_step), abs(position_step - pair.last_position_step))
     pair.jump_peak = max(jump, pair.jump_peak * decay)
     pair.last_position_step = position_step
-    velocity, gain = 0.5 * (position_step + velocity_step) / limits.period, 1.0 - decay
-    pair.residual_mean += gain * (pair.residual - pair.residual_mean)
-    pair.velocity_mean += gain * (velocity - pair.velocity_mean)
-    residual_error = pair.residual - pair.residual_mean
-    velocity_error = velocity - pair.velocity_mean
-    pair.covariance += gain * (residual_error * velocity_error - pair.covariance)
-    pair.velocity_variance += gain * (velocity_error**2 - pair.velocity_variance)
 
 
 @compiled
-def _is_small(pair: Pair, limits: PairLimits, tolerance: float) -> bool:
-    """Whether the residual is within its threshold, and does not come from a delay."""
-    residual = abs(pair.residual)
+def _agrees(pair: Pair, limits: PairLimits, tolerance: float) -> bool:
+    """Whether position and integrated velocity agree within the threshold of a healthy pair."""
     threshold = limits.residual + limits.residual_by_speed * pair.speed_peak + tolerance
-    small_threshold = _SMALL_RESIDUAL_RATIO * limits.residual + tolerance
-    delay = pair.covariance / max(pair.velocity_variance, limits.excitation)
-    no_delay = abs(delay) < _DELAY_THRESHOLD or residual < small_threshold
-    return residual < threshold and no_delay
+    return abs(pair.residual) < threshold
 
 
 @compiled
@@ -557,10 +533,7 @@ def _likelier_faulty_channel(pair: Pair) -> int:
     """Likelier faulty channel: by spikes, by the evidence for delays, or by the delay's sign."""
     if pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT:
         return V
-    if pair.delay_evidence[P] != pair.delay_evidence[V]:
-        return P if pair.delay_evidence[P] > pair.delay_evidence[V] else V
-    threshold = -_DELAY_SIGN_RATIO * _DELAY_THRESHOLD * pair.velocity_variance
-    return P if pair.covariance < threshold else V
+    return P if pair.delay_evidence[P] > pair.delay_evidence[V] else V
 
 
 @compiled
@@ -701,7 +674,6 @@ def set_pair_limits(
     _set_position_ranges(limits)
     limits["speed"], limits["jump"] = 50.0, 0.02
     limits["still_speed"], limits["still_speed"][IMU_PAIRS] = 1.0, 0.1  # legs swing when it hangs
-    limits["excitation"], limits["excitation"][IMU_PAIRS] = 0.3**2, 0.15**2
     for name, of_leg_drives, of_leg_joints, of_imu in (
         ("residual", [0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
         # That of the joints holds also where no filter delays the velocity.
