@@ -6,10 +6,10 @@ A test replays them to the last bit. They hold the beginning of three runs, with
 from pathlib import Path
 
 from cassie_bags.bag.recording import LANE_TOPICS
+from cassie_bags.run.bag_observer import bag_observer
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_folder
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import bag_observer
 from cassie_msgs.layout import ControllerStatus
 
 RUNS = {

@@ -97,7 +97,8 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     for key in ("phases", "peak_torque", "draw"):
         assert contents[0][key] == contents[2][key]
     _check_other_topics(folders[0] / "bag.mcap")
-    _check_transforms(folders[0] / "bag.mcap")
+    for folder in (folders[0], folders[2]):
+        _check_transforms(folder / "bag.mcap")
 
 
 def _check_other_topics(bag: Path) -> None:

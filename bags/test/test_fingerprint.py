@@ -12,6 +12,7 @@ import yaml
 from cassie_bags.bag.recording import Recording
 from cassie_bags.cli import fingerprint as command
 from cassie_bags.run import fingerprint
+from cassie_bags.run.bag_observer import bag_observer
 from cassie_bags.run.cores import make_loop, tick_count
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.fingerprint import (
@@ -26,7 +27,7 @@ from cassie_bags.run.fingerprint import (
 )
 from cassie_bags.run.provenance import environment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import bag_observer, run
+from cassie_bags.run.simulate import run
 from cassie_bags.studies import fingerprints
 from cassie_bags.studies.workers import ThisProcess
 from cassie_msgs.layout import RobotState

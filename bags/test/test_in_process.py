@@ -12,10 +12,11 @@ from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.recording import TYPES, Recording, read_recording
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.pictures import PosedModel
+from cassie_bags.run.bag_observer import bag_observer
 from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import RecentStore, Store, bag_observer, run
+from cassie_bags.run.simulate import RecentStore, Store, run
 from cassie_bags.signals.track import make_track
 from cassie_control.control.gait_controller import GaitController
 from cassie_msgs.experiment.file import Experiment

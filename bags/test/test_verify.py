@@ -22,11 +22,11 @@ from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli.verify import main
 from cassie_bags.errors import BagError
+from cassie_bags.run.bag_observer import bag_observer
 from cassie_bags.run.cores import connect, make_cores, make_loop
 from cassie_bags.run.experiment import Experiment, packaged_folder, parse_experiment
 from cassie_bags.run.recorded_lane import SECTIONS
 from cassie_bags.run.seed import resolve
-from cassie_bags.run.simulate import bag_observer
 from cassie_bags.run.verify import Replayed, Verification, _file, verify
 from cassie_control.learning.torque_table import path_for_library
 from cassie_gaits.gait_library_file import default_library_path
@@ -67,7 +67,7 @@ def altered(bag: Path, path: Path, change) -> Path:
     """A copy of a bag whose messages a function changes; None leaves one out."""
     writer = BagWriter(path)
     index = BagIndex()
-    messages = list(read_messages(bag, None, index))
+    messages = list(read_messages(bag, TYPES, index))
     for name, content in index.metadata.items():
         writer.add_metadata(name, content)
     channels = {topic: writer.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()}
@@ -246,7 +246,7 @@ def test_a_bag_that_does_not_tell_its_parameters_is_refused(bag: Path, tmp_path:
     path = tmp_path / "bag.mcap"
     writer = BagWriter(path)
     channels = {topic: writer.add_topic(topic, kind, QOS_LANE) for topic, kind in TYPES.items()}
-    for topic, robot, wall, raw in read_messages(bag):
+    for topic, robot, wall, raw in read_messages(bag, TYPES):
         writer.write(channels[topic], raw, robot, wall)
     writer.close()
     with pytest.raises(BagError, match="does not say with which parameters"):

@@ -1,4 +1,4 @@
-"""Odometry and IMU messages as bytes: as ROS itself reads and writes them."""
+"""Standard messages as bytes: as ROS itself reads and writes them."""
 
 from __future__ import annotations
 
@@ -8,10 +8,19 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from cassie_msgs.sample import LayoutError
-from cassie_msgs.standard_messages import IMU, ODOMETRY, Writer, read_rows, read_transforms
+from cassie_msgs.standard_messages import (
+    IMU,
+    ODOMETRY,
+    TransformWriter,
+    Writer,
+    read_rows,
+    read_transforms,
+    text_message,
+)
 
 FRAMES = [("odom", "base_link"), ("", ""), ("a", "bcd"), ("world/of/frames", "x" * 40)]
 
@@ -97,3 +106,26 @@ def test_messages_of_different_length_are_refused():
 
 def test_no_message_is_no_row():
     assert len(read_rows(ODOMETRY, [])) == 0
+
+
+@pytest.mark.parametrize("names", [[], ["base_link"], ["a", "bc", "left_toe_link", "", "größe"]])
+def test_transforms_are_written_as_ros_writes_them(names: list[str]):
+    writer = TransformWriter([(f"parent of {name}", name) for name in names])
+    random = np.random.default_rng(1)
+    for stamp in (3_000_000_007, 4):
+        poses = random.normal(size=(len(names), 7))
+        message = TFMessage()
+        for name, pose in zip(names, poses.tolist(), strict=True):
+            entry = TransformStamped(child_frame_id=name)
+            entry.header.frame_id = f"parent of {name}"
+            entry.header.stamp.sec, entry.header.stamp.nanosec = divmod(stamp, 10**9)
+            t, r = entry.transform.translation, entry.transform.rotation
+            t.x, t.y, t.z, r.x, r.y, r.z, r.w = pose
+            message.transforms.append(entry)
+        raw = writer.to_bytes(stamp, poses)
+        assert len(raw) == len(serialize_message(message))  # whose padding has any bytes
+        assert deserialize_message(raw, TFMessage) == message
+
+
+def test_a_text_is_written_as_ros_writes_it():
+    assert text_message("größe") == serialize_message(String(data="größe"))

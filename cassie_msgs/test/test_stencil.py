@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
-from tf2_msgs.msg import TFMessage
 
-from cassie_msgs.ros.stencil import Stencil, TransformStencil
+from cassie_msgs.ros.stencil import Stencil
 
 
 def test_sequences_and_stamp_are_written_and_names_stay() -> None:
@@ -48,21 +44,3 @@ def test_what_the_template_says_besides_stays() -> None:
     )
     assert got.orientation_covariance[0] == 3.0
     assert got.orientation.w == 1.0
-
-
-@pytest.mark.parametrize("names", [["base_link"], ["a", "bc", "left_toe_link", "", "defgh"]])
-def test_transforms_and_their_stamps_are_written_and_frames_stay(names: list[str]) -> None:
-    message = TFMessage(transforms=[TransformStamped(child_frame_id=name) for name in names])
-    for entry in message.transforms:
-        entry.header.frame_id = f"parent of {entry.child_frame_id}"
-    stencil = TransformStencil(message)
-    rng = np.random.default_rng(1)
-    for stamp in (3_000_000_007, 4):
-        poses = rng.normal(size=(len(names), 7))
-        got = deserialize_message(stencil.fill(stamp, poses), TFMessage).transforms
-        assert [entry.child_frame_id for entry in got] == names
-        for entry, pose in zip(got, poses, strict=True):
-            assert entry.header.frame_id == f"parent of {entry.child_frame_id}"
-            assert entry.header.stamp.sec * 1_000_000_000 + entry.header.stamp.nanosec == stamp
-            t, r = entry.transform.translation, entry.transform.rotation
-            assert (t.x, t.y, t.z, r.x, r.y, r.z, r.w) == tuple(pose)

@@ -24,6 +24,7 @@ from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.page import Entry, page, run_entry
 from cassie_bags.report.text import json_line, table
+from cassie_bags.run.bag_observer import bag_observer
 from cassie_bags.run.cores import (
     check_one_process,
     check_parameters,
@@ -35,7 +36,7 @@ from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import RunResult, evaluate
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
-from cassie_bags.run.simulate import Observer, Store, bag_observer
+from cassie_bags.run.simulate import Observer, Store
 from cassie_bags.run.simulate import run as run_loop
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.studies.workers import ThisProcess, Workers, ctrl_c_at_the_end, workers

@@ -7,14 +7,9 @@ is the same to the last bit.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterable
 
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
-from cassie_bags.bag.rosbag2 import QOS_LANE
-from cassie_bags.bag.writer import BagWriter
-from cassie_bags.run.provenance import metadata_of
 from cassie_control.guarded import (
     Controller,
     Estimator,
@@ -23,7 +18,6 @@ from cassie_control.guarded import (
     GuardedSupervisor,
     Supervisor,
 )
-from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_msgs.schedule import PERIOD_TICKS, STATUS_TICKS
 from cassie_sim import ground_truth
@@ -169,33 +163,3 @@ class RecentStore(Store):
         """The stored messages as arrays."""
         messages = {topic: self._before[topic] + self.messages[topic] for topic in self.messages}
         return from_messages(messages, wall_time)
-
-
-@contextmanager
-def bag_observer(
-    path: Path, experiment: Experiment, topics: Collection[str] = TYPES.keys()
-) -> Iterator[Observer]:
-    """An observer that writes every message into a bag; the `with` statement closes the bag.
-
-    Args:
-        path: The bag.
-        experiment: Experiment that is run, drawn; it is written into the bag.
-        topics: Topics that are written.
-
-    Raises:
-        BagError: if the bag cannot be written.
-    """
-    with BagWriter(path) as bag:
-        for name, content in metadata_of(experiment).items():
-            bag.add_metadata(name, content)
-        channels = {
-            topic: bag.add_topic(topic, kind, QOS_LANE)
-            for topic, kind in TYPES.items()
-            if topic in topics
-        }
-
-        def observe(topic: str, raw: bytes, stamp: int) -> None:
-            if topic in channels:
-                bag.write(channels[topic], raw, stamp, stamp)
-
-        yield observe

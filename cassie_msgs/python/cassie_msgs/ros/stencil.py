@@ -12,14 +12,11 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from rclpy.serialization import serialize_message
 
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4  # after the encapsulation header: every message here begins with its header
 _MARK = 1.2345678901234567e-289  # no value of a robot, and its bytes are in no text
-_SECONDS_MARK = -2_012_345_678  # no stamp of a robot, and its bytes are in no text
 
 
 class Stencil:
@@ -48,46 +45,6 @@ class Stencil:
         for (offset, run), figures in zip(self._runs, values, strict=True):
             run.pack_into(raw, offset, *figures)
         return bytes(raw)
-
-
-class TransformStencil:
-    """Serialized tf2_msgs/TFMessage, into which one stamp and all transforms are written.
-
-    Args:
-        message: The message with its frames, which are constant.
-    """
-
-    def __init__(self, message: Any) -> None:
-        count = len(message.transforms)
-        marks = _MARK * (1.0 + np.arange(7.0 * count)).reshape(count, 7)
-        for index, entry in enumerate(message.transforms):
-            entry.header.stamp.sec = _SECONDS_MARK + index
-            t, r = entry.transform.translation, entry.transform.rotation
-            t.x, t.y, t.z, r.x, r.y, r.z, r.w = marks[index].tolist()
-        self._bytes = bytearray(serialize_message(message))
-        # After the encapsulation header, CDR aligns each number with its size.
-        words = np.frombuffer(self._bytes, np.int32, offset=4, count=(len(self._bytes) - 4) // 4)
-        doubles = words[: len(words) // 2 * 2].view(np.float64)
-        self._words, self._doubles = words, doubles
-        stamps = np.array([_place(words, _SECONDS_MARK + index) for index in range(count)])
-        self._stamps = np.column_stack([stamps, stamps + 1])
-        self._transforms = np.array([[_place(doubles, mark) for mark in row] for row in marks])
-
-    def fill(self, stamp_ns: int, poses: npt.NDArray[np.float64]) -> bytes:
-        """The message with this stamp, in ns, in every header.
-
-        Args:
-            stamp_ns: Stamp. In ns.
-            poses: x, y, z in m and quaternion x, y, z, w of each transform. Shape (n, 7).
-        """
-        self._words[self._stamps] = divmod(stamp_ns, 1_000_000_000)
-        self._doubles[self._transforms] = poses
-        return bytes(self._bytes)
-
-
-def _place(numbers: npt.NDArray[Any], mark: float) -> int:
-    (place,) = np.flatnonzero(numbers == mark)
-    return int(place)
 
 
 def _offset(message: Any, path: str, count: int) -> int:
