@@ -420,6 +420,7 @@ def test_on_a_phone_everything_is_in_view_and_nothing_covers_the_stop(
         names = ["#stop", "#take", "#power", "#move-stick", "#turn-stick", "#open-panel"]
         names += [f"[data-mode={mode}]" for mode in ("stand", "walk", "segway")]
         boxes = {name: page.locator(name).bounding_box() for name in names}
+        assert "Esc" not in page.locator("#stop").inner_text()
         width, height = page.viewport_size["width"], page.viewport_size["height"]
         for name, box in boxes.items():
             assert box["x"] >= 0 and box["x"] + box["width"] <= width, name
