@@ -24,8 +24,7 @@ from cassie_gaits import linkage, robot
 from cassie_gaits.errors import KinematicsError
 from cassie_gaits.names import BASE_COORDINATES, COORDINATES, DRIVE_IN_Q, LEGS
 from cassie_gaits.pinocchio_model import BASE_SIZE, Loop, build_tree
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 SIZE = len(COORDINATES)
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
+from cassie_gaits.records import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Axis = list[float]
 
 _AHEAD = 3.0
@@ -88,7 +86,7 @@ class GaitGrid:
         """Write the row at a point, all finite, to `out` of shape (m,)."""
         read_row(*self.table, x, y, z, out)
 
-    def _fill(self, owner: npt.NDArray[np.int64]) -> None:
+    def _fill(self, owner: IntArray) -> None:
         given = np.argwhere(owner >= 0)
         rest = [int(np.argmin(np.abs(axis))) for axis in self.axes]
         from_rest = np.abs(given - rest).sum(axis=1)

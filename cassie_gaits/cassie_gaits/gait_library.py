@@ -15,15 +15,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_grid import GaitGrid, IntArray
+from cassie_gaits.gait_grid import GaitGrid
 from cassie_gaits.names import DRIVES
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray, IntArray
 
 OUTPUTS = (
     "torso_roll",

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -19,8 +18,7 @@ from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.gait_library import OUTPUTS, Gait
 from cassie_gaits.gait_motion import Motion, figures
 from cassie_gaits.names import LEG_DRIVES
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 STYLE: dict[str, Any] = {
     "font.size": 9,

@@ -8,14 +8,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_pictures import SPEED_NAMES, STYLE, draw_outputs
 from cassie_gaits.neighbours import greatest
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 SLICES = {"yaw_rate": 0.5, "vy": 0.0}
 """Sagittal speed (m/s) of the slices over each of these speeds."""

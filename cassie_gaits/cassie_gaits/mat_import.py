@@ -20,7 +20,6 @@ import datetime
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import bezier, robot, virtual_leg
 from cassie_gaits.errors import CassieError, GaitLibraryError
@@ -28,8 +27,7 @@ from cassie_gaits.gait_library import OUTPUTS, STANCES, Gait, GaitLibrary, Prove
 from cassie_gaits.mat_reader import USED, MatContent, read_mat
 from cassie_gaits.model_hash import model_hash
 from cassie_gaits.optimize.request import RANGES
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 HIP_ROLL, HIP_YAW, LEG_PITCH, LEG_LENGTH, TOE = range(5)
 _ROWS = ("hip roll", "hip yaw", "leg pitch", "leg length", "toe")

@@ -18,13 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.json_file import read_bounded
 from cassie_gaits.processes import local_processes
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 MOST_MEMORY = 2**30
 """Memory that the child process may allocate. In bytes."""

@@ -12,15 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from cassie_gaits import robot
 from cassie_gaits.linkage import link_rotation, pin_in_target
 from cassie_gaits.names import LEG_JOINTS, LEGS
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from cassie_gaits.records import FloatArray, IntArray
 
 BASE_SIZE = 6
 

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.fields import entry_name
 from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording
-from cassie_bags.bag.rows import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import BoolArray, IntArray, Rows, stamps, stamps_ns
 from cassie_msgs.layout import OperatorCommand
-
-BoolArray = npt.NDArray[np.bool_]
-Keys = npt.NDArray[np.int64]
 
 _EPISODE_SHIFT = 40  # bits of a key for the number of a sample within its episode
 
@@ -95,7 +91,7 @@ def unequal_rows(a: Rows, b: Rows, names: Sequence[str]) -> BoolArray:
 
 
 def first_difference(
-    topic: str, a: Rows, b: Rows, names: Sequence[str], keys: Keys | None = None
+    topic: str, a: Rows, b: Rows, names: Sequence[str], keys: IntArray | None = None
 ) -> Difference | None:
     """The first row that differs in some fields, and its first field that does; None if none does.
 
@@ -139,7 +135,7 @@ def _unequal(a: Rows, b: Rows) -> BoolArray:
     return np.asarray(bits.any(axis=-1))
 
 
-def _keyed(recording: Recording, topic: str) -> tuple[Rows, Keys]:
+def _keyed(recording: Recording, topic: str) -> tuple[Rows, IntArray]:
     """Samples of a topic without repeats, and the keys that match them with the other recording."""
     if topic in LANE_TOPICS:
         rows = recording.lane[topic]

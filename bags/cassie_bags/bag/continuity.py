@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows, stamps_ns, tick_keys, where
+from cassie_bags.bag.rows import IntArray, Rows, stamps_ns, tick_keys, where
 from cassie_bags.bag.strays import episode_of
 from cassie_msgs.layout import (
     Mode,
@@ -117,9 +116,7 @@ def only_episode(recording: Recording, episode: int) -> Recording:
     return recording.with_rows(lane | stamped)
 
 
-def _seq_gaps(
-    topic: str, episode: int, seq: npt.NDArray[np.int64], step: int, from_start: bool
-) -> list[str]:
+def _seq_gaps(topic: str, episode: int, seq: IntArray, step: int, from_start: bool) -> list[str]:
     seq = np.unique(seq)
     lines = []
     if from_start and seq[0] != 0:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.rows import Rows
-from cassie_bags.bag.strays import BoolArray, of_the_run
+from cassie_bags.bag.rows import BoolArray, Rows
+from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
 from cassie_msgs.sample import LayoutError

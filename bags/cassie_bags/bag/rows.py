@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 Rows = npt.NDArray[Any]
 """Structured array of a message type: `rows["q"]` has the shape (n, 20)."""
 
@@ -19,12 +21,12 @@ def stamps(rows: Rows) -> FloatArray:
     return rows["sec"].astype(np.float64) + rows["nanosec"] * 1e-9
 
 
-def stamps_ns(rows: Rows) -> npt.NDArray[np.int64]:
+def stamps_ns(rows: Rows) -> IntArray:
     """Robot time of each row. Shape (n,), in ns."""
     return rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"].astype(np.int64)
 
 
-def where(rows: Rows, flags: npt.NDArray[np.bool_]) -> Rows:
+def where(rows: Rows, flags: BoolArray) -> Rows:
     """Rows whose flag is set; the array itself, not a copy, if all flags are set."""
     return rows if flags.all() else rows[flags]
 

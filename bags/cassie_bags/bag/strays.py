@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_bags.bag.rows import Rows, stamps_ns, where
+from cassie_bags.bag.rows import BoolArray, IntArray, Rows, stamps_ns, where
 from cassie_msgs.layout import OperatorCommand, Sensors
 
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 _ChoiceT = TypeVar("_ChoiceT", int, tuple[int, int])
 
 NOBODYS = -1

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.fields import DRIVES, JOINTS
@@ -19,7 +18,7 @@ from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
-from cassie_bags.bag.rows import runs
+from cassie_bags.bag.rows import FloatArray, IntArray, runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
@@ -196,9 +195,7 @@ def summarize(bag: Path | str) -> Summary:
     )
 
 
-def intervals_of_mode(
-    time: npt.NDArray[np.float64], modes: npt.NDArray[np.int64]
-) -> list[Interval]:
+def intervals_of_mode(time: FloatArray, modes: IntArray) -> list[Interval]:
     """Intervals with one mode each.
 
     Args:

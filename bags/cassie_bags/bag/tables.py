@@ -13,12 +13,12 @@ import numpy.typing as npt
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
 from cassie_bags.bag.recording import TYPES, rows_of
-from cassie_bags.bag.rows import Rows
+from cassie_bags.bag.rows import FloatArray, IntArray, Rows
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
 
 Array = npt.NDArray[Any]
-Integers = npt.NDArray[np.int64] | npt.NDArray[np.uint64]
+Integers = IntArray | npt.NDArray[np.uint64]
 
 MAX_ENTRIES = 256
 """Longest array in a table; longer ones, as of images and point clouds, are left out."""
@@ -137,7 +137,7 @@ class Curve:
 
     name: str
     unit: str
-    time: npt.NDArray[np.float64]
+    time: FloatArray
     columns: Mapping[str, Array]
 
 

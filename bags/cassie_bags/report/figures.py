@@ -8,12 +8,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cassie_bags.bag.fields import OUTPUTS
+from cassie_bags.bag.rows import BoolArray, FloatArray
 from cassie_bags.bag.summary import Interval
 from cassie_bags.report.view import View
 from cassie_bags.signals.estimation import estimation_error
@@ -23,8 +23,6 @@ from cassie_bags.signals.track import AVERAGED_OVER, Track
 from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_msgs.layout import RobotMode
-
-FloatArray = npt.NDArray[np.float64]
 
 DARK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#9a9a9a"
 GREEN, PURPLE, RED = "#117733", "#aa4499", "#cc0000"
@@ -425,7 +423,7 @@ def _legend_beside(axes: Any) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
 
 
-def _pushed(time: FloatArray, events: Iterable[Event]) -> npt.NDArray[np.bool_]:
+def _pushed(time: FloatArray, events: Iterable[Event]) -> BoolArray:
     """Samples during a push and shortly after it."""
     pushed = np.zeros(len(time), bool)
     for event in events:

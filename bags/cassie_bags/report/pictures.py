@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_all, shortened
 from cassie_bags.report.view import View
 from cassie_bags.signals.track import Track
@@ -29,8 +30,6 @@ from cassie_sim.errors import SimulationError
 from cassie_sim.poses import set_drives
 from cassie_sim.scenes import scene_motion, scene_spec
 from cassie_sim.video import Camera, Film
-
-FloatArray = npt.NDArray[np.float64]
 
 STRIP_LENGTH = 10
 """Number of images in a strip."""

@@ -7,16 +7,13 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from cassie_bags.bag.rows import Rows, stamps, tick_keys
+from cassie_bags.bag.rows import FloatArray, Rows, stamps, tick_keys
 from cassie_bags.report.figures import BLUE, GREY, ORANGE, STYLE
 from cassie_bags.run.verify import Replayed, Verification
 from cassie_gaits.names import DRIVES
 from cassie_msgs.layout import MotorCommand, RobotState
-
-FloatArray = npt.NDArray[np.float64]
 
 WINDOW = 2.0
 """Length of the enlarged part, from shortly before the first difference on. In s."""

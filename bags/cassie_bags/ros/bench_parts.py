@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import RunError
 from cassie_bags.ros.bench_operator import operated
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
@@ -34,8 +35,6 @@ from cassie_bags.run.simulate import run
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.processes import end_within, interrupt
 from cassie_msgs.ros.process import LEAVE_TIMEOUT
-
-FloatArray = npt.NDArray[np.float64]
 
 EXPERIMENT = """
 name: bench

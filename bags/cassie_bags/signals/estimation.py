@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_bags.bag.rows import Rows
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_bags.bag.rows import FloatArray, Rows
 
 
 @dataclass(frozen=True)

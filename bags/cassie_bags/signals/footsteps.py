@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_bags.bag.rows import runs
+from cassie_bags.bag.rows import FloatArray, runs
 from cassie_bags.signals.track import Track
-
-FloatArray = npt.NDArray[np.float64]
 
 LOADED = 0.5
 """Load of a foot (0..1) above which the foot counts as standing."""

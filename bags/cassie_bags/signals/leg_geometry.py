@@ -7,12 +7,10 @@ metrics and pictures; the control loop has its own model.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_gaits import robot
 from cassie_gaits.names import LEG_JOINTS, LEGS
-
-FloatArray = npt.NDArray[np.float64]
 
 LEG_POINTS = (*LEG_JOINTS, "sole_tip", "sole_heel")
 """Points of `leg_points`, in order."""

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.rows import BoolArray, FloatArray
 from cassie_bags.signals.falls import fall_time
 from cassie_bags.signals.riding import gate_miss
 from cassie_bags.signals.track import Track
@@ -21,8 +21,6 @@ from cassie_gaits.names import DRIVES
 from cassie_msgs.experiment.expectation import PHASE_METRICS, TRACKED, Phase
 from cassie_msgs.experiment.script import RiderScript
 from cassie_msgs.layout import ControllerStatus
-
-FloatArray = npt.NDArray[np.float64]
 
 _TRACKED_UNITS = {"vx": "m/s", "vy": "m/s", "yaw_rate": "rad/s", "height": "m"}
 
@@ -157,7 +155,7 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
     return PhaseMetrics(phase, reached, values, commanded)
 
 
-def sole_pitch(track: Track, inside: npt.NDArray[np.bool_]) -> float:
+def sole_pitch(track: Track, inside: BoolArray) -> float:
     """95th percentile of the pitch, toe up, of the soles of loaded feet. In deg.
 
     NaN if no foot is loaded.

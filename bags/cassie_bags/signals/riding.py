@@ -6,15 +6,12 @@ import math
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import FloatArray, Rows, stamps, stamps_ns
 from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.rider import way
-
-FloatArray = npt.NDArray[np.float64]
 
 RIDE_MEASURES = ("ride_min", "ride_max", "ride_drift", "stop_time", "platform_rms", "gate_miss")
 """Names of the metrics of `measure_ride`."""

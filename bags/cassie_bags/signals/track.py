@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cassie_bags.bag.continuity import episodes, first_occurrences, only_episode
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows, stamps, stamps_ns
+from cassie_bags.bag.rows import BoolArray, FloatArray, IntArray, Rows, stamps, stamps_ns
 from cassie_bags.errors import BagError
 from cassie_bags.signals.leg_geometry import (
     euler_angles,
@@ -25,9 +25,6 @@ from cassie_gaits.robot import SOLE_RADIUS
 from cassie_msgs.experiment.expectation import TRACKED
 from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
 from cassie_sim.segway import TRACK, WHEEL_RADIUS
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 AVERAGED_OVER = 0.8
 """Width of a moving mean that removes the sway of the gait, about two steps. In s."""
@@ -69,7 +66,7 @@ class Track:
     angles: FloatArray
     achieved: dict[str, FloatArray]
     commanded: dict[str, FloatArray]
-    mode: npt.NDArray[np.int64]
+    mode: IntArray
     legs: FloatArray
     foot_load: FloatArray
     carries: BoolArray
@@ -161,7 +158,7 @@ def _last_episode(recording: Recording) -> tuple[Recording, tuple[Rows, Rows, Ro
     raise BagError("the recording holds no tick with sensors, state and true pose")
 
 
-def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
+def _on_ticks(rows: Rows, ticks: IntArray) -> Rows:
     """The first row of each tick. `ticks` are sorted stamps (ns), and `rows` has each of them."""
     times, first = np.unique(stamps_ns(rows), return_index=True)
     if len(ticks) == len(rows) == len(times) and (np.diff(first) == 1).all():
@@ -169,7 +166,7 @@ def _on_ticks(rows: Rows, ticks: npt.NDArray[np.int64]) -> Rows:
     return rows[first[np.isin(times, ticks)]]
 
 
-def _vehicle(recording: Recording, ticks: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+def _vehicle(recording: Recording, ticks: IntArray) -> tuple[FloatArray, FloatArray]:
     """The attributes `vehicle` and `wheels` of a track."""
     rows = recording.segway
     if not len(rows):
@@ -230,9 +227,7 @@ def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
     return ground
 
 
-def _commanded(
-    recording: Recording, sensors: Rows, seq: npt.NDArray[np.int64]
-) -> dict[str, FloatArray]:
+def _commanded(recording: Recording, sensors: Rows, seq: IntArray) -> dict[str, FloatArray]:
     """Set-points of a scripted operator; without one, set-points of the supervisor's modes."""
     operator = recording.rows(OperatorCommand)
     scripted = operator[operator["scripted"]]

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_bags.bag.rows import Rows, stamps
+from cassie_bags.bag.rows import BoolArray, FloatArray, Rows, stamps
 from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.track import AVERAGED_OVER, Track
 from cassie_gaits.gait_library import OUTPUTS
 from cassie_gaits.robot import GRAVITY
 from cassie_msgs.layout import RobotMode
-
-FloatArray = npt.NDArray[np.float64]
 
 EFFORT_MEASURES = ("transport_work", "transport_work_abs", "torque_rms")
 """Names of the measures of `measure_effort`."""
@@ -109,7 +106,7 @@ def _slip(vy: FloatArray, width: int) -> float:
     return float(np.abs(_over_two_steps(vy, width)).max()) if len(vy) >= width else math.nan
 
 
-def _velocity_off(track: Track, inside: npt.NDArray[np.bool_], width: int) -> float:
+def _velocity_off(track: Track, inside: BoolArray, width: int) -> float:
     """Largest error of the mean velocity over two steps, from the commanded one. In m/s."""
     if np.count_nonzero(inside) < width:
         return math.nan
@@ -134,7 +131,7 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
     return float(np.linalg.norm(means - means[0], axis=1).max())
 
 
-def _estimate_errors(track: Track, inside: npt.NDArray[np.bool_]) -> dict[str, float]:
+def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
     """Errors of the estimated velocity and displacement, compared with the truth."""
     rows = track.state[inside]
     true = _in_heading(track.velocity[inside], track.angles[inside, 0])
@@ -159,7 +156,7 @@ def _displacement(position: FloatArray, yaw: FloatArray) -> FloatArray:
     return _in_heading(moved[None], yaw[:1])[0, :2]
 
 
-def measure_standing(track: Track, status: Rows, inside: npt.NDArray[np.bool_]) -> dict[str, float]:
+def measure_standing(track: Track, status: Rows, inside: BoolArray) -> dict[str, float]:
     """Metrics of standing over a window.
 
     Args:
@@ -193,7 +190,7 @@ def measure_standing(track: Track, status: Rows, inside: npt.NDArray[np.bool_]) 
     }
 
 
-def _sway(track: Track, inside: npt.NDArray[np.bool_], middle: npt.NDArray[np.float64]) -> float:
+def _sway(track: Track, inside: BoolArray, middle: FloatArray) -> float:
     """RMS distance of the CoM from its mean position, relative to the true feet. In m."""
     cos, sin = np.cos(track.angles[inside, 0]), np.sin(track.angles[inside, 0])
     x, y, _ = track.state["com_position"][inside].T

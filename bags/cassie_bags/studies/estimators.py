@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from tqdm import tqdm
 
 from cassie_bags.bag.recording import Recording
-from cassie_bags.bag.rows import Rows, stamps
+from cassie_bags.bag.rows import FloatArray, Rows, stamps
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.provenance import origin
@@ -30,7 +29,6 @@ from cassie_msgs.tunables import unknown_name
 SECTION = "State estimators"
 """Heading of the estimators' table in a file of results."""
 
-FloatArray = npt.NDArray[np.float64]
 
 GROUNDS: dict[str, tuple[str, dict[str, Any], float]] = {
     "flat": ("flat", {}, 0.5),

@@ -14,10 +14,10 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.figures import BLUE, GREY, STYLE
 from cassie_bags.run.cores import connect, load_learned, make_cores, tick_count
@@ -39,8 +39,6 @@ from cassie_control.learning.torque_table import (
 )
 from cassie_gaits.gait_library import OUTPUTS, Provenance
 from cassie_gaits.gait_library_file import default_library_path
-
-FloatArray = npt.NDArray[np.float64]
 
 LEARNING = "controller.learned_torques=learn"
 

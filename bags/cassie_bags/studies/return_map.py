@@ -14,8 +14,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import RunError
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
@@ -27,8 +27,6 @@ from cassie_gaits import robot
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push
 from cassie_msgs.layout import Mode
-
-FloatArray = npt.NDArray[np.float64]
 
 STEADY = 12.0
 """Robot time after which the gait counts as steady. In s."""

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cassie_bags.bag.rows import FloatArray
 
 ABOVE_NOISE = 3.0
 """Ratio to the noise from which deviations are used in the fit."""

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from cassie_bags.bag.rows import Rows, stamps
+from cassie_bags.bag.rows import FloatArray, Rows, stamps
 from cassie_bags.run.cores import check_parameters, connect, make_cores, tick_count
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.simulate import RecentStore, Store
@@ -24,8 +23,6 @@ from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
 from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
-
-FloatArray = npt.NDArray[np.float64]
 
 _CHECK_TICKS = 25  # ticks between checks whether the run is decided
 _AT_REST = 1.0  # s, time over which the speed at the end is averaged

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.certificate import states
 from cassie_gaits.certificate.rollout import POINTS, Step, integrate
@@ -19,8 +18,6 @@ from cassie_gaits.certificate.walker import Walker
 from cassie_gaits.certificate.walker import walker as equations
 from cassie_gaits.errors import GaitLibraryError, KinematicsError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
-
-FloatArray = npt.NDArray[np.float64]
 
 POSITION_TOLERANCE = 1e-5
 VELOCITY_TOLERANCE = 1e-4

@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from cassie_gaits import robot
@@ -21,9 +20,7 @@ from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
 from cassie_gaits.errors import KinematicsError
 from cassie_gaits.names import LEG_DRIVES, LEGS
 from cassie_gaits.pinocchio_model import BASE_SIZE, Tree, build_tree
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from cassie_gaits.records import FloatArray, IntArray
 
 SIZE = RIGID.shape[1]
 

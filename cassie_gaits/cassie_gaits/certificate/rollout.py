@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
 from cassie_gaits.certificate import states
@@ -13,8 +12,7 @@ from cassie_gaits.certificate.walker import Walker
 from cassie_gaits.dynamics import RIGID
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 POINTS = 401
 """Points of a step at which the table is checked."""

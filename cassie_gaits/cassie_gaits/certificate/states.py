@@ -10,7 +10,6 @@ import math
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import virtual_leg
 from cassie_gaits.certificate.walker import Walker
@@ -18,8 +17,7 @@ from cassie_gaits.dynamics import RIGID, rigid_pose
 from cassie_gaits.errors import GaitLibraryError, KinematicsError
 from cassie_gaits.gait_library import STANCES, Gait
 from cassie_gaits.names import DRIVES, LEGS
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 YAW, PITCH, ROLL = 3, 4, 5
 _NEWTON_STEPS = 30

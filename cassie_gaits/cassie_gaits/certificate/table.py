@@ -15,8 +15,7 @@ from cassie_gaits.certificate.rollout import Step
 from cassie_gaits.certificate.walker import Walker, rigid_velocity
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.names import LEG_DRIVES, LEG_JOINTS, LEGS
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 FRICTION = 0.6
 FEET_APART = 0.2

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.certificate.rigid_tree import RigidTree
 from cassie_gaits.dynamics import INPUT, RIGID
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 BASE_AND_DRIVES = RIGID.shape[1]
 

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.optimize.tape import Tape
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 _TAPES: dict[tuple[Hashable, str], Tape] = {}
 

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.linkage import link_rotation, pin_in_target
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 CHAIN = ("hip_roll", "hip_yaw", "hip_pitch", "knee", "tarsus", "toe")
 """Bodies of a leg from the pelvis to the foot."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.optimize import grid
@@ -11,8 +10,7 @@ from cassie_gaits.optimize.constraints import AHEAD, APART, BEHIND, LANDING, PEL
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.problem import Problem
 from cassie_gaits.optimize.request import Limits, Request
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 OUTER_WAY = 0.3
 """Room for the outer foot per turn of a step: its longer path, and as much for its detour. In m."""

@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.optimize import grid
@@ -21,8 +20,7 @@ from cassie_gaits.optimize.bounds import row_bounds, unknown_bounds
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.problem import Problem, problem
 from cassie_gaits.optimize.request import Request, parameters
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray, IntArray
 
 MOST_NAMED = 6
 """Largest number of rows that are named on each side."""
@@ -105,7 +103,7 @@ def conflict(request: Request, unknowns: FloatArray) -> Conflict:
     return Conflict(missed, _against(program, misses, prices, bound_prices[:size]))
 
 
-def _soft(program: Problem) -> npt.NDArray[np.int64]:
+def _soft(program: Problem) -> IntArray:
     """Rows that may be violated."""
     return np.flatnonzero([not row.law for row in program.rows])
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.optimize import grid
@@ -16,8 +15,7 @@ from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
 from cassie_gaits.optimize.posture import SIZE, places, posture
 from cassie_gaits.optimize.request import Limits
 from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdown
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "payload", "asymmetry")
 """Order of the program's parameters, as `request.parameters` gives them."""

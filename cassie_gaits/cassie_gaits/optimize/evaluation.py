@@ -7,11 +7,9 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.optimize.blocks import Block
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,10 @@ from functools import cache
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import bezier
 from cassie_gaits.optimize.posture import SIZE
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 NODES = 15
 """Gauss points of a step; between them the error of the dynamics is about 0.02 Nm."""

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from scipy.linalg import lapack
 
 from cassie_gaits.optimize.evaluation import Evaluation, Values
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 TOLERANCE = 1e-6
 """Tolerance of the scaled optimality conditions, as IPOPT's `tol`."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.bezier import COEFFICIENTS
 from cassie_gaits.optimize import constraints, grid
@@ -15,8 +14,7 @@ from cassie_gaits.optimize.blocks import Block
 from cassie_gaits.optimize.evaluation import Evaluation
 from cassie_gaits.optimize.posture import COORDINATES
 from cassie_gaits.optimize.request import Limits
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 COST_SCALE = 1e-3
 

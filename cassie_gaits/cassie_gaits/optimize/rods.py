@@ -10,10 +10,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits import robot
 from cassie_gaits.linkage import link_rotation, pin_in_target
+from cassie_gaits.records import FloatArray
 
 _LINKS = {link.name: link for link in robot.LEFT_LEG}
 _RODS = {rod.rod: rod for rod in robot.RODS}
@@ -53,7 +53,7 @@ def achilles_direction(knee: ca.SX) -> ca.SX:
     return direction
 
 
-def _achilles_base(knee: ca.SX | ca.DM) -> tuple[npt.NDArray[np.float64], Any]:
+def _achilles_base(knee: ca.SX | ca.DM) -> tuple[FloatArray, Any]:
     """The tarsus's attitude to the hip pitch link, and the rod's base from the heel spring.
 
     Returns:

@@ -8,7 +8,6 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, mirror, mirror_passive, mirror_torques
@@ -18,8 +17,7 @@ from cassie_gaits.optimize.newton import Bounds, Newton
 from cassie_gaits.optimize.problem import COST_SCALE, Problem, problem
 from cassie_gaits.optimize.request import Request, as_document, parameters
 from cassie_gaits.optimize.step_model import instant
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 TORQUE_DEGREE = 28
 """Degree of the polynomials of the torques in the file."""

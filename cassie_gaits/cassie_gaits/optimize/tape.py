@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.errors import GaitLibraryError
-
-FloatArray = npt.NDArray[np.float64]
+from cassie_gaits.records import FloatArray
 
 LANES = 8
 """Number of instants in parallel: one or two registers of a processor with AVX."""

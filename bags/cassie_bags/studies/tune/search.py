@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 
-FloatArray = npt.NDArray[np.float64]
 Evaluate = Callable[[Sequence[FloatArray]], Sequence[float]]
 """Costs of candidates, each an array of coordinates from -1 to 1."""
 

@@ -7,14 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 from cassie_control.config import ControllerConfig
 from cassie_msgs.tunables import entries, unknown_name
-
-FloatArray = npt.NDArray[np.float64]
 
 JOINT_GAINS = ("walk.joints.*", "walk.k[pd]_torso_*")
 """Gains of the drives and of the torso through the stance hip."""

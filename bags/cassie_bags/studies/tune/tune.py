@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from tqdm import tqdm
 
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import apply_changes, spelled_out
 from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objective
@@ -24,9 +24,6 @@ from cassie_bags.studies.tune.space import Parameter, parameters, values
 from cassie_bags.studies.workers import Workers, all_results, workers
 from cassie_msgs.structured import unstructure
 from cassie_msgs.tunables import flatten
-
-FloatArray = npt.NDArray[np.float64]
-
 
 HELD_OUT_FROM = 1_000_001
 """First seed of the held-out robots, which the search does not use."""
