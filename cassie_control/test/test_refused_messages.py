@@ -35,12 +35,12 @@ def test_a_mode_of_another_layout_is_told_and_the_next_one_holds(node):
     publisher = LanePublisher(node, Mode)
     until(lambda: publisher.matched)
     publisher.publish_raw(Mode().to_bytes()[:-8])
-    until(lambda: modes.is_there(0) or told.get("mode"))
+    until(lambda: modes.is_ready(0) or told.get("mode"))
     assert "cassie_msgs/msg/Mode has" in told["mode"]
     good = Mode()
     good.episode[...], good.effective_seq[...] = 1, 10
     publisher.publish(good)
-    until(lambda: modes.is_there(10))
+    until(lambda: modes.is_ready(10))
     assert told["mode"] == ""
 
 

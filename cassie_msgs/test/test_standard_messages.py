@@ -26,7 +26,7 @@ FRAMES = [("odom", "base_link"), ("", ""), ("a", "bcd"), ("world/of/frames", "x"
 
 
 @pytest.mark.parametrize(("parent", "child"), FRAMES)
-def test_odometry_is_written_as_ros_reads_it_and_read_as_ros_writes_it(parent, child):
+def test_standard_topics_is_written_as_ros_reads_it_and_read_as_ros_writes_it(parent, child):
     writer = Writer(ODOMETRY, parent, child)
     writer.figures[:] = np.arange(85.0)
     message = deserialize_message(writer.to_bytes(3_000_000_004), Odometry)

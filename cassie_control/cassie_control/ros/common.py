@@ -5,15 +5,19 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
 
+from cassie_control.ros.node_events import NodeEvents
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
+from cassie_msgs.ros.parameters import on_change
 from cassie_msgs.ros.process import Stop
 from cassie_msgs.schedule import CONTROL_RATE
 from cassie_msgs.tunables import tunable
+
+ConfigT = TypeVar("ConfigT")
 
 LOOK_PERIOD = 0.1
 """Wall time between checks for silent nodes. In s."""
@@ -36,6 +40,35 @@ class LaneConfig:
     def period(self) -> float:
         """Time between samples. In s."""
         return 1.0 / self.control_rate
+
+
+class LiveConfig(Generic[ConfigT]):
+    """Parameters of a node's core that may change while the node runs, between two answers.
+
+    Args:
+        node: Node that declared the parameters.
+        config: Parameters with which the core was made.
+        apply: Gives changed parameters to the core.
+        events: Publishes each change.
+    """
+
+    def __init__(
+        self, node: Node, config: ConfigT, apply: Callable[[ConfigT], None], events: NodeEvents
+    ) -> None:
+        self._apply, self._events = apply, events
+        self._applied = self._newest = config
+        on_change(node, lambda: self._newest, self._set)
+
+    def update(self, sample: Sample) -> None:
+        """Apply a change before the answer to a sample."""
+        config = self._newest
+        if config is not self._applied:
+            self._applied = config
+            self._apply(config)
+            self._events.changed(sample, config)
+
+    def _set(self, config: ConfigT) -> None:
+        self._newest = config
 
 
 class Conditions:

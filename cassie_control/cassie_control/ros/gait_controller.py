@@ -15,11 +15,12 @@ from cassie_control.ros.common import (
     LOOK_PERIOD,
     Conditions,
     LaneConfig,
+    LiveConfig,
     RateCheck,
     Turns,
 )
 from cassie_control.ros.gait_source import GaitSource
-from cassie_control.ros.mode_source import Irregular, ModeSource
+from cassie_control.ros.mode_source import ModeSource, SubstituteMode
 from cassie_control.ros.node_events import NodeEvents
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
@@ -35,7 +36,7 @@ from cassie_msgs.ros.fast_lane import (
     LocalTopic,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
-from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT, STATUS_TICKS
@@ -84,27 +85,26 @@ class GaitControllerNode(Node):
         super().__init__("gait_controller")
         self.claim = Claim(self, "gait_controller")
         self._lane = declare(self, GaitControllerConfig())
-        self._config = declare(self, ControllerConfig())
+        config = declare(self, ControllerConfig())
         gaits = default_library_path()
         if self._lane.gait_library:
             gaits = library_path(self._lane.gait_library)
         library = load_certified(gaits, allow_uncertified=self._lane.allow_uncertified)
         learned = load_for_library(gaits, self._lane.learned_torques_file)
-        self._core = GaitController(self._config, library, self._lane.period, learned)
+        self._core = GaitController(config, library, self._lane.period, learned)
         self._controller = GuardedController(self._core)
         for package in _COMPILED:
             load_kept(package)
-        self._changed: ControllerConfig | None = None
         self._scheduling = Scheduling(self.get_logger().warning)
-        on_change(self, lambda: self._config, self._set_config)
         self._events = NodeEvents(
             self,
-            (self._lane, self._config),
+            (self._lane, config),
             {
                 "gait_library": gaits,
                 "learned_torques_file": self._lane.learned_torques_file or path_for_library(gaits),
             },
         )
+        self._config = LiveConfig(self, config, self._core.configure, self._events)
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
@@ -132,8 +132,8 @@ class GaitControllerNode(Node):
         self._answered = (-1, -1)
         self._reply = self._status_reply = b""
         self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
-        self._told_irregular: Irregular | None = None
-        self._left_over = False  # whether a loaded state is left for the main thread to answer
+        self._reported: SubstituteMode | None = None
+        self._unanswered = False  # whether a loaded state is left for the main thread to answer
 
     def loop(self) -> None:
         """Answer states until stopped, in the receiving thread if possible."""
@@ -151,8 +151,8 @@ class GaitControllerNode(Node):
         while not self._stop.requested and self._take():
             state = self._state
             known = int(state.episode) == self._answered[0]
-            if not may_wait and not (known and self._is_there(int(state.seq))):
-                self._left_over = True
+            if not may_wait and not (known and self._is_ready(int(state.seq))):
+                self._unanswered = True
                 return True
             self._answer()
             self._silence.heard(time.monotonic())
@@ -160,22 +160,22 @@ class GaitControllerNode(Node):
                 break  # in the receiving thread no further state can have come
         return False
 
-    def _is_there(self, tick: int) -> bool:
+    def _is_ready(self, tick: int) -> bool:
         """Whether all messages that a tick needs have come."""
-        if self._gaits is not None and not self._gaits.is_there(tick):
+        if self._gaits is not None and not self._gaits.is_ready(tick):
             return False
-        return self._modes.is_there(tick)
+        return self._modes.is_ready(tick)
 
     def _take(self) -> bool:
         """Whether there is a state not answered yet; loads the newest one."""
         try:
-            overtaking, self._modes.overtaking = self._modes.overtaking, None
-            left_over, self._left_over = self._left_over, False
+            newer, self._modes.newer_state = self._modes.newer_state, None
+            unanswered, self._unanswered = self._unanswered, False
             if self._states.take(self._state):
                 return True
-            if overtaking is not None:
-                self._state.load(overtaking)
-            return left_over or overtaking is not None
+            if newer is not None:
+                self._state.load(newer)
+            return unanswered or newer is not None
         except ValueError as error:
             self._conditions.set("state", str(error))
             return False
@@ -189,11 +189,10 @@ class GaitControllerNode(Node):
             return
         if episode != self._answered[0]:
             self._begin(episode)
-        if self._changed is not None:
-            self._configure(self._changed)
+        self._config.update(state)
         mode = self._modes.at(seq)
-        if self._modes.irregular != self._told_irregular:
-            self._tell_irregular()
+        if self._modes.substitute != self._reported:
+            self._report_substitute()
         if self._gaits is not None:
             self._offer(self._gaits)
         command = self._controller.step(state, mode)
@@ -205,7 +204,7 @@ class GaitControllerNode(Node):
         self._rate.check(episode, seq, state)
         self._scheduling.follow(bool(state.wall_paced))
         if seq % STATUS_TICKS == 0 or not self._status_reply:
-            self._tell()  # at once for a new controller, so that it no longer counts as lost
+            self._publish_status()  # at once for a new controller, which counts as lost until then
         self._conditions.set("state_estimator", "")
         self._conditions.set("state", self._controller.problem)
 
@@ -214,13 +213,13 @@ class GaitControllerNode(Node):
         gait = gaits.at(int(self._state.seq), wall_paced=bool(self._state.wall_paced))
         if gait is not None:
             self._core.offer(gait)
-            self._events.tell(self._state, "gait", {"effective_seq": int(gait.effective_seq)})
+            self._events.publish(self._state, "gait", {"effective_seq": int(gait.effective_seq)})
 
     def _repeat_status(self) -> None:
         if self._status_reply:
             self._status.publish_raw(self._status_reply)
 
-    def _tell(self) -> None:
+    def _publish_status(self) -> None:
         status = self._controller.status(self._state)
         status.supervisor_lost[...] = float(self._modes.lost)
         self._status_reply = status.to_bytes()
@@ -234,30 +233,22 @@ class GaitControllerNode(Node):
         self._modes.reset(episode)
         if self._gaits is not None:
             self._gaits.reset(episode)
-        self._told_irregular = None
+        self._reported = None
         self._events.began(self._state)
         self.get_logger().info(f"episode {episode}")
 
-    def _tell_irregular(self) -> None:
-        """Report the mode that the controller uses instead of the mode made for this tick."""
-        now, before = self._modes.irregular, self._told_irregular
-        if now is not None and now.lost:
+    def _report_substitute(self) -> None:
+        """Publish the mode that the controller uses instead of the mode made for this tick."""
+        now, before = self._modes.substitute, self._reported
+        if now is not None and now.supervisor_lost:
             content = {"node": "mode_supervisor", "since": now.effective_seq}
-            self._events.tell(self._state, "lost", content)
+            self._events.publish(self._state, "lost", content)
         else:
-            if before is not None and before.lost:
-                self._events.tell(self._state, "lost", {"node": None})
+            if before is not None and before.supervisor_lost:
+                self._events.publish(self._state, "lost", {"node": None})
             late = None if now is None else now.effective_seq
-            self._events.tell(self._state, "mode", {"effective_seq": late})
-        self._told_irregular = now
-
-    def _set_config(self, config: ControllerConfig) -> None:
-        self._config = self._changed = config
-
-    def _configure(self, config: ControllerConfig) -> None:
-        self._core.configure(config)
-        self._changed = None
-        self._events.changed(self._state, config)
+            self._events.publish(self._state, "mode", {"effective_seq": late})
+        self._reported = now
 
 
 ABOUT = About(

@@ -17,7 +17,7 @@ from cassie_msgs.ros.process import Stop
 LONGEST_WAIT = 4.0
 """Time-out for an answer in lock-step, in wall time; the simulator's time-out is 5 s. In s."""
 
-_ALIVE_PERIOD = 0.3  # s of wall time between heartbeats in a wait, below `ANSWER_AFTER`
+_HEARTBEAT_PERIOD = 0.3  # s of wall time between heartbeats in a wait, below `ANSWER_AFTER`
 
 _RESULTS = {
     GaitResult.REFUSED: "no such gait can be asked for",
@@ -40,13 +40,13 @@ class GaitSource:
         node: The controller.
         stop: Request to end.
         conditions: Gets reports of problems.
-        alive: Called during a wait for an answer, so that the controller does not count as lost.
+        heartbeat: Called during a wait, so that the controller does not count as lost.
     """
 
     def __init__(
-        self, node: Node, stop: Stop, conditions: Conditions, alive: Callable[[], None]
+        self, node: Node, stop: Stop, conditions: Conditions, heartbeat: Callable[[], None]
     ) -> None:
-        self._stop, self._conditions, self._alive = stop, conditions, alive
+        self._stop, self._conditions, self._heartbeat = stop, conditions, heartbeat
         self.optimizer = OneWriter(Gait, in_order=False)
         self._gaits = LaneSubscription(node, Gait, qos=EVERY, guard=self.optimizer)
         self._requests = LanePublisher(node, GaitRequest)
@@ -54,7 +54,7 @@ class GaitSource:
         stop.on_request(self._waiter.wake)
         self._received, self._next = Gait(), Gait()
         self._episode = self._asked = -1
-        self._come = -1
+        self._answered = -1
         self._lost = False
         self._wall_paced = False
 
@@ -65,7 +65,7 @@ class GaitSource:
 
     def reset(self, episode: int) -> None:
         """Begin a new episode."""
-        self._episode, self._asked, self._come = episode, -1, -1
+        self._episode, self._asked, self._answered = episode, -1, -1
         self._lost = False
 
     def ask(self, request: GaitRequest) -> None:
@@ -73,12 +73,12 @@ class GaitSource:
         self._asked = int(request.effective_seq)
         self._requests.publish(request)
 
-    def is_there(self, tick: int) -> bool:
+    def is_ready(self, tick: int) -> bool:
         """Whether `at` answers without waiting."""
         if tick != self._asked or self._wall_paced or self._lost:
             return True
         self._take(tick)
-        return self._come == tick
+        return self._answered == tick
 
     def at(self, tick: int, *, wall_paced: bool) -> Gait | None:
         """The gait that begins at a tick; None at most ticks. The object is reused."""
@@ -88,10 +88,10 @@ class GaitSource:
                 self._take(tick)  # an answer that comes now is late, and is reported
             return None
         self._take(tick)
-        if self._come != tick and not wall_paced and not self._lost:
+        if self._answered != tick and not wall_paced and not self._lost:
             self._wait(tick)
-        self._asked = -1 if self._come == tick else self._asked
-        if self._come != tick:
+        self._asked = -1 if self._answered == tick else self._asked
+        if self._answered != tick:
             problem = "no answer: is gait_optimizer running?" if self._lost else "late"
             self._conditions.set("gait_optimizer", problem)
             return None
@@ -103,11 +103,11 @@ class GaitSource:
     def _wait(self, tick: int) -> None:
         deadline = time.monotonic() + LONGEST_WAIT
         while self._gaits.matched and time.monotonic() < deadline and not self._stop.requested:
-            self._waiter.wait(_ALIVE_PERIOD)
+            self._waiter.wait(_HEARTBEAT_PERIOD)
             self._take(tick)
-            if self._come == tick:
+            if self._answered == tick:
                 return
-            self._alive()
+            self._heartbeat()
         self._lost = True
 
     def _take(self, tick: int) -> None:
@@ -125,4 +125,4 @@ class GaitSource:
             self._conditions.set("gait message", refused)
             if not refused and int(gait.effective_seq) == self._asked:
                 self._next.copy_from(gait)
-                self._come = self._asked
+                self._answered = self._asked

@@ -17,16 +17,16 @@ from cassie_msgs.schedule import START_TIMEOUT, effective_seq, period_of
 
 
 @dataclass(frozen=True)
-class Irregular:
-    """A mode that is used although it was not made for the tick.
+class SubstituteMode:
+    """A mode that is used at a tick in place of the mode made for this tick, which has not come.
 
     Attributes:
         effective_seq: `effective_seq` of this mode, or of the last mode of a lost supervisor.
-        lost: Whether the supervisor is lost, so that the robot stops and stands.
+        supervisor_lost: Whether the supervisor is lost, so that the robot stops and stands.
     """
 
     effective_seq: int
-    lost: bool
+    supervisor_lost: bool
 
 
 class ModeSource:
@@ -37,8 +37,8 @@ class ModeSource:
 
     Attributes:
         supervisor: Guard that accepts the modes of one supervisor.
-        overtaking: The newer state that came during a wait, serialized; the loop takes it.
-        irregular: The mode that replaced the mode made for the last tick; None if none did.
+        newer_state: The newer state that came during a wait, serialized; the loop takes it.
+        substitute: The mode used in place of the mode made for the last tick; None if none was.
     """
 
     def __init__(
@@ -59,10 +59,10 @@ class ModeSource:
         self._modes_in_force = ModeInForce(period)
         self._table = self._modes_in_force.table
         self._mode = Mode()
-        self.overtaking: bytes | None = None
-        self.irregular: Irregular | None = None
-        self._told_lost = False
-        self._waited_for = True
+        self.newer_state: bytes | None = None
+        self.substitute: SubstituteMode | None = None
+        self._reported_lost = False
+        self._plant_waits = True
         self._heard = False
         self._episode = -1
         self._tick = 0
@@ -73,23 +73,23 @@ class ModeSource:
         """Begin a new episode."""
         self._modes_in_force.reset(episode)
         self._episode = episode
-        self._waited_for = True
+        self._plant_waits = True
         self._span = range(0)
-        self.irregular = None
-        self._tell()
+        self.substitute = None
+        self._report()
 
     @property
     def lost(self) -> bool:
         """Whether the supervisor counts as lost; the robot then stops and stands."""
         return self._modes_in_force.lost
 
-    def is_there(self, tick: int) -> bool:
+    def is_ready(self, tick: int) -> bool:
         """Whether `at` answers without waiting."""
         if tick in self._span:
             return True
         self._tick = tick
         self._take()
-        return self.lost or not self._waited_for or self._table.may_begin(tick)
+        return self.lost or not self._plant_waits or self._table.may_begin(tick)
 
     def at(self, tick: int) -> Mode:
         """The mode for a tick; may wait for it."""
@@ -97,18 +97,18 @@ class ModeSource:
             return self._current
         self._tick = tick
         self._take()
-        if not self.lost and self._waited_for and not self._table.may_begin(tick):
+        if not self.lost and self._plant_waits and not self._table.may_begin(tick):
             self._wait(tick)
         mode = self._modes_in_force.at(tick)
-        self._tell()
+        self._report()
         if mode is self._table.at(tick):
             self._current = mode
             self._span = range(tick, effective_seq(period_of(tick)))
-            self.irregular = None
+            self.substitute = None
         else:
             forces = self._modes_in_force
             since = forces.lost_after if forces.lost else int(mode.effective_seq)
-            self.irregular = Irregular(since, forces.lost)
+            self.substitute = SubstituteMode(since, forces.lost)
         return mode
 
     def _wait(self, tick: int) -> None:
@@ -119,20 +119,20 @@ class ModeSource:
             self._take()
             if self._table.may_begin(tick):
                 return
-            if self._overtaken(tick):
-                self._waited_for = False
+            if self._newer_state_came(tick):
+                self._plant_waits = False
                 return
             if self._stop.requested:
                 return
         self._modes_in_force.give_up()
 
-    def _overtaken(self, tick: int) -> bool:
-        """Whether a newer state has come; it is kept in `overtaking`."""
+    def _newer_state_came(self, tick: int) -> bool:
+        """Whether a newer state has come; it is kept in `newer_state`."""
         while (raw := self._states.take_raw()) is not None:
             _, _, episode, seq = header(raw)
             if (episode, seq) != (self._episode, tick):
-                self.overtaking = raw
-        return self.overtaking is not None
+                self.newer_state = raw
+        return self.newer_state is not None
 
     def _take(self) -> None:
         while (raw := self._modes.take_raw()) is not None:
@@ -149,8 +149,8 @@ class ModeSource:
                 self._table.add(self._mode)
                 self._heard = True
 
-    def _tell(self) -> None:
-        if self.lost != self._told_lost:
-            self._told_lost = self.lost
+    def _report(self) -> None:
+        if self.lost != self._reported_lost:
+            self._reported_lost = self.lost
             problem = "no modes from mode_supervisor: stopping and standing" if self.lost else ""
             self._conditions.set("supervisor", problem)

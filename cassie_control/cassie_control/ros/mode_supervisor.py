@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 
 from cassie_control.guarded import GuardedSupervisor
-from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, RateCheck
+from cassie_control.ros.common import LOOK_PERIOD, Conditions, LaneConfig, LiveConfig, RateCheck
 from cassie_control.ros.node_events import NodeEvents
 from cassie_control.ros.operator_source import CommandInForce, OperatorSource
 from cassie_control.ros.supervisor_status import StatusTopic
@@ -26,7 +26,7 @@ from cassie_msgs.ros.fast_lane import (
     WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
-from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
@@ -49,13 +49,12 @@ class ModeSupervisorNode(Node):
         super().__init__("mode_supervisor")
         self.claim = Claim(self, "mode_supervisor")
         self._lane = declare(self, ModeSupervisorConfig())
-        self._config = declare(self, SupervisorConfig())
-        self._core = ModeSupervisor(self._config, self._lane.period)
+        config = declare(self, SupervisorConfig())
+        self._core = ModeSupervisor(config, self._lane.period)
         self._supervisor = GuardedSupervisor(self._core)
-        self._changed: SupervisorConfig | None = None
-        on_change(self, lambda: self._changed or self._config, self._set_config)
-        self._events = NodeEvents(self, (self._lane, self._config))
-        self._told_lost = False
+        self._events = NodeEvents(self, (self._lane, config))
+        self._config = LiveConfig(self, config, self._configure, self._events)
+        self._reported_lost = False
         self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         self._stop = stop
         self._conditions = Conditions(self)
@@ -130,14 +129,13 @@ class ModeSupervisorNode(Node):
         self._rate.check(episode, seq, self._state)
         self._scheduling.follow(bool(self._state.wall_paced))
         operator = self._operator.at(self._state)
-        self._in_force.tell(operator, self._state)
+        self._in_force.publish(operator, self._state)
         lost = self._watch.controller_lost(time.monotonic())
-        if lost != self._told_lost:
-            self._told_lost = lost
+        if lost != self._reported_lost:
+            self._reported_lost = lost
             node = "gait_controller" if lost else None
-            self._events.tell(self._state, "lost", {"node": node})
-        if self._changed is not None:
-            self._configure(self._changed)
+            self._events.publish(self._state, "lost", {"node": node})
+        self._config.update(self._state)
         mode = self._supervisor.step(self._state, operator, lost)
         reply = mode.to_bytes()
         self._modes.publish_raw(reply)
@@ -150,17 +148,12 @@ class ModeSupervisorNode(Node):
         self._supervisor.reset()
         self._operator.reset(episode)
         self._events.began(self._state)
-        self._told_lost = False
+        self._reported_lost = False
         self._replies.clear()
         self.get_logger().info(f"episode {episode}")
 
-    def _set_config(self, config: SupervisorConfig) -> None:
-        self._changed = config  # for the answering thread, between two states
-
     def _configure(self, config: SupervisorConfig) -> None:
-        self._config = self._core.config = config
-        self._changed = None
-        self._events.changed(self._state, config)
+        self._core.config = config
 
 
 ABOUT = About(

@@ -46,7 +46,7 @@ class NodeEvents:
 
     def began(self, sample: Sample) -> None:
         """Publish that the node starts anew at the tick of a sample."""
-        self.tell(sample, "began", {"parameters": self._parameters, "files": self._files})
+        self.publish(sample, "began", {"parameters": self._parameters, "files": self._files})
 
     def changed(self, sample: Sample, config: Any) -> None:
         """Publish that another configuration is valid from the tick of a sample on."""
@@ -56,9 +56,9 @@ class NodeEvents:
             if self._parameters.get(name) != value
         }
         self._parameters |= changes
-        self.tell(sample, "parameters", changes)
+        self.publish(sample, "parameters", changes)
 
-    def tell(self, sample: Sample, event: str, content: Any) -> None:
+    def publish(self, sample: Sample, event: str, content: Any) -> None:
         """Publish an event that is valid from the tick of a sample on."""
         sec, nanosec = divmod(sample.stamp_ns, 1_000_000_000)
         message = NodeEvent(

@@ -70,7 +70,7 @@ class OperatorSource:
         self._episode = -1
         self._seq = 0
         self._lost = False
-        self._waited_for = True
+        self._plant_waits = True
 
     def reset(self, episode: int) -> None:
         """Begin a new episode: earlier answers of a script are void; persons must arm anew."""
@@ -79,7 +79,7 @@ class OperatorSource:
         self.operators.reset()
         self._arrived = -1.0
         self._lost = False
-        self._waited_for = True
+        self._plant_waits = True
 
     def take_state(self) -> bytes | None:
         """The oldest state not yet taken, serialized; of a long queue only the last ones."""
@@ -135,12 +135,12 @@ class OperatorSource:
         return tuple(word for word in found if word)
 
     def _of_script(self, seq: int) -> OperatorCommand | None:
-        if self._waited_for:
+        if self._plant_waits:
             if self._answers(seq):
                 self._lost = False
             elif not self._lost:
                 self._wait(seq)
-        if not self._waited_for:
+        if not self._plant_waits:
             self._lost = self._arrived < 0.0 or time.monotonic() - self._arrived > SCRIPT_AGE
         return None if self._lost else self._command
 
@@ -162,12 +162,12 @@ class OperatorSource:
             self._take()
             if self._answers(seq):
                 return
-            if self._overtaken(seq):
-                self._waited_for = False
+            if self._next_period_began(seq):
+                self._plant_waits = False
                 return
         self._lost = True
 
-    def _overtaken(self, seq: int) -> bool:
+    def _next_period_began(self, seq: int) -> bool:
         """Whether a state of the next period or episode has come; states are kept."""
         self._take_early()
         if not self._early:
@@ -220,14 +220,14 @@ class CommandInForce:
 
     def __init__(self, node: Node) -> None:
         self._publisher = LanePublisher(node, OperatorCommand, self.TOPIC)
-        self._told, self._none = OperatorCommand(), OperatorCommand()
+        self._message, self._none = OperatorCommand(), OperatorCommand()
 
-    def tell(self, command: OperatorCommand | None, state: RobotState) -> None:
+    def publish(self, command: OperatorCommand | None, state: RobotState) -> None:
         """Publish the command that is valid at a state."""
         if command is not None and command.scripted and int(command.seq) == int(state.seq):
             return
-        told = self._told
-        told.copy_from(self._none if command is None else command)
-        told.answer(state)
-        told.effective_seq[...] = 0 if command is None else effective_seq(int(state.seq))
-        self._publisher.publish(told)
+        message = self._message
+        message.copy_from(self._none if command is None else command)
+        message.answer(state)
+        message.effective_seq[...] = 0 if command is None else effective_seq(int(state.seq))
+        self._publisher.publish(message)

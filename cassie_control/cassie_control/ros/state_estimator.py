@@ -13,11 +13,12 @@ from cassie_control.ros.common import (
     LOOK_PERIOD,
     Conditions,
     LaneConfig,
+    LiveConfig,
     RateCheck,
     Turns,
 )
 from cassie_control.ros.node_events import NodeEvents
-from cassie_control.ros.odometry import StandardTopics
+from cassie_control.ros.standard_topics import StandardTopics
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
 from cassie_msgs.layout import RobotState, Sensors
@@ -31,7 +32,7 @@ from cassie_msgs.ros.fast_lane import (
     LocalTopic,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
-from cassie_msgs.ros.parameters import declare, on_change
+from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT
@@ -51,17 +52,16 @@ class StateEstimator(Node):
         super().__init__("state_estimator")
         self.claim = Claim(self, "state_estimator")
         self._lane = declare(self, LaneConfig())
-        self._config = declare(self, EstimatorConfig())
-        self._core = make_monitored(self._config, self._lane.period)
+        config = declare(self, EstimatorConfig())
+        self._core = make_monitored(config, self._lane.period)
         load_kept("cassie_gaits")
         load_kept("cassie_control.estimator")
         most_missed = round(BRIDGED * self._lane.control_rate)
         self._estimator = GuardedEstimator(self._core, most_missed)
         self._hand_on = hand_on
         self._scheduling = Scheduling(self.get_logger().warning)
-        self._changed: EstimatorConfig | None = None
-        on_change(self, lambda: self._changed or self._config, self._set_config)
-        self._events = NodeEvents(self, (self._lane, self._config))
+        self._events = NodeEvents(self, (self._lane, config))
+        self._config = LiveConfig(self, config, self._configure, self._events)
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
@@ -75,7 +75,7 @@ class StateEstimator(Node):
         self._sample = Sensors()
         self._state = RobotState()
         self._answered = (-1, -1)
-        self._told: tuple[str, ...] = ()
+        self._reported: tuple[str, ...] = ()
         self._starts = 0
         self._reply = b""
         self._silence = Silence(SILENT_AFTER, START_TIMEOUT, time.monotonic())
@@ -112,8 +112,7 @@ class StateEstimator(Node):
             return
         if episode != self._answered[0]:
             self._begin(episode)
-        if self._changed is not None:
-            self._configure(self._changed)
+        self._config.update(sample)
         self._state = state = self._estimator.step(sample)
         if self._hand_on is not None:
             self._hand_on.put(state)
@@ -127,21 +126,21 @@ class StateEstimator(Node):
         self._conditions.set("simulator", "")
         self._conditions.set("sensors", self._estimator.problem)
         if self._core.starts != self._starts:
-            self._tell_start()
-        if self._core.faults != self._told:
-            self._tell(self._core.faults)
+            self._report_start()
+        if self._core.faults != self._reported:
+            self._report_faults(self._core.faults)
         self._standard.publish(seq, sample, state)
 
-    def _tell(self, faults: tuple[str, ...]) -> None:
+    def _report_faults(self, faults: tuple[str, ...]) -> None:
         """Report which channels are rejected now, and which are accepted again."""
-        for channel in self._told:
+        for channel in self._reported:
             if channel not in faults:
                 self._conditions.set(channel, "")
         for channel in faults:
             self._conditions.set(channel, _REJECTED)
-        self._told = faults
+        self._reported = faults
 
-    def _tell_start(self) -> None:
+    def _report_start(self) -> None:
         self._starts = self._core.starts
         self.get_logger().info("the estimate begins anew")
 
@@ -151,13 +150,8 @@ class StateEstimator(Node):
         self._starts = 0
         self.get_logger().info(f"episode {episode}")
 
-    def _set_config(self, config: EstimatorConfig) -> None:
-        self._changed = config  # for the answering thread, between two samples
-
     def _configure(self, config: EstimatorConfig) -> None:
-        self._config = self._core.config = config
-        self._changed = None
-        self._events.changed(self._sample, config)
+        self._core.config = config
 
 
 ABOUT = About(

@@ -28,7 +28,7 @@ class StatusTopic:
         self._logger = node.get_logger()
         self._period = max(1, control_rate // RATE)
         self._due = 0
-        self._told: tuple[object, ...] = ()
+        self._reported: tuple[object, ...] = ()
         self._mode = ""
         self._published = 0.0
 
@@ -45,10 +45,10 @@ class StatusTopic:
             *(status.mode, status.requested, status.faults, status.fallen, status.link, faults),
             *(operator.holder, operator.armed),
         )
-        if now == self._told and 0 <= seq - (self._due - self._period) < self._period:
+        if now == self._reported and 0 <= seq - (self._due - self._period) < self._period:
             return
         self._due = seq + self._period
-        self._told = now
+        self._reported = now
         self.publish(status, state, operator, faults)
 
     def is_due(self, now: float) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from cassie_control.ros.odometry import into_frame, quaternion_of
+from cassie_control.ros.standard_topics import into_frame, quaternion_of
 
 
 @pytest.mark.parametrize(
