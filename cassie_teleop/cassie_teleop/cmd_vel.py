@@ -10,15 +10,10 @@ from collections.abc import Sequence
 
 from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
-from cassie_teleop.device import RANGES
-from cassie_teleop.keyboard import stopped
-from cassie_teleop.radio import clamped
+from cassie_teleop.requests import RANGES, TAKE_OVER_TIME, clamped, stopped
 
 AT_REST = 1.0
 """Time for which power is commanded with stand and no speed, so that it comes on. In s."""
-
-ASKING = 1.0
-"""Duration of one request for the lease of another operator. In s."""
 
 LARGEST = 10.0
 """Largest valid value of a velocity command. In m/s and rad/s."""
@@ -117,7 +112,7 @@ class VelocityCommands:
         """The present request to the robot; None before power was commanded or cut once."""
         if self._base is None:
             return None
-        asks = now - self._asked < ASKING
+        asks = now - self._asked < TAKE_OVER_TIME
         base = replace_checked(self._base, take_over=asks)
         if not base.power or asks or now - self._powered < AT_REST:
             return stopped(base)

@@ -16,18 +16,14 @@ from dataclasses import dataclass, field
 from cassie_msgs.operators import RIDE_STOP
 from cassie_msgs.request import MODES, Request
 from cassie_msgs.tunables import replace_checked, tunable
-from cassie_teleop.keyboard import stopped
 from cassie_teleop.page_messages import ORDERS, RECORD, SLIDERS, Beat, Press, Slide, Sticks
-from cassie_teleop.radio import clamped, without_link
+from cassie_teleop.requests import TAKE_OVER_TIME, clamped, stopped, without_link
 
 LINK_AGE = 0.3
 """Time-out of a page's link: age of the frame that its newest message echoes. In s."""
 
 STOP_TIME = 1.0
 """Duration of an emergency stop while no page drives. In s."""
-
-ASKING = 1.0
-"""Duration of one request for the lease of another operator. In s."""
 
 GRANT_TIME = 2.0
 """Time after which a page that has requested to drive must hold the lease. In s."""
@@ -182,7 +178,7 @@ class Console:
         if self._base.mode == "segway":
             self._rode = now
         motion = self._motion(self._pages[self.driver].sticks)
-        asks = self._holder not in ("", self._name) and now - self._taken < ASKING
+        asks = self._holder not in ("", self._name) and now - self._taken < TAKE_OVER_TIME
         power = self._base.power and now - self._cycled >= _CYCLE
         return replace_checked(self._base, take_over=asks, power=power, **motion)
 

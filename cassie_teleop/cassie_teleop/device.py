@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 from cassie_msgs.request import MODES, Request
 from cassie_msgs.strict_yaml import YamlError, read_yaml
-from cassie_msgs.tunables import entries, from_mapping, names, tunable, unknown_name
+from cassie_msgs.tunables import from_mapping, names, tunable, unknown_name
+from cassie_teleop.requests import TRIMS
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
-TRIMS = ("trim_sagittal", "trim_lateral", "trim_pitch", "trim_roll")
 _BUTTONS = ("enable_button", "enable_turbo_button")
 _KEYS = ("axes", "buttons", "setpoints", "power", "mode", "link", "triggers", *_BUTTONS)
 PartT = TypeVar("PartT")
@@ -179,6 +179,3 @@ def _only_known(given: Mapping[str, Any], known: tuple[str, ...], what: str) -> 
     for key in given:
         if key not in known:
             raise DeviceError(unknown_name(str(key), known, what))
-
-
-RANGES = {entry.name: entry.spec for entry in entries(Request())}

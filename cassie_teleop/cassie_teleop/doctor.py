@@ -58,7 +58,6 @@ class Facts:
         ends: Ends of the topics of the robot.
         rates: Ticks in 1/s of wall time, by topic of the control lane that was heard.
         real_time_factor: Ratio of robot time to wall time; None if no sensors were heard.
-        pacing: Parameter `pacing` of the simulator; empty if unknown.
         paused: Whether the simulator reports that it is paused.
         clock_differences: Stamp of an operator's command after this computer's clock, in s, by
             operator.
@@ -78,7 +77,6 @@ class Facts:
     ends: tuple[End, ...] = ()
     rates: Mapping[str, float] = field(default_factory=dict)
     real_time_factor: float | None = None
-    pacing: str = ""
     paused: bool = False
     clock_differences: Mapping[str, float] = field(default_factory=dict)
     diagnostics: tuple[tuple[int, str, str], ...] = ()
@@ -113,7 +111,7 @@ class Finding:
 def findings(facts: Facts) -> list[Finding]:
     """Findings from the facts, the most severe first; of equal severity, causes before effects."""
     if not any(facts.writers(topic) for topic in LANE):
-        found = [_nobody(facts), *_machine(facts), *_network(facts)]
+        found = [_no_robot(facts), *_machine(facts), *_network(facts)]
     else:
         found = [
             *_machine(facts),
@@ -121,7 +119,7 @@ def findings(facts: Facts) -> list[Finding]:
             *_nodes(facts),
             *_quality(facts),
             *_time(facts),
-            *_words(facts),
+            *_reports(facts),
             *_operators(facts),
             *_parameters(facts),
         ]
@@ -159,7 +157,7 @@ def as_json(facts: Facts, found: list[Finding]) -> dict[str, Any]:
     }
 
 
-def _nobody(facts: Facts) -> Finding:
+def _no_robot(facts: Facts) -> Finding:
     problem = f"no node of the robot runs in domain {facts.domain}"
     if facts.other_domains:
         where = ", ".join(map(str, facts.other_domains))
@@ -294,16 +292,16 @@ def _advice(problem: str, otherwise: str) -> str:
     return next(known, otherwise)
 
 
-def _words(facts: Facts) -> Iterator[Finding]:
+def _reports(facts: Facts) -> Iterator[Finding]:
     """Findings from the nodes' own reports."""
-    nobody = not facts.writers("/cassie/operator_command")
+    no_operator = not facts.writers("/cassie/operator_command")
     for fault in facts.faults:
-        if nobody and fault.startswith(_OPERATOR_GONE):
+        if no_operator and fault.startswith(_OPERATOR_GONE):
             continue  # it never ran, or has ended: `_operators` reports that
         otherwise = "a fault ends with its cause; then arm anew: speeds to zero, power off and on"
         yield Finding(ERROR, "fault", fault, _advice(fault, otherwise))
     for level, name, message in facts.diagnostics:
-        known = message in facts.faults or (nobody and message.startswith(_OPERATOR_GONE))
+        known = message in facts.faults or (no_operator and message.startswith(_OPERATOR_GONE))
         if level > 0 and not known:
             node = name.partition(":")[0]
             otherwise = f"look at the log of {node}, and ros2 topic echo /diagnostics"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
-from cassie_teleop.radio import clamped
+from cassie_teleop.requests import clamped, stopped
 
 HELP = """\
   p power on       o power off (emergency stop)
@@ -111,11 +111,6 @@ class Keyboard:
         """Take in that the simulator has done an order; a refused one changes nothing."""
         if order in ("let_go_bar", "hold_bar"):
             self._bar_held = order == "hold_bar"
-
-
-def stopped(request: Request) -> Request:
-    """The request with all speeds at zero."""
-    return replace_checked(request, vx=0.0, vy=0.0, yaw_rate=0.0)
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
-from cassie_teleop.device import RANGES, TRIMS, AxisMap, Device, Switch
+from cassie_teleop.device import AxisMap, Device, Switch
+from cassie_teleop.requests import TRIMS, clamped
 
 
 class RadioError(ValueError):
@@ -137,16 +137,3 @@ def mapped(axis_map: AxisMap, value: float, turbo: bool = False) -> float:
     if value >= 0.0:
         return axis_map.offset + axis_map.scale * beyond
     return axis_map.offset - (axis_map.scale_negative or axis_map.scale) * beyond
-
-
-def clamped(name: str, value: float) -> float:
-    """A set-point, saturated at the bounds of its range."""
-    spec = RANGES["trims" if name in TRIMS else name]
-    low = -math.inf if spec.low is None else spec.low
-    high = math.inf if spec.high is None else spec.high
-    return min(max(value, low), high)
-
-
-def without_link(request: Request) -> Request:
-    """The request after a loss of the link: without motion, and with power unchanged."""
-    return replace_checked(request, link=False, vx=0.0, vy=0.0, yaw_rate=0.0)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from cassie_msgs.request import Request
 from cassie_msgs.tunables import replace_checked
-from cassie_teleop.radio import Radio, RadioError, without_link
+from cassie_teleop.radio import Radio, RadioError
+from cassie_teleop.requests import without_link
 
 
 class Receiver:

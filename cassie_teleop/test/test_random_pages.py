@@ -17,7 +17,7 @@ import pytest
 from console_peers import Page, Robot, WebConsole
 
 from cassie_teleop.page_messages import BUTTONS, RECORD, SLIDERS
-from cassie_teleop.radio import clamped
+from cassie_teleop.requests import clamped
 
 SECONDS = float(os.environ.get("CASSIE_RANDOM_INPUT", "10"))
 CLIENTS = 50

@@ -22,7 +22,7 @@ from cassie_msgs.ros.about import About
 from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import tunable
 from cassie_teleop.cmd_vel import VelocityCommands, VelocityError, obstacle
-from cassie_teleop.radio import without_link
+from cassie_teleop.requests import without_link
 from cassie_teleop.ros.sender import Sender
 
 TOPIC = "/cmd_vel"

@@ -41,7 +41,7 @@ _TICKS = {"/cassie/sensors": Sensors, "/cassie/state": RobotState}
 _TICKS |= {"/cassie/motor_command": MotorCommand}
 _HEAD = struct.Struct("<4xiII4xQ")  # CDR: stamp, episode, seq
 _ANSWER = 3.0  # s, time-out for a node to return its parameters
-_PATIENCE = 6.0  # s of additional time for a writer that was not heard
+_EXTRA_TIME = 6.0  # s of additional time for a writer that was not heard
 _NODES = ("simulator", *list(LANE.values())[1:])
 _RELIABLE, _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
 
@@ -69,13 +69,13 @@ class Doctor(Node):
     def listen(self, seconds: float) -> None:
         """Sample the messages at intervals: messages between two intervals cost nothing here.
 
-        A topic of every tick gets up to `_PATIENCE` of additional time until two samples have come,
-        if its node or writer exists. So does the sensors' topic if any node exists. On a busy
-        machine a reader may be discovered late, and a lost discovery message is repeated after 3 s.
+        A topic of every tick gets up to `_EXTRA_TIME` until two samples have come, if its node or
+        writer exists. So does the sensors' topic if any node exists. On a busy machine a reader may
+        be discovered late, and a lost discovery message is repeated after 3 s.
         """
         begin = time.monotonic()
         while (gone := time.monotonic() - begin - seconds) < 0.0 or (
-            gone < _PATIENCE and self._waits()
+            gone < _EXTRA_TIME and self._waits()
         ):
             time.sleep(0.05)
             look = time.monotonic()
@@ -109,7 +109,6 @@ class Doctor(Node):
             ends=tuple(self._ends()),
             rates={topic: rate for topic in _TICKS if (rate := self._rate(topic)[0]) > 0.0},
             real_time_factor=self._rate("/cassie/sensors")[1],
-            pacing=str(parameters["simulator"].get("pacing", ("", ""))[0]),
             paused=loop[1] == "paused",
             clock_differences=dict(self._operators),
             diagnostics=tuple((v[0], k, v[1]) for k, v in sorted(self._reports.items())),
@@ -256,11 +255,11 @@ def _folders() -> set[Path]:
 
 
 def main() -> None:
-    """Examine the robot, report and end: 0 no problem, 1 a problem, 2 no examination possible."""
+    """Examine the robot, report, and end with an exit status, which `--help` explains."""
     parser = argparse.ArgumentParser(
         "ros2 run cassie_teleop doctor",
         description="Examines the running robot and prints problems and remedies, the most severe "
-        "first. Exit status: 0 no problem, 1 a problem, 2 no examination possible.",
+        "first. Exit status: 0 no problem, 1 a problem, 2 no examination possible, 130 Ctrl-C.",
         epilog="Reads the ROS graph, /diagnostics, /cassie/supervisor_status, "
         f"/cassie/operator_command and {', '.join(LANE)}; requests parameters of the nodes.",
     )

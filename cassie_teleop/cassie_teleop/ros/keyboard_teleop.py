@@ -20,12 +20,11 @@ from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import replace_checked, tunable
 from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines, wrapped
 from cassie_teleop.page_frame import achieved
-from cassie_teleop.radio import without_link
+from cassie_teleop.requests import TAKE_OVER_TIME, without_link
 from cassie_teleop.ros.sender import Sender
 from cassie_teleop.ros.simulator_services import SimulatorServices
 from cassie_teleop.terminal import Terminal
 
-_ASKING = 1.0  # s, duration of one request for the lease
 _SHOWING = 0.1  # s between two updates of the status lines
 _SILENCE = 1.0  # s, age from which received values are no longer shown
 _SMOOTH = 0.2  # weight of a new value in the low-pass of the achieved speeds
@@ -55,7 +54,7 @@ class KeyboardTeleop(Node):
         self._keyboard = Keyboard()
         self._status: SupervisorStatus | None = None
         self._heard = 0.0
-        self._asked = -_ASKING
+        self._asked = -TAKE_OVER_TIME
         self._sender = Sender(self)
         self._simulator = SimulatorServices(self, self._told, self._keyboard.obeyed)
         self._answers: deque[str] = deque()
@@ -106,7 +105,7 @@ class KeyboardTeleop(Node):
     def _send(self) -> None:
         keyboard = self._keyboard
         if keyboard.request is not None:
-            keyboard.asks = time.monotonic() - self._asked < _ASKING
+            keyboard.asks = time.monotonic() - self._asked < TAKE_OVER_TIME
             self._sender.send(replace_checked(keyboard.request, take_over=keyboard.asks))
 
     def _order(self) -> None:

@@ -17,8 +17,9 @@ from cassie_msgs.ros.fast_lane import NEWEST, LaneWaiter, RawSubscription
 from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import ParameterError, tunable
 from cassie_teleop.device import read_device, with_buttons
-from cassie_teleop.radio import Radio, without_link
+from cassie_teleop.radio import Radio
 from cassie_teleop.receiver import Receiver
+from cassie_teleop.requests import without_link
 from cassie_teleop.ros.sender import Sender
 
 _APART = 0.005  # s, least time between commands without a stop
